@@ -1,0 +1,148 @@
+"""The aircraft: frozen numbers with units, no equations. Symbols follow the flight model; SI and radians."""
+
+from dataclasses import dataclass
+
+from airrace.quantities import Interval
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """Mass and size. `m` kg; `S` m2; `b`, `cbar` m; moments of inertia kg m2."""
+
+    m: float
+    S: float
+    b: float
+    cbar: float
+    I_x: float
+    I_y: float
+    I_z: float
+    I_xz: float
+
+
+@dataclass(frozen=True)
+class Lift:
+    """`C_L = C_L0 + C_Lalpha alpha_A + C_Lq q* + C_Leta eta`, rounded off at `C_L_max` and `C_L_min`."""
+
+    C_L0: float
+    C_Lalpha: float
+    C_Lq: float
+    C_Leta: float
+    C_L_max: float
+    C_L_min: float
+
+
+@dataclass(frozen=True)
+class Drag:
+    """`C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`; `beta_A_max` is where that fit ends (rad)."""
+
+    C_D0: float
+    k: float
+    C_L_minD: float
+    C_Dbeta2: float
+    beta_A_max: float
+
+
+@dataclass(frozen=True)
+class SideForce:
+    """Derivatives of `C_Y`."""
+
+    beta: float
+    p: float
+    r: float
+    xi: float
+    zeta: float
+
+
+@dataclass(frozen=True)
+class RollMoment:
+    """Derivatives of `C_l`; `r_per_C_L` adds to `r` in proportion to the lift coefficient."""
+
+    beta: float
+    p: float
+    r: float
+    r_per_C_L: float
+    xi: float
+    zeta: float
+
+
+@dataclass(frozen=True)
+class PitchMoment:
+    """`C_m0` and the derivatives of `C_m`."""
+
+    zero: float
+    alpha: float
+    q: float
+    alphadot: float
+    eta: float
+
+
+@dataclass(frozen=True)
+class YawMoment:
+    """Derivatives of `C_n`; `p_per_C_L` adds to `p` in proportion to the lift coefficient."""
+
+    beta: float
+    p: float
+    p_per_C_L: float
+    r: float
+    xi: float
+    zeta: float
+
+
+@dataclass(frozen=True)
+class Propulsion:
+    """`T = delta_T eta_p P_max sigma_P / sqrt(V_A^2 + V_s^2)`, `V_s = eta_p P_max / T_static`; W, N, s."""
+
+    P_max: float
+    eta_p: float
+    T_static: float
+    tau_T: float
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """Travels of the control surfaces (rad) and the fastest stick (rad/s)."""
+
+    eta: Interval
+    xi: Interval
+    zeta: Interval
+    rate: float
+
+
+@dataclass(frozen=True)
+class PointMassLimits:
+    """What stands in for the missing rotational dynamics: rates of the point mass's controls.
+
+    `n_z_dot`, `n_y_dot` 1/s; `p` rad/s; `p_dot` rad/s2; `n_y` g.
+    """
+
+    n_z_dot: float
+    n_y_dot: float
+    n_y: float
+    p: float
+    p_dot: float
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Structural and speed limits. `V` is the allowed kinematic speed (m/s), `n_z` the load factor (g)."""
+
+    V: Interval
+    n_z: Interval
+
+
+@dataclass(frozen=True)
+class Aircraft:
+    """One aircraft, ready to race."""
+
+    name: str
+    airframe: Airframe
+    lift: Lift
+    drag: Drag
+    side_force: SideForce
+    roll: RollMoment
+    pitch: PitchMoment
+    yaw: YawMoment
+    propulsion: Propulsion
+    surfaces: Surfaces
+    point_mass: PointMassLimits
+    envelope: Envelope

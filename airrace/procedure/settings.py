@@ -1,0 +1,59 @@
+"""Settings of a run: everything that can change its result besides the course and the aircraft."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class GuessKind(Enum):
+    """Where the joint point-mass problem starts from."""
+
+    HOMOTOPY = "homotopy"
+    PLAN = "plan"
+
+
+@dataclass(frozen=True)
+class MeshSettings:
+    """First mesh: intervals of about `interval` seconds, at least `intervals_min` in a phase; refined up to
+    `refinements_max` times where the certificate finds a limit violated between nodes."""
+
+    interval: float = 0.17
+    intervals_min: int = 6
+    refinements_max: int = 4
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """`primary` is tried first, then `fallback` on the same problem."""
+
+    primary: str = "fatrop"
+    fallback: str = "ipopt"
+    tolerance: float = 1e-7
+    iterations_max: int = 500
+    stall_seconds: float = 120.0
+    compile_kernels: bool = True
+
+
+@dataclass(frozen=True)
+class CertificateLimits:
+    """Largest values a certified result may show; lengths in m, angles in rad, load factors in g."""
+
+    kkt_error: float = 1e-6
+    load_factor: float = 0.02
+    length: float = 0.1
+    angle: float = 0.2 * 3.141592653589793 / 180.0
+    speed: float = 0.1
+    relative: float = 0.01
+    gate_length: float = 0.01
+    gate_angle: float = 0.1 * 3.141592653589793 / 180.0
+    replay: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Settings:
+    """`regularisation` weighs the integral of the squared, scaled control rates against seconds of race time."""
+
+    guess: GuessKind = GuessKind.HOMOTOPY
+    regularisation: float = 1e-4
+    mesh: MeshSettings = field(default_factory=MeshSettings)
+    solver: SolverSettings = field(default_factory=SolverSettings)
+    certificate: CertificateLimits = field(default_factory=CertificateLimits)

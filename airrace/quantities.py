@@ -1,0 +1,104 @@
+"""Declare a scalar once: its unit, scale, bounds and meaning; and build typed vectors of such scalars.
+
+A vector is a frozen dataclass, generic in its scalar type, so that the same class holds symbols (casadi `SX`),
+numbers or whole histories (one numpy row per quantity):
+
+    @vector
+    class Position(Vector[T]):
+        x: T = quantity("m", scale=100.0, text="north of the origin")
+        y: T = quantity("m", scale=100.0, text="east of the origin")
+
+    Position.split(ca.SX.sym("r", 2)).x
+    Position(x=1.0, y=2.0).join()
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Self, TypeVar, dataclass_transform
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A named scalar. `scale` is its typical size; bounds are in the same unit and may be infinite."""
+
+    name: str
+    unit: str
+    scale: float = 1.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A closed range of a quantity; `Interval.exactly(v)` has no width."""
+
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    @classmethod
+    def exactly(cls, value: float) -> "Interval":
+        return cls(value, value)
+
+    def intersect(self, other: "Interval") -> "Interval":
+        return Interval(max(self.lower, other.lower), min(self.upper, other.upper))
+
+    @property
+    def bounded(self) -> bool:
+        return math.isfinite(self.lower) or math.isfinite(self.upper)
+
+    @property
+    def empty(self) -> bool:
+        return self.lower > self.upper
+
+
+def quantity(
+    unit: str,
+    *,
+    scale: float = 1.0,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    text: str = "",
+) -> Any:  # Any: a dataclass field stands in for a value of the field's own type
+    """Declare one entry of a `Vector`."""
+    declared = Quantity("", unit, scale, lower, upper, text)
+    return dataclasses.field(metadata={"quantity": declared})
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(quantity,))
+def vector(cls: type[T]) -> type[T]:
+    """Class decorator: make a `Vector` subclass a frozen, keyword-only dataclass."""
+    return dataclass(frozen=True, kw_only=True)(cls)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vector(Generic[T]):
+    """Base of all typed vectors; the order of the fields is the order of the components."""
+
+    @classmethod
+    def quantities(cls) -> tuple[Quantity, ...]:
+        """The declarations, each with its field's name."""
+        return tuple(
+            dataclasses.replace(field.metadata["quantity"], name=field.name) for field in dataclasses.fields(cls)
+        )
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        return tuple(field.name for field in dataclasses.fields(cls))
+
+    @classmethod
+    def size(cls) -> int:
+        return len(dataclasses.fields(cls))
+
+    @classmethod
+    def split(cls, column: Any) -> Self:  # Any: SX, MX, ndarray alike
+        """Name the components of a column (or the rows of a history)."""
+        return cls(**{name: column[index] for index, name in enumerate(cls.names())})
+
+    def join(self) -> Sequence[T]:
+        """The components in order, as a list (`ca.vertcat(*v.join())`, `np.array(v.join())`)."""
+        return [getattr(self, name) for name in self.names()]

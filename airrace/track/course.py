@@ -1,0 +1,73 @@
+"""The course: its elements in the order in which they are flown, and the rules that hold between them."""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from airrace.quantities import Interval
+from airrace.track.gates import Element
+
+
+class Direction(Enum):
+    """Which way a gate is flown. `PLANNED`: whichever makes the shorter race."""
+
+    FORWARD = "forward"
+    REVERSE = "reverse"
+    PLANNED = "planned"
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One passing of an element.
+
+    Attributes:
+        name: unique over the race and fit for a table, e.g. `2:g4` (lap 2, gate g4).
+        lap: counts from 1.
+        speed: allowed kinematic speed, m/s (the start's speed limit).
+    """
+
+    name: str
+    lap: int
+    element: Element
+    direction: Direction = Direction.FORWARD
+    speed: Interval = Interval()
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Limits along the whole flight.
+
+    Attributes:
+        n_z: load factor, g.
+        alpha_A: aerodynamic angle of attack, rad (with the aircraft's lift curve it also bounds C_L).
+        C_L: lift coefficient; the aircraft's own limits hold besides.
+        p: largest magnitude of the roll rate, rad/s; the aircraft's own limit holds besides.
+        beta_A: largest magnitude of the sideslip, rad; the aircraft's own limit holds besides.
+        height: floor and ceiling above the track's origin, m.
+    """
+
+    n_z: Interval
+    alpha_A: Interval = Interval()
+    C_L: Interval = Interval()
+    p: float = math.inf
+    beta_A: float = math.inf
+    height: Interval = Interval(lower=0.0)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the track's frame lies: WGS 84 (rad) where known, and its height above mean sea level (m)."""
+
+    latitude: float | None = None
+    longitude: float | None = None
+    elevation: float = 0.0
+
+
+@dataclass(frozen=True)
+class Course:
+    """A race: at least two passages, the first is the start, the last the finish."""
+
+    name: str
+    passages: tuple[Passage, ...]
+    rules: Rules
+    origin: Origin = Origin()

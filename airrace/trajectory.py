@@ -1,0 +1,56 @@
+"""Named time histories of a flight through several phases (numpy only)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.quantities import Quantity
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Histories on the nodes of a mesh.
+
+    Phase `i` owns the nodes `first_node[i] ... first_node[i + 1]`, both ends included: neighbours share one node.
+
+    Attributes:
+        phases: names of the phases, n.
+        first_node: node at which each phase begins and, last, the final node; shape (n + 1,), integers.
+        durations: duration of each phase, s; shape (n,).
+        time: time at the nodes, s from the start; shape (N + 1,).
+        states: declarations of the rows of `state`.
+        state: values at the nodes; shape (n_x, N + 1).
+        controls: declarations of the rows of `control`.
+        control: values on the intervals (constant over each); shape (n_u, N).
+    """
+
+    phases: tuple[str, ...]
+    first_node: NDArray[np.int64]
+    durations: Array
+    time: Array
+    states: tuple[Quantity, ...]
+    state: Array
+    controls: tuple[Quantity, ...]
+    control: Array
+
+    @property
+    def race_time(self) -> float:
+        """Time from the first to the last node, s."""
+        return float(self.durations.sum())
+
+    def of(self, name: str) -> Array:
+        """The history of one state (on nodes) or control (on intervals), by name."""
+        for declared, values in ((self.states, self.state), (self.controls, self.control)):
+            for row, one in enumerate(declared):
+                if one.name == name:
+                    return values[row]
+        raise KeyError(name)
+
+    def named(self) -> Mapping[str, Array]:
+        """All histories by name."""
+        names = [one.name for one in (*self.states, *self.controls)]
+        return {name: self.of(name) for name in names}
