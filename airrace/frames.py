@@ -1,8 +1,8 @@
 """Frames and rotations.
 
-O is the local north-east-down frame, K the kinematic flight-path frame, Kbar the frame K rolled about the velocity by the
-kinematic bank angle `mu_K`. `R_OKbar` takes components in Kbar to components in O. Quaternions are `(q0, q1, q2, q3)`, scalar
-first. The functions take and return plain lists and nested lists, so they serve casadi symbols and floats alike.
+O is the local north-east-down frame, K the kinematic flight-path frame, Kbar the frame K rolled about the velocity by
+the kinematic bank angle `mu_K`. `R_OKbar` takes components in Kbar to components in O. Quaternions `(q0, q1, q2, q3)`
+have their scalar first. The functions take and return plain lists, so they serve casadi symbols and floats alike.
 """
 
 import math
