@@ -1,0 +1,52 @@
+"""A controlled dynamical system: named states, controls and parameters, and casadi functions of them.
+
+Nothing here knows of aircraft; dynamics builds systems, optimal control optimises them.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from airrace.quantities import Quantity
+
+
+@dataclass(frozen=True)
+class System:
+    """A system `x_dot = f(x, u, p)` with quantities `c(x, u, p)` to be limited along the path.
+
+    Attributes:
+        name: identifies the model in messages and in the names of compiled kernels.
+        states: declarations of x; their bounds hold everywhere unless a phase narrows them.
+        controls: declarations of u (constant over an interval); their bounds likewise.
+        parameters: declarations of p, constant over the flight.
+        rates: SX function (x, u, p) -> x_dot, shapes (n_x,), (n_u,), (n_p,) -> (n_x,).
+        path: declarations of c; their bounds hold everywhere unless a phase narrows them.
+        path_values: SX function (x, u, p) -> c, shape (n_c,); None without path quantities.
+        projection: SX function x -> x applied at the end of each shooting interval (unit quaternions); None for none.
+    """
+
+    name: str
+    states: tuple[Quantity, ...]
+    controls: tuple[Quantity, ...]
+    parameters: tuple[Quantity, ...]
+    rates: ca.Function
+    path: tuple[Quantity, ...] = ()
+    path_values: ca.Function | None = None
+    projection: ca.Function | None = None
+
+
+@dataclass(frozen=True)
+class Observation:
+    """Quantities seen at one instant, e.g. where and how an aircraft crosses a gate.
+
+    Attributes:
+        name: identifies it in messages.
+        quantities: declarations of the values.
+        parameters: declarations of what distinguishes one place of observation from another.
+        values: SX function (x, b) -> values, shapes (n_x,), (n_b,) -> (n_v,).
+    """
+
+    name: str
+    quantities: tuple[Quantity, ...]
+    parameters: tuple[Quantity, ...]
+    values: ca.Function
