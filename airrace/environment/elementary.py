@@ -1,0 +1,42 @@
+"""Elementary functions of symbols and floats alike, all twice differentiable where the models use them."""
+
+import casadi as ca
+
+from airrace.frames import Scalar
+
+# casadi overloads its functions by type; a Scalar may be any of them, so each result is declared a Scalar again.
+
+
+def sqrt(x: Scalar) -> Scalar:
+    """The square root."""
+    root: Scalar = ca.sqrt(x)
+    return root
+
+
+def exp(x: Scalar) -> Scalar:
+    """The exponential."""
+    exponential: Scalar = ca.exp(x)
+    return exponential
+
+
+def log(x: Scalar) -> Scalar:
+    """The natural logarithm."""
+    logarithm: Scalar = ca.log(x)
+    return logarithm
+
+
+def power(x: Scalar, exponent: Scalar) -> Scalar:
+    """`x^exponent` of a positive number, as `exp(exponent log x)`: its derivatives need no further powers."""
+    return exp(exponent * log(x))
+
+
+def smooth_maximum(a: Scalar, b: Scalar, width: float) -> Scalar:
+    """`(a + b + sqrt((a - b)^2 + width^2)) / 2`: above both, by `width / 2` where they meet, less away from there."""
+    difference = a - b
+    return 0.5 * (a + b + sqrt(difference * difference + width * width))
+
+
+def smooth_minimum(a: Scalar, b: Scalar, width: float) -> Scalar:
+    """`(a + b - sqrt((a - b)^2 + width^2)) / 2`: below both, by `width / 2` where they meet, less away from there."""
+    difference = a - b
+    return 0.5 * (a + b - sqrt(difference * difference + width * width))
