@@ -1,28 +1,15 @@
 """Elementary functions of symbols and floats alike, all twice differentiable where the models use them."""
 
+from collections.abc import Callable
+
 import casadi as ca
 
 from airrace.frames import Scalar
 
-# casadi overloads its functions by type; a Scalar may be any of them, so each result is declared a Scalar again.
-
-
-def sqrt(x: Scalar) -> Scalar:
-    """The square root."""
-    root: Scalar = ca.sqrt(x)
-    return root
-
-
-def exp(x: Scalar) -> Scalar:
-    """The exponential."""
-    exponential: Scalar = ca.exp(x)
-    return exponential
-
-
-def log(x: Scalar) -> Scalar:
-    """The natural logarithm."""
-    logarithm: Scalar = ca.log(x)
-    return logarithm
+# casadi overloads these by the type of their argument; a Scalar may be any of them
+sqrt: Callable[[Scalar], Scalar] = ca.sqrt
+exp: Callable[[Scalar], Scalar] = ca.exp
+log: Callable[[Scalar], Scalar] = ca.log
 
 
 def power(x: Scalar, exponent: Scalar) -> Scalar:
