@@ -1,0 +1,58 @@
+"""Explicit Runge-Kutta schemes for one shooting interval."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+
+@dataclass(frozen=True)
+class RungeKutta:
+    """A Butcher tableau, applied `steps` times within an interval.
+
+    Attributes:
+        name: for messages and the names of kernels.
+        order: the theoretical order of convergence.
+        a: rows of the strictly lower triangle; `a[0]` is empty.
+        b: weights.
+    """
+
+    name: str
+    order: int
+    a: tuple[tuple[float, ...], ...]
+    b: tuple[float, ...]
+    steps: int = 1
+
+    def advance(self, rates: ca.Function, x: ca.SX, u: ca.SX, p: ca.SX, duration: ca.SX) -> ca.SX:
+        """The state after `duration` seconds with the control held. Shapes (n_x,), (n_u,), (n_p,)."""
+        h = duration / self.steps
+        for _ in range(self.steps):
+            slopes: list[ca.SX] = []
+            for row in self.a:
+                y = x
+                for weight, slope in zip(row, slopes, strict=True):
+                    if weight:
+                        y = y + h * weight * slope
+                slopes.append(rates(y, u, p))
+            for weight, slope in zip(self.b, slopes, strict=True):
+                if weight:
+                    x = x + h * weight * slope
+        return x
+
+
+RK4 = RungeKutta("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+RK4_TWICE = RungeKutta("rk4x2", 4, RK4.a, RK4.b, steps=2)
+
+# Dormand & Prince (1980): the fifth-order weights; the seventh stage serves only their error estimate.
+DORMAND_PRINCE_5 = RungeKutta(
+    "dp5",
+    5,
+    (
+        (),
+        (1 / 5,),
+        (3 / 40, 9 / 40),
+        (44 / 45, -56 / 15, 32 / 9),
+        (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+        (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    ),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)

@@ -1,0 +1,60 @@
+"""The first-order optimality conditions, measured from the program's functions alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.transcription import NonlinearProgram
+from airrace.trajectory import Array
+
+MULTIPLIER_SCALE = 100.0  # as IPOPT's s_max: multipliers beyond it relax the dual conditions in proportion
+
+
+@dataclass(frozen=True)
+class KktError:
+    """Largest violations in scaled units: `primal` feasibility, `dual` stationarity, `complementarity`."""
+
+    primal: float
+    dual: float
+    complementarity: float
+
+    @property
+    def largest(self) -> float:
+        return max(self.primal, self.dual, self.complementarity)
+
+
+def kkt_error(
+    program: NonlinearProgram, layout: Layout, w: Array, p: Array, lam_g: Array
+) -> tuple[KktError, Array, int]:
+    """Errors at (w, lam_g), the multipliers of the bounds and the most violated constraint.
+
+    The gradient of the Lagrangian is balanced by the multipliers of the bounds: what a bound cannot take, because it is
+    absent, is the dual error; what a distant bound takes shows as complementarity error.
+    """
+    lower, upper = layout.unknown_bounds()
+    g_lower, g_upper = layout.constraint_bounds()
+    g = np.asarray(program.nlp(w, p)[1]).ravel()
+    gradient = np.asarray(program.hess_l(w, p, 1.0, lam_g)[0]).ravel()
+    lam_x = -gradient
+    violation = np.maximum(np.maximum(g_lower - g, g - g_upper), 0.0)
+    outside = np.maximum(np.maximum(lower - w, w - upper), 0.0)
+    primal = max(float(violation.max()), float(outside.max()))
+    dual, slack_x = _balance(lam_x, w, lower, upper)
+    dual_g, slack_g = _balance(lam_g, g, g_lower, g_upper)
+    scale = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean())) / MULTIPLIER_SCALE
+    error = KktError(primal, max(dual, dual_g) / scale, max(slack_x, slack_g) / scale)
+    return error, lam_x, int(violation.argmax())
+
+
+def _balance(multiplier: Array, value: Array, lower: Array, upper: Array) -> tuple[float, float]:
+    """Largest dual and complementarity error of `lower <= value <= upper`; positive multipliers press on `upper`.
+
+    A multiplier is either carried by its bound (error: multiplier times slack) or left over (error: its size),
+    whichever is the smaller.
+    """
+    slack = np.where(multiplier > 0, upper - value, value - lower)
+    size = np.abs(multiplier)
+    carried = np.where(np.isfinite(slack), size * np.abs(np.where(np.isfinite(slack), slack, 0.0)), np.inf)
+    leftover = size < carried
+    return float(np.max(size, where=leftover, initial=0.0)), float(np.max(carried, where=~leftover, initial=0.0))

@@ -1,0 +1,284 @@
+"""Where every unknown and every constraint of a problem sits in the nonlinear program.
+
+The order keeps the stage structure that a Riccati-based solver needs: unknowns `x_0 u_0 x_1 u_1 ... x_N`, constraints
+per stage first the gap to the next, then the stage's own. The stage's x are the states and the phase's duration T (a
+state with zero rate); the last interval of a phase has one more u, the duration of the next phase.
+
+Unknowns and constraints are scaled here, once, by their quantities' scales; everything above and below is in SI.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.quantities import Interval, Quantity
+from airrace.trajectory import Array
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One constraint that is not a gap: its node, what it limits, its range and scale (SI).
+
+    `source` tells the path (-1) from the boundary with that number; `component` is the place within its quantities.
+    """
+
+    node: int
+    source: int
+    component: int
+    quantity: Quantity
+    bounds: Interval
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Index arrays of one problem (N intervals, n_x states, n_u controls, n phases)."""
+
+    problem: Problem
+
+    @cached_property
+    def n_x(self) -> int:
+        return len(self.problem.system.states)
+
+    @cached_property
+    def n_u(self) -> int:
+        return len(self.problem.system.controls)
+
+    @cached_property
+    def first_node(self) -> Indices:
+        return np.array(self.problem.first_node, dtype=np.int64)
+
+    @cached_property
+    def intervals(self) -> int:
+        return self.problem.intervals
+
+    @cached_property
+    def phase_of_interval(self) -> Indices:
+        """Phase of each interval, shape (N,)."""
+        return np.repeat(np.arange(len(self.problem.phases)), np.diff(self.first_node))
+
+    @cached_property
+    def fractions(self) -> Array:
+        """Share of its phase's duration that each interval takes, shape (N,)."""
+        return np.concatenate([np.asarray(phase.fractions) for phase in self.problem.phases])
+
+    # unknowns
+
+    @cached_property
+    def stage_states(self) -> Indices:
+        """Number of stage states per stage, shape (N + 1,)."""
+        return np.full(self.intervals + 1, self.n_x + 1)
+
+    @cached_property
+    def stage_controls(self) -> Indices:
+        """Number of stage controls per stage, shape (N + 1,)."""
+        count = np.full(self.intervals + 1, self.n_u)
+        count[self.first_node[1:-1] - 1] += 1
+        count[-1] = 0
+        return count
+
+    @cached_property
+    def _stage_offset(self) -> Indices:
+        return np.concatenate([[0], np.cumsum(self.stage_states + self.stage_controls)])
+
+    @property
+    def unknowns(self) -> int:
+        return int(self._stage_offset[-1])
+
+    @cached_property
+    def state_index(self) -> Indices:
+        """Places of the states, shape (N + 1, n_x)."""
+        return self._stage_offset[:-1, None] + np.arange(self.n_x)
+
+    @cached_property
+    def duration_index(self) -> Indices:
+        """Place of the phase's duration at each node, shape (N + 1,)."""
+        return self._stage_offset[:-1] + self.n_x
+
+    @cached_property
+    def control_index(self) -> Indices:
+        """Places of the controls, shape (N, n_u)."""
+        return self._stage_offset[:-2, None] + self.n_x + 1 + np.arange(self.n_u)
+
+    @cached_property
+    def duration_source(self) -> Indices:
+        """Place of the value that each interval hands on as duration to the next node, shape (N,)."""
+        source = self.duration_index[:-1].copy()
+        last = self.first_node[1:-1] - 1
+        source[last] = self.control_index[last, -1] + 1 if self.n_u else self.duration_index[last] + 1
+        return source
+
+    @cached_property
+    def interval_index(self) -> Indices:
+        """Places of (x, u, T) of each interval, shape (N, n_x + n_u + 1)."""
+        return np.hstack([self.state_index[:-1], self.control_index, self.duration_index[:-1, None]])
+
+    @cached_property
+    def scale(self) -> Array:
+        """Scale of every unknown, shape (n_w,)."""
+        system = self.problem.system
+        scale = np.full(self.unknowns, self.problem.time_scale)
+        scale[self.state_index] = [quantity.scale for quantity in system.states]
+        scale[self.control_index] = [quantity.scale for quantity in system.controls]
+        return scale
+
+    # constraints
+
+    @cached_property
+    def boundaries(self) -> list[tuple[int, Boundary]]:
+        """(node, boundary) of the start and of every phase's end."""
+        problem = self.problem
+        ends = [(int(node), phase.end) for node, phase in zip(self.first_node[1:], problem.phases, strict=True)]
+        return [(0, problem.start), *ends]
+
+    @cached_property
+    def rows(self) -> list[list[Row]]:
+        """The constraints of each stage besides its gap, in order; shape (N + 1,)."""
+        rows: list[list[Row]] = [[] for _ in range(self.intervals + 1)]
+        for node, limits in enumerate(self._path_limits()):
+            for component, (quantity, bounds) in enumerate(limits):
+                if bounds.bounded:
+                    rows[node].append(Row(node, -1, component, quantity, bounds))
+        for number, (node, boundary) in enumerate(self.boundaries):
+            if boundary.observation is None:
+                continue
+            for component, quantity in enumerate(boundary.observation.quantities):
+                bounds = boundary.bounds.get(quantity.name, Interval())
+                if bounds.bounded:
+                    rows[node].append(Row(node, number, component, quantity, bounds))
+        return rows
+
+    def _path_limits(self) -> list[list[tuple[Quantity, Interval]]]:
+        """Ranges of the path quantities per node; those that depend on u have none at the last node."""
+        system = self.problem.system
+        per_phase = [
+            [(quantity, narrowed(quantity, phase.bounds)) for quantity in system.path] for phase in self.problem.phases
+        ]
+        limits = [list(per_phase[phase]) for phase in self.phase_of_interval]
+        for phase, node in enumerate(self.first_node[1:-1]):
+            limits[node] = [
+                (quantity, before.intersect(after))
+                for (quantity, before), (_, after) in zip(per_phase[phase], per_phase[phase + 1], strict=True)
+            ]
+        last = list(per_phase[-1])
+        for component in self._components_with_control():
+            last[component] = (last[component][0], Interval())
+        return [*limits, last]
+
+    def _components_with_control(self) -> list[int]:
+        values = self.problem.system.path_values
+        if values is None:
+            return []
+        rows = values.jac_sparsity(0, 1).get_triplet()[0]
+        return sorted(set(rows))
+
+    @cached_property
+    def stage_rows(self) -> Indices:
+        """Number of constraints besides the gap per stage, shape (N + 1,)."""
+        return np.array([len(rows) for rows in self.rows], dtype=np.int64)
+
+    @cached_property
+    def _constraint_offset(self) -> Indices:
+        gaps = np.full(self.intervals + 1, self.n_x + 1)
+        gaps[-1] = 0
+        return np.concatenate([[0], np.cumsum(gaps + self.stage_rows)])
+
+    @property
+    def constraints(self) -> int:
+        return int(self._constraint_offset[-1])
+
+    @cached_property
+    def gap_index(self) -> Indices:
+        """Places of the gaps of (x, T), shape (N, n_x + 1)."""
+        return self._constraint_offset[:-2, None] + np.arange(self.n_x + 1)
+
+    @cached_property
+    def row_index(self) -> Indices:
+        """Places of all rows besides the gaps, in the order of `flat_rows`."""
+        places = [
+            np.arange(count) + end - count
+            for end, count in zip(self._constraint_offset[1:], self.stage_rows, strict=True)
+        ]
+        return np.concatenate(places)
+
+    @cached_property
+    def flat_rows(self) -> list[Row]:
+        return [row for rows in self.rows for row in rows]
+
+    # values
+
+    def pack(self, iterate: Iterate) -> Array:
+        """The scaled unknowns of an iterate, shape (n_w,)."""
+        w = np.zeros(self.unknowns)
+        w[self.state_index] = iterate.state.T
+        w[self.control_index] = iterate.control.T
+        phase = np.append(self.phase_of_interval, len(self.problem.phases) - 1)
+        w[self.duration_index] = iterate.durations[phase]
+        w[self.duration_source[self.first_node[1:-1] - 1]] = iterate.durations[1:]
+        return w / self.scale
+
+    def unpack(self, w: Array) -> Iterate:
+        """The iterate of scaled unknowns."""
+        values = w * self.scale
+        durations = values[self.duration_index[self.first_node[:-1]]]
+        return Iterate(durations, values[self.state_index].T.copy(), values[self.control_index].T.copy())
+
+    def unknown_bounds(self) -> tuple[Array, Array]:
+        """Scaled lower and upper bounds of the unknowns, each (n_w,)."""
+        lower = np.full(self.unknowns, -np.inf)
+        upper = np.full(self.unknowns, np.inf)
+
+        def narrow(places: Indices | int, bounds: Interval) -> None:
+            lower[places] = np.maximum(lower[places], bounds.lower)
+            upper[places] = np.minimum(upper[places], bounds.upper)
+
+        system = self.problem.system
+        for index, phase in enumerate(self.problem.phases):
+            first, last = self.first_node[index], self.first_node[index + 1]
+            for component, quantity in enumerate(system.states):
+                narrow(self.state_index[first : last + 1, component], narrowed(quantity, phase.bounds))
+            for component, quantity in enumerate(system.controls):
+                narrow(self.control_index[first:last, component], narrowed(quantity, phase.bounds))
+            place = self.duration_index[0] if index == 0 else self.duration_source[first - 1]
+            narrow(int(place), phase.duration)
+        names = [quantity.name for quantity in system.states]
+        for node, boundary in self.boundaries:
+            for name, bounds in boundary.bounds.items():
+                if name in names:
+                    narrow(int(self.state_index[node, names.index(name)]), bounds)
+        return lower / self.scale, upper / self.scale
+
+    def constraint_bounds(self) -> tuple[Array, Array]:
+        """Scaled lower and upper bounds of the constraints, each (n_g,); gaps are zero."""
+        lower, upper = np.zeros(self.constraints), np.zeros(self.constraints)
+        scale = np.array([row.quantity.scale for row in self.flat_rows])
+        lower[self.row_index] = np.array([row.bounds.lower for row in self.flat_rows]) / scale
+        upper[self.row_index] = np.array([row.bounds.upper for row in self.flat_rows]) / scale
+        return lower, upper
+
+    def parameter_values(self) -> Array:
+        """Parameters of the nonlinear program: the system's, the fractions, every boundary's values."""
+        observed = [boundary.values for _, boundary in self.boundaries if boundary.observation is not None]
+        return np.concatenate([self.problem.parameters, self.fractions, *observed])
+
+    def describe(self, constraint: int) -> str:
+        """What a constraint is, for people."""
+        stage = int(np.searchsorted(self._constraint_offset, constraint, side="right")) - 1
+        phase = self.problem.phases[self.phase_of_interval[min(stage, self.intervals - 1)]]
+        within = constraint - int(self._constraint_offset[stage])
+        gaps = self.n_x + 1 if stage < self.intervals else 0
+        if within < gaps:
+            return f"{phase.name}: continuity of the flight"
+        row = self.rows[stage][within - gaps]
+        place = phase.name if row.source < 0 else self.boundaries[row.source][1].name
+        return f"{place}: {row.quantity.text or row.quantity.name}"
+
+
+def narrowed(quantity: Quantity, bounds: Mapping[str, Interval]) -> Interval:
+    """A quantity's own range, narrowed by the entry of that name, if there is one."""
+    return Interval(quantity.lower, quantity.upper).intersect(bounds.get(quantity.name, Interval()))

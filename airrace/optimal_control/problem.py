@@ -1,0 +1,120 @@
+"""The problem language: what is to be optimised, with no word of how.
+
+A problem is a `System` flown through phases. Each phase has a mesh, limits along its path, a range for its duration and
+conditions at its end; the first also has conditions at its start. States are continuous from phase to phase.
+
+A page of Python states a textbook problem (see tests/validation). A free constant (a parameter to be found) is a state
+whose rate is zero; a periodic condition ties a state to such a constant through an `Observation`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RungeKutta
+from airrace.quantities import Interval
+from airrace.system import Observation, System
+from airrace.trajectory import Array
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Conditions at one instant, the start of the first phase or the end of a phase.
+
+    Attributes:
+        name: for messages, e.g. the gate's name.
+        bounds: ranges by name: of states, or of the observation's quantities.
+        observation: what is observed besides the states; None if only states are bounded.
+        values: the observation's parameters (n_b,).
+    """
+
+    name: str = ""
+    bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
+    observation: Observation | None = None
+    values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of the flight.
+
+    Attributes:
+        name: for messages.
+        fractions: lengths of the mesh intervals as fractions of the phase's duration; they add up to 1.
+        duration: allowed duration, s; the lower end must be positive.
+        end: conditions at the end of the phase.
+        bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
+    """
+
+    name: str
+    fractions: tuple[float, ...]
+    duration: Interval
+    end: Boundary = field(default_factory=Boundary)
+    bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Minimised: `time * t_f + sum terminal_i x_i(t_f) + integral of sum regularisation_j (u_j / scale_j)^2 dt`."""
+
+    time: float = 1.0
+    terminal: Mapping[str, float] = field(default_factory=dict[str, float])
+    regularisation: Mapping[str, float] = field(default_factory=dict[str, float])
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A multi-phase optimal control problem; `time_scale` is the typical duration of a phase, s."""
+
+    system: System
+    parameters: tuple[float, ...]
+    start: Boundary
+    phases: tuple[Phase, ...]
+    objective: Objective = field(default_factory=Objective)
+    scheme: RungeKutta = DORMAND_PRINCE_5
+    time_scale: float = 1.0
+
+    @property
+    def intervals(self) -> int:
+        return sum(len(phase.fractions) for phase in self.phases)
+
+    @property
+    def first_node(self) -> list[int]:
+        """Node at which each phase begins and, last, the final node."""
+        nodes = [0]
+        for phase in self.phases:
+            nodes.append(nodes[-1] + len(phase.fractions))
+        return nodes
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Values of all unknowns: `durations` (n,), `state` (n_x, N + 1) at the nodes, `control` (n_u, N)."""
+
+    durations: Array
+    state: Array
+    control: Array
+
+
+def uniform(intervals: int) -> tuple[float, ...]:
+    """Fractions of a mesh of equal intervals."""
+    return (1.0 / intervals,) * intervals
+
+
+def interpolated(problem: Problem, durations: ArrayLike, state: ArrayLike, control: ArrayLike) -> Iterate:
+    """A guess that runs straight from state to state.
+
+    Args:
+        durations: of the phases, s; shape (n,).
+        state: at the start and at the end of each phase; shape (n_x, n + 1).
+        control: held throughout; shape (n_u,).
+    """
+    corners = np.asarray(state, dtype=float)
+    columns = [corners[:, :1]]
+    for index, phase in enumerate(problem.phases):
+        share = np.cumsum(phase.fractions)
+        columns.append(corners[:, index : index + 1] * (1 - share) + corners[:, index + 1 : index + 2] * share)
+    held = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
+    return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), held)
