@@ -29,6 +29,14 @@ def rotation(q: Sequence[Scalar]) -> Matrix:
     ]
 
 
+def normalised(q: Sequence[Scalar]) -> list[Scalar]:
+    """`q / |q|`: the unit quaternion of the same rotation."""
+    q0, q1, q2, q3 = q
+    # a power, not math.sqrt: it serves symbols, too
+    length = (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3) ** 0.5
+    return [q0 / length, q1 / length, q2 / length, q3 / length]
+
+
 def product(p: Sequence[Scalar], q: Sequence[Scalar]) -> list[Scalar]:
     """Hamilton product `p o q`."""
     p0, p1, p2, p3 = p

@@ -1,0 +1,45 @@
+"""A flight model: a controlled system together with the numbers of one aircraft in one air."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.frames import Scalar, normalised
+from airrace.quantities import Quantity
+from airrace.system import System
+
+_vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
+ATTITUDE = ("q0", "q1", "q2", "q3")
+
+
+@dataclass(frozen=True)
+class FlightModel:
+    """A model ready to fly.
+
+    Attributes:
+        system: states, controls and equations; the same equations serve every aircraft and air of equal structure.
+        parameter_values: values of `system.parameters`, shape (n_p,).
+    """
+
+    system: System
+    parameter_values: NDArray[np.float64]
+
+
+def named_symbols(declared: Sequence[Quantity]) -> dict[str, Scalar]:
+    """One scalar symbol per quantity, by name and in order."""
+    return {one.name: ca.SX.sym(one.name) for one in declared}
+
+
+def column(entries: Iterable[Scalar]) -> ca.SX:
+    """The entries stacked into one column."""
+    return _vertcat(*entries)
+
+
+def attitude_projection(states: Sequence[Quantity]) -> ca.Function:
+    """`x -> x` with the quaternion `q0 ... q3` brought back to unit length."""
+    x = named_symbols(states)
+    unit = dict(zip(ATTITUDE, normalised([x[name] for name in ATTITUDE]), strict=True))
+    return ca.Function("projection", [column(x.values())], [column((x | unit).values())], {"cse": True})

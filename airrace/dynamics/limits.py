@@ -1,0 +1,89 @@
+"""What the aircraft and the rules allow together."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from airrace.aircraft.aircraft import Aircraft, Lift
+from airrace.dynamics.aerodynamics import lift_curve
+from airrace.errors import Finding, InputError
+from airrace.quantities import Interval, Quantity
+from airrace.track.course import Rules
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Allowed ranges along the whole flight; SI, rad, g.
+
+    Attributes:
+        z: position below the origin.
+        V_K: kinematic speed.
+        n_z: load factor.
+        p_Kbar: roll rate.
+        C_L: lift coefficient.
+        beta_A: sideslip.
+    """
+
+    z: Interval
+    V_K: Interval
+    n_z: Interval
+    p_Kbar: Interval
+    C_L: Interval
+    beta_A: Interval
+
+
+def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
+    """The limits common to aircraft and rules.
+
+    Raises:
+        InputError: some quantity has no value that both allow.
+    """
+    limits = Limits(
+        z=Interval(-rules.height.upper, -rules.height.lower),
+        V_K=aircraft.envelope.V,
+        n_z=aircraft.envelope.n_z.intersect(rules.n_z),
+        p_Kbar=symmetric(min(aircraft.point_mass.p, rules.p)),
+        C_L=Interval(aircraft.lift.C_L_min, aircraft.lift.C_L_max)
+        .intersect(rules.C_L)
+        .intersect(lift_range(rules.alpha_A, aircraft.lift)),
+        beta_A=symmetric(min(aircraft.drag.beta_A_max, rules.beta_A)),
+    )
+    findings = [
+        Finding(aircraft.name, 0, 0, name, "no value satisfies both the aircraft's limits and the rules of the course")
+        for name, allowed in vars(limits).items()
+        if allowed.empty
+    ]
+    if findings:
+        raise InputError(findings)
+    return limits
+
+
+def lift_range(alpha_A: Interval, lift: Lift) -> Interval:
+    """The lift coefficients on the lift curve between two angles of attack (rad); an infinite angle sets no limit."""
+    return Interval(
+        lift_curve(alpha_A.lower, lift) if math.isfinite(alpha_A.lower) else -math.inf,
+        lift_curve(alpha_A.upper, lift) if math.isfinite(alpha_A.upper) else math.inf,
+    )
+
+
+def symmetric(magnitude: float) -> Interval:
+    """`[-magnitude, magnitude]`."""
+    return Interval(-magnitude, magnitude)
+
+
+def bounded(quantities: Sequence[Quantity], bounds: Mapping[str, Interval]) -> tuple[Quantity, ...]:
+    """The declarations with the bounds given by name; the others keep their own.
+
+    Raises:
+        KeyError: a bound names no quantity.
+    """
+    unknown = bounds.keys() - {one.name for one in quantities}
+    if unknown:
+        raise KeyError(", ".join(sorted(unknown)))
+    return tuple(
+        dataclasses.replace(one, lower=bounds[one.name].lower, upper=bounds[one.name].upper)
+        if one.name in bounds
+        else one
+        for one in quantities
+    )

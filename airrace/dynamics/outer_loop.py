@@ -1,0 +1,58 @@
+"""The outer loop: from load factors and roll rate to the flight path. All fidelities share it.
+
+With `R = R_OKbar`, the specific force `g0 (n_x, n_y, -n_z)` and the rates of Kbar, all in Kbar:
+
+    r_dot_O = V_K R e_x                         q_Kbar = g0 (n_z - R33) / V_K
+    V_K_dot = g0 (n_x + R31)                    r_Kbar = g0 (n_y + R32) / V_K
+    q_dot   = 1/2 q o (0, p_Kbar, q_Kbar, r_Kbar)
+"""
+
+from airrace.environment.atmosphere import g0
+from airrace.frames import Matrix, Scalar, quaternion_rates
+from airrace.quantities import T, Vector, quantity, vector
+
+
+@vector
+class FlightPathState(Vector[T]):
+    """Where the aircraft is and how it moves over the ground."""
+
+    x: T = quantity("m", scale=100.0, text="north of the origin")
+    y: T = quantity("m", scale=100.0, text="east of the origin")
+    z: T = quantity("m", scale=100.0, text="below the origin")
+    V_K: T = quantity("m/s", scale=50.0, text="kinematic speed")
+    q0: T = quantity("1", text="attitude of the flight-path frame Kbar, scalar part")
+    q1: T = quantity("1", text="attitude of the flight-path frame Kbar, north part")
+    q2: T = quantity("1", text="attitude of the flight-path frame Kbar, east part")
+    q3: T = quantity("1", text="attitude of the flight-path frame Kbar, down part")
+
+    @property
+    def q(self) -> tuple[T, T, T, T]:
+        """The quaternion of `R_OKbar`, scalar first."""
+        return self.q0, self.q1, self.q2, self.q3
+
+
+def flight_path_rates(
+    state: FlightPathState[Scalar], R: Matrix, *, n_x: Scalar, n_y: Scalar, n_z: Scalar, p_Kbar: Scalar
+) -> FlightPathState[Scalar]:
+    """Time derivatives of the flight path.
+
+    Args:
+        state: position, speed and attitude.
+        R: `R_OKbar` of that attitude.
+        n_x, n_y, n_z: load factors in Kbar, g; `n_z = 1` in level flight.
+        p_Kbar: roll rate about the velocity, rad/s.
+    """
+    e_N, e_E, e_D = R[0][0], R[1][0], R[2][0]
+    q_Kbar = g0 * (n_z - R[2][2]) / state.V_K
+    r_Kbar = g0 * (n_y + R[2][1]) / state.V_K
+    q0_dot, q1_dot, q2_dot, q3_dot = quaternion_rates(state.q, p_Kbar, q_Kbar, r_Kbar)
+    return FlightPathState(
+        x=state.V_K * e_N,
+        y=state.V_K * e_E,
+        z=state.V_K * e_D,
+        V_K=g0 * (n_x + e_D),
+        q0=q0_dot,
+        q1=q1_dot,
+        q2=q2_dot,
+        q3=q3_dot,
+    )
