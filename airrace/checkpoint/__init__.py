@@ -1,0 +1,22 @@
+"""All that a run was given and found, in one HDF5 file: replaced atomically, read with distrust."""
+
+from airrace.checkpoint.checkpoint import (
+    Checkpoint,
+    StoredDocument,
+    StoredInputs,
+    StoredStage,
+    inputs_hash,
+    stale_stages,
+)
+from airrace.checkpoint.store import read_checkpoint, write_checkpoint
+
+__all__ = [
+    "Checkpoint",
+    "StoredDocument",
+    "StoredInputs",
+    "StoredStage",
+    "inputs_hash",
+    "read_checkpoint",
+    "stale_stages",
+    "write_checkpoint",
+]

@@ -1,0 +1,116 @@
+"""What a checkpoint holds, and which of its stages can still be trusted.
+
+Every stage carries a link of a hash chain. With `h_0` the empty string,
+
+    h_i = sha256(h_(i-1) | inputs hash | stage name | digest of the result)
+
+so a stage stands only on the inputs and on the very stages it was computed from.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+from airrace.checkpoint.digest import content_digest
+from airrace.procedure.result import Stage, StageResult
+
+STAGE_ORDER = {stage: position for position, stage in enumerate(Stage)}
+
+
+@dataclass(frozen=True)
+class StoredDocument:
+    """One YAML input: the path it was read from and its text, as it was."""
+
+    path: str
+    text: str
+
+
+@dataclass(frozen=True)
+class StoredInputs:
+    """All that a run was asked for.
+
+    Attributes:
+        track, aircraft: the documents.
+        settings: None where the defaults were used.
+        overrides: `key=value` entries of the command line, in their order.
+        resolved: JSON text of the configuration as understood. Its hash decides whether stages are stale, so equal
+            configurations must give equal texts (sorted keys).
+    """
+
+    track: StoredDocument
+    aircraft: StoredDocument
+    settings: StoredDocument | None
+    overrides: tuple[str, ...]
+    resolved: str
+
+
+@dataclass(frozen=True)
+class StoredStage:
+    """A finished stage, the hash of the inputs it was computed from and its link of the chain (both hex)."""
+
+    result: StageResult
+    inputs_hash: str
+    chain_hash: str
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """One run.
+
+    Attributes:
+        inputs: what was asked for.
+        versions: of airrace and of what its numbers depend on (casadi, numpy, python), by name.
+        stages: finished stages in the order of `Stage`, each at most once.
+    """
+
+    inputs: StoredInputs
+    versions: Mapping[str, str]
+    stages: tuple[StoredStage, ...] = ()
+
+    def with_stage(self, result: StageResult) -> Self:
+        """This run with one more finished stage.
+
+        Stages from this one on are dropped: they were computed from what `result` now replaces.
+        """
+        earlier = tuple(one for one in self.stages if STAGE_ORDER[one.result.stage] < STAGE_ORDER[result.stage])
+        inputs = inputs_hash(self.inputs.resolved)
+        link = chain_hash(earlier[-1].chain_hash if earlier else "", inputs, result)
+        return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))
+
+    def stage(self, stage: Stage) -> StoredStage | None:
+        """The stored stage, or None where it has not been finished."""
+        return next((one for one in self.stages if one.result.stage is stage), None)
+
+
+def inputs_hash(resolved_json: str) -> str:
+    """Hex sha256 of the configuration as understood."""
+    return hashlib.sha256(resolved_json.encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def chain_hash(previous: str, inputs: str, result: StageResult) -> str:
+    """The next link of the chain (hex); `previous` is empty for the first stage."""
+    text = "\n".join((previous, inputs, result.stage.value, content_digest(result)))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def stale_stages(checkpoint: Checkpoint, current_inputs_hash: str) -> list[tuple[Stage, str]]:
+    """The stages that have to be computed again, in order, each with the reason (a clause for the user)."""
+    stale: list[tuple[Stage, str]] = []
+    previous = ""
+    for stored in checkpoint.stages:
+        reason = _stale_reason(stored, current_inputs_hash, previous)
+        if not reason and stale:
+            reason = f"a stage before it changed ({stale[-1][0].value})"
+        if reason:
+            stale.append((stored.result.stage, reason))
+        previous = stored.chain_hash
+    return stale
+
+
+def _stale_reason(stored: StoredStage, current_inputs_hash: str, previous: str) -> str:
+    if stored.inputs_hash != current_inputs_hash:
+        return "the resolved configuration changed since it was computed"
+    if stored.chain_hash != chain_hash(previous, stored.inputs_hash, stored.result):
+        return "its record, or a stage before it, changed since it was computed"
+    return ""

@@ -1,0 +1,140 @@
+"""A tree, whoever wrote it, read as a checkpoint: exactly the layout of `encode.py`, or an error that says where."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from airrace.checkpoint.checkpoint import STAGE_ORDER, Checkpoint, StoredDocument, StoredInputs, StoredStage
+from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, Version
+from airrace.checkpoint.place import Place
+from airrace.checkpoint.tree import Attribute, Group, rows_of
+from airrace.errors import CheckpointError
+from airrace.optimal_control.certificate import Certificate, Item
+from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.quantities import Quantity
+from airrace.trajectory import Array, Trajectory
+
+
+def decode(root: Group) -> Checkpoint:
+    """The checkpoint that a tree holds.
+
+    Raises:
+        CheckpointError: another schema; a member that is missing, unknown or of the wrong kind; shapes that
+            contradict each other.
+    """
+    schema = root.attributes.get("schema")
+    if schema != SCHEMA:
+        raise CheckpointError(f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA}")
+    place = Place("", root).expecting("inputs", "versions", "stages")
+    versions = rows_of(Version, place.table("versions"), "/versions")
+    stages = place.group("stages")
+    unknown = set(stages.node.members) - {stage.value for stage in Stage}
+    if unknown:
+        raise CheckpointError(f"/stages: unknown stage {min(unknown)!r}")
+    stored = [_stage(stages.group(stage.value), stage) for stage in STAGE_ORDER if stage.value in stages.node.members]
+    return Checkpoint(_inputs(place.group("inputs")), {row.name: row.version for row in versions}, tuple(stored))
+
+
+def _inputs(place: Place) -> StoredInputs:
+    place.expecting("track", "aircraft", "overrides", "resolved", optional=("settings",))
+    return StoredInputs(
+        track=_document(place.group("track")),
+        aircraft=_document(place.group("aircraft")),
+        settings=_document(place.group("settings")) if "settings" in place.node.members else None,
+        overrides=place.texts("overrides", "override"),
+        resolved=place.text("resolved"),
+    )
+
+
+def _document(place: Place) -> StoredDocument:
+    place.expecting("path", "text")
+    return StoredDocument(place.text("path"), place.text("text"))
+
+
+_TRAJECTORY = ("time", "interval_time", "states", "controls", "phases", "first_node", "durations")
+_TEXTS = ("outcome", "message", "inputs_hash", "chain_hash")
+_MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
+_TABLES = ("splits", "attempts", "timings")
+
+
+def _stage(place: Place, stage: Stage) -> StoredStage:
+    place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, optional=("certificate",))
+    timings = rows_of(Timings, place.table("timings"), f"{place.path}/timings")
+    if len(timings) != 1:
+        raise CheckpointError(f"{place.path}/timings: {len(timings)} rows instead of one")
+    result = StageResult(
+        stage=stage,
+        outcome=_outcome(place),
+        message=place.text("message"),
+        trajectory=_trajectory(place),
+        constraint_multipliers=place.floats("constraint_multipliers"),
+        bound_multipliers=place.floats("bound_multipliers"),
+        certificate=_certificate(place.group("certificate")) if "certificate" in place.node.members else None,
+        splits=rows_of(GateSplit, place.table("splits"), f"{place.path}/splits"),
+        attempts=rows_of(Attempt, place.table("attempts"), f"{place.path}/attempts"),
+        timings=timings[0],
+    )
+    return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
+
+
+def _outcome(place: Place) -> Outcome:
+    text = place.text("outcome")
+    for outcome in Outcome:
+        if outcome.value == text:
+            return outcome
+    raise CheckpointError(f"{place.path}/outcome: unknown outcome {text[:40]!r}")
+
+
+def _certificate(place: Place) -> Certificate:
+    place.expecting("solver_status", "items")
+    items = rows_of(Item, place.table("items"), f"{place.path}/items")
+    return Certificate(place.text("solver_status"), items)
+
+
+def _trajectory(place: Place) -> Trajectory:
+    time = place.floats("time")
+    intervals = len(time) - 1
+    phases = place.texts("phases", "phase")
+    first_node = place.integers("first_node")
+    durations = place.floats("durations")
+    if intervals < 0 or not np.array_equal(place.floats("interval_time"), time[:-1], equal_nan=True):
+        raise CheckpointError(f"{place.path}/interval_time: does not hold the beginnings of the intervals")
+    if len(durations) != len(phases):
+        raise CheckpointError(f"{place.path}/durations: {len(durations)} durations of {len(phases)} phases")
+    within = len(first_node) == len(phases) + 1 and first_node[0] == 0 and first_node[-1] == intervals
+    if not within or bool(np.any(first_node[1:] < first_node[:-1])):
+        raise CheckpointError(f"{place.path}/first_node: does not divide {intervals} intervals into the phases")
+    states, state = _histories(place.group("states"), intervals + 1)
+    controls, control = _histories(place.group("controls"), intervals)
+    return Trajectory(phases, first_node, durations, time, states, state, controls, control)
+
+
+def _histories(place: Place, length: int) -> tuple[tuple[Quantity, ...], Array]:
+    """Declarations and values, shape (n, length), in the order of their rows."""
+    rows: dict[int, tuple[Quantity, Array]] = {}
+    for name in place.node.members:
+        values = place.floats(name)
+        if len(values) != length:
+            raise CheckpointError(f"{place.path}/{name}: {len(values)} values instead of {length}")
+        quantity, row = _declaration(name, place.series(name).attributes, f"{place.path}/{name}")
+        rows[row] = (quantity, values)
+    if sorted(rows) != list(range(len(place.node.members))):
+        raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
+    ordered = [rows[row] for row in sorted(rows)]
+    history = np.array([values for _, values in ordered], np.float64).reshape(len(ordered), length)
+    return tuple(quantity for quantity, _ in ordered), history
+
+
+def _declaration(name: str, attributes: Mapping[str, Attribute], path: str) -> tuple[Quantity, int]:
+    match attributes:
+        case {
+            "units": str(unit),
+            "long_name": str(text),
+            "scale": float(scale),
+            "lower": float(lower),
+            "upper": float(upper),
+            "row": int(row),
+        } if QUANTITY_NAME.fullmatch(name):
+            return Quantity(name, unit, scale, lower, upper, text), row
+        case _:
+            raise CheckpointError(f"{path}: is not declared as a quantity (units, long_name, scale, lower, upper, row)")

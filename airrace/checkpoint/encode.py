@@ -1,0 +1,135 @@
+"""A checkpoint written out as a tree. The layout, with `N` intervals and `N + 1` nodes:
+
+/                                   attribute schema
+/inputs/track, aircraft, settings   path, text (settings only where there was a file)
+/inputs/overrides, resolved
+/versions                           table: name, version
+/stages/STAGE/
+    outcome, message, inputs_hash, chain_hash
+    time, interval_time             s, dimension scales: the nodes, the beginnings of the intervals
+    states/NAME, controls/NAME      (N + 1,) and (N,), each with its declaration: units, long_name, scale,
+                                    lower, upper, and its row in the vector
+    phases                          table: one name per row
+    first_node, durations
+    constraint_multipliers, bound_multipliers
+    certificate/solver_status, items   (absent where the stage is not certified by design)
+    splits, attempts, timings       tables, SI and radians
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
+from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
+from airrace.errors import CheckpointError
+from airrace.optimal_control.certificate import Certificate, Item
+from airrace.procedure.result import Attempt, GateSplit, Timings
+from airrace.quantities import Quantity
+from airrace.trajectory import Array, Trajectory
+
+SCHEMA = 1
+QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
+
+
+@dataclass(frozen=True)
+class Version:
+    """A row of the table of versions."""
+
+    name: str
+    version: str
+
+
+def encode(checkpoint: Checkpoint) -> Group:
+    """The checkpoint as a tree.
+
+    Raises:
+        CheckpointError: a quantity's name cannot name an HDF5 dataset, or a trajectory contradicts itself.
+    """
+    versions = [Version(name, version) for name, version in checkpoint.versions.items()]
+    members: dict[str, Node] = {
+        "inputs": _inputs(checkpoint.inputs),
+        "versions": table_of(Version, versions),
+        "stages": Group({stored.result.stage.value: _stage(stored) for stored in checkpoint.stages}),
+    }
+    return Group(members, {"schema": SCHEMA})
+
+
+def _inputs(inputs: StoredInputs) -> Group:
+    members: dict[str, Node] = {
+        "track": _document(inputs.track),
+        "aircraft": _document(inputs.aircraft),
+        "overrides": Table({"override": inputs.overrides}),
+        "resolved": inputs.resolved,
+    }
+    if inputs.settings is not None:
+        members["settings"] = _document(inputs.settings)
+    return Group(members)
+
+
+def _document(document: StoredDocument) -> Group:
+    return Group({"path": document.path, "text": document.text})
+
+
+def _stage(stored: StoredStage) -> Group:
+    result = stored.result
+    path = f"/stages/{result.stage.value}"
+    members: dict[str, Node] = {
+        "outcome": result.outcome.value,
+        "message": result.message,
+        "inputs_hash": stored.inputs_hash,
+        "chain_hash": stored.chain_hash,
+        **_trajectory(result.trajectory, path),
+        "constraint_multipliers": _series(result.constraint_multipliers, "1", "multipliers of the constraints"),
+        "bound_multipliers": _series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
+        "splits": table_of(GateSplit, result.splits),
+        "attempts": table_of(Attempt, result.attempts),
+        "timings": table_of(Timings, [result.timings]),
+    }
+    if result.certificate is not None:
+        members["certificate"] = _certificate(result.certificate)
+    return Group(members)
+
+
+def _trajectory(trajectory: Trajectory, path: str) -> dict[str, Node]:
+    return {
+        "time": _series(trajectory.time, "s", "time at the nodes"),
+        "interval_time": _series(trajectory.time[:-1], "s", "time at the beginning of the intervals"),
+        "states": _histories(trajectory.states, trajectory.state, f"{path}/time"),
+        "controls": _histories(trajectory.controls, trajectory.control, f"{path}/interval_time"),
+        "phases": Table({"phase": trajectory.phases}),
+        "first_node": Series(
+            np.asarray(trajectory.first_node, np.int64),
+            {"units": "1", "long_name": "node at which each phase begins, and the last node"},
+        ),
+        "durations": _series(trajectory.durations, "s", "duration of each phase"),
+    }
+
+
+def _certificate(certificate: Certificate) -> Group:
+    return Group({"solver_status": certificate.solver_status, "items": table_of(Item, certificate.items)})
+
+
+def _histories(declared: tuple[Quantity, ...], values: Array, axis: str) -> Group:
+    members: dict[str, Node] = {}
+    for row, (quantity, history) in enumerate(zip(declared, values, strict=True)):
+        if not QUANTITY_NAME.fullmatch(quantity.name) or quantity.name in members:
+            raise CheckpointError(f"{quantity.name!r} is not a name of its own for a quantity: it cannot be stored")
+        members[quantity.name] = Series(np.asarray(history, np.float64), _declaration(quantity, row), axis)
+    return Group(members)
+
+
+def _declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
+    return {
+        "units": quantity.unit,
+        "long_name": quantity.text,
+        "scale": float(quantity.scale),
+        "lower": float(quantity.lower),
+        "upper": float(quantity.upper),
+        "row": row,
+    }
+
+
+def _series(values: Array, units: str, long_name: str) -> Series:
+    return Series(np.asarray(values, np.float64), {"units": units, "long_name": long_name})

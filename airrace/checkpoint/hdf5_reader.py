@@ -1,0 +1,155 @@
+"""An HDF5 image that nobody vouches for, read as a tree.
+
+Only what `hdf5_writer.py` writes is accepted: groups; datasets of at most one dimension, stored contiguously in the
+image itself, of 64-bit numbers, of fixed-length UTF-8 strings, or of rows of both; scalar attributes of the same types.
+So no filter runs, no heap is followed, no link or object reference is resolved, and no size is believed that the bytes
+of the image do not bear out.
+"""
+
+# h5py ships no types: what comes from it is unknown to the checker, and becomes known in the functions below.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import h5py.h5l
+import h5py.h5o
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.checkpoint.tree import Attribute, Column, Group, Node, Series, Table
+from airrace.errors import CheckpointError
+
+OBJECTS_MAX = 20_000
+DEPTH_MAX = 8
+ATTRIBUTES_MAX = 16
+ATTRIBUTE_BYTES_MAX = 64_000  # HDF5's own limit is 64 KiB
+# What HDF5's dimension scales keep for themselves; two of them hold references. They are never read.
+SCALE_ATTRIBUTES = frozenset({b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST"})
+NUMBERS = (np.dtype("<f8"), np.dtype("<i8"))
+
+# Any: h5py's identifiers, which have no types.
+Handle = Any
+
+
+def tree_of(image: bytes) -> Group:
+    """The tree that an HDF5 image holds.
+
+    Raises:
+        CheckpointError: no HDF5 image, or one with anything but the plain kinds described above.
+    """
+    try:
+        with h5py.File(h5py.h5f.open_file_image(image)) as file:
+            return _group(h5py.h5g.open(file.id, b"/"), "", 0, Budget(len(image)))
+    except CheckpointError:
+        raise
+    except Exception as error:  # h5py's errors have no common root: OSError, KeyError, TypeError, ValueError, ...
+        raise CheckpointError(f"the checkpoint's HDF5 content cannot be read: {error}") from error
+
+
+@dataclass
+class Budget:
+    """What may still be read: all datasets together cannot hold more bytes than the image does."""
+
+    bytes_left: int
+    objects_left: int = OBJECTS_MAX
+
+    def take(self, path: str, *, objects: int = 0, size: int = 0) -> None:
+        """Account for objects or bytes before they are read."""
+        self.objects_left -= objects
+        self.bytes_left -= size
+        if self.objects_left < 0 or self.bytes_left < 0:
+            raise CheckpointError(f"{path or '/'}: claims to hold more than a checkpoint can")
+
+
+def _group(group: Handle, path: str, depth: int, budget: Budget) -> Group:
+    if depth > DEPTH_MAX:  # hard links can make a group its own member
+        raise CheckpointError(f"{path}: groups are nested more than {DEPTH_MAX} deep")
+    budget.take(path, objects=group.get_num_objs())
+    members = {name.decode("utf-8", "replace"): _member(group, name, path, depth, budget) for name in list(group)}
+    return Group(members, _attributes(group, path))
+
+
+def _member(group: Handle, name: bytes, parent: str, depth: int, budget: Budget) -> Node:
+    path = f"{parent}/{name.decode('utf-8', 'replace')}"
+    if group.links.get_info(name).type != h5py.h5l.TYPE_HARD:
+        raise CheckpointError(f"{path}: is a soft or external link; a checkpoint has none")
+    kind = h5py.h5o.get_info(group, name).type
+    if kind == h5py.h5o.TYPE_GROUP:
+        return _group(h5py.h5g.open(group, name), path, depth + 1, budget)
+    if kind == h5py.h5o.TYPE_DATASET:
+        return _dataset(h5py.h5d.open(group, name), path, budget)
+    raise CheckpointError(f"{path}: is neither a group nor a dataset")
+
+
+def _dataset(dataset: Handle, path: str, budget: Budget) -> Series | Table | str:
+    properties = dataset.get_create_plist()
+    plain = properties.get_layout() == h5py.h5d.CONTIGUOUS and properties.get_nfilters() == 0
+    if not plain or properties.get_external_count() != 0:
+        raise CheckpointError(f"{path}: is not stored plainly in the file itself")
+    dtype: np.dtype[Any] = dataset.dtype  # Any: this is what is being found out
+    shape: tuple[int, ...] | None = dataset.shape
+    known = _is_text(dtype) if shape == () else _is_row(dtype)
+    if shape is None or len(shape) > 1 or not known:
+        raise CheckpointError(f"{path}: is neither a text, nor a series of 64-bit numbers, nor a table of both")
+    size = math.prod(shape) * dtype.itemsize
+    budget.take(path, size=size)
+    if dataset.get_storage_size() != size:
+        raise CheckpointError(f"{path}: {size} bytes are declared, {dataset.get_storage_size()} are stored")
+    values: Any = h5py.Dataset(dataset)[()]  # Any: untyped, but of the dtype and shape just checked
+    if shape == ():
+        return _decoded(values, path)
+    if dtype.names is None:
+        return Series(values, _attributes(dataset, path))
+    return Table({name: _column(values[name], f"{path}.{name}") for name in dtype.names})
+
+
+def _is_text(dtype: np.dtype[Any]) -> bool:
+    description = h5py.check_string_dtype(dtype)
+    return description is not None and description.length is not None and description.encoding == "utf-8"
+
+
+def _is_row(dtype: np.dtype[Any]) -> bool:
+    if dtype.names is None:
+        return dtype in NUMBERS
+    return all(dtype[name] in NUMBERS or _is_text(dtype[name]) for name in dtype.names)
+
+
+def _column(values: NDArray[Any], path: str) -> Column:
+    if values.dtype.kind != "S":
+        return np.ascontiguousarray(values)
+    return tuple(_decoded(entry, path) for entry in values.tolist())
+
+
+def _decoded(text: bytes, path: str) -> str:
+    decoded = text.decode("utf-8", "surrogateescape")
+    if "\0" in decoded:
+        raise CheckpointError(f"{path}: a text contains a NUL character")
+    return decoded
+
+
+def _attributes(place: Handle, path: str) -> dict[str, Attribute]:
+    """The scalar attributes of a group or dataset, but for those of HDF5's dimension scales."""
+    count: int = h5py.h5a.get_num_attrs(place)
+    if count > ATTRIBUTES_MAX:
+        raise CheckpointError(f"{path or '/'}: has {count} attributes")
+    attributes: dict[str, Attribute] = {}
+    for index in range(count):
+        attribute = h5py.h5a.open(place, index=index)
+        if attribute.name not in SCALE_ATTRIBUTES:
+            name = attribute.name.decode("utf-8", "replace")
+            attributes[name] = _attribute(attribute, f"{path or '/'}@{name}")
+    return attributes
+
+
+def _attribute(attribute: Handle, path: str) -> Attribute:
+    dtype: np.dtype[Any] = attribute.dtype
+    known = dtype in NUMBERS or _is_text(dtype)
+    if attribute.shape != () or not known or dtype.itemsize > ATTRIBUTE_BYTES_MAX:
+        raise CheckpointError(f"{path}: is neither a 64-bit number nor a short text")
+    stored = np.zeros((), dtype)
+    attribute.read(stored)
+    value: Any = stored.item()  # Any: untyped, but of the dtype just checked
+    return _decoded(value, path) if isinstance(value, bytes) else value

@@ -1,0 +1,59 @@
+"""Checkpoints on the disk: the only two functions that touch files."""
+
+import os
+import stat
+from pathlib import Path
+
+from airrace.checkpoint.atomic import replace_file
+from airrace.checkpoint.checkpoint import Checkpoint
+from airrace.checkpoint.decode import decode
+from airrace.checkpoint.encode import encode
+from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unseal
+from airrace.checkpoint.hdf5_reader import tree_of
+from airrace.checkpoint.hdf5_writer import image_of
+from airrace.errors import CheckpointError
+
+SIZE_MAX = 256 * 1024 * 1024
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Replace the file at `path`, at once and as a whole.
+
+    What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
+
+    Raises:
+        StorageError: the system refused; the old checkpoint survives.
+        CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
+            more than 256 MiB); the old checkpoint survives.
+    """
+    image = image_of(encode(checkpoint))
+    if BLOCK_SIZE + len(image) > SIZE_MAX:
+        raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
+    decode(tree_of(image))
+    replace_file(path, seal(image))
+
+
+def read_checkpoint(path: Path) -> Checkpoint:
+    """The checkpoint at `path`, verified.
+
+    Raises:
+        CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.
+    """
+    try:
+        return decode(tree_of(unseal(_content(path))))
+    except OSError as error:
+        raise CheckpointError(f"{path}: {error.strerror or error}") from error
+    except CheckpointError as error:
+        raise CheckpointError(f"{path}: {error}") from error
+
+
+def _content(path: Path) -> bytes:
+    # A named pipe without a writer would block a plain open.
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with open(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise CheckpointError("not a regular file")
+        if status.st_size > SIZE_MAX:
+            raise CheckpointError(f"larger than {SIZE_MAX // 2**20} MiB: not a checkpoint")
+        return file.read(SIZE_MAX)

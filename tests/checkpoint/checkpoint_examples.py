@@ -1,0 +1,156 @@
+"""Checkpoints to test with: a small fixed one, and hypothesis strategies for arbitrary ones."""
+
+import dataclasses
+import math
+from enum import Enum
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
+from airrace.optimal_control.certificate import Certificate, Item
+from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.quantities import Quantity
+from airrace.trajectory import Trajectory
+
+INPUTS = StoredInputs(
+    track=StoredDocument("tracks/šibenik.yaml", "schema: airrace/track/1\nname: Šibenik\n"),
+    aircraft=StoredDocument("configs/edge540.yaml", "mass_kg: 560\n"),
+    settings=None,
+    overrides=("mesh.interval_s=0.2", "guess=plan"),
+    resolved='{"course": {"gates": 2}}',
+)
+VERSIONS = {"airrace": "0.1.0", "casadi": "3.8.2", "numpy": "2.4.6", "python": "3.11.7"}
+
+
+def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> StageResult:
+    time = np.linspace(0.0, 3.0, intervals + 1)
+    trajectory = Trajectory(
+        phases=("start -> g1", "g1 -> finish"),
+        first_node=np.array([0, intervals // 2, intervals], np.int64),
+        durations=np.array([1.5, 1.5]),
+        time=time,
+        states=(Quantity("z", "m", 100.0, -500.0, -5.0, "down"), Quantity("V_K", "m/s", 50.0, 35.0, math.inf, "speed")),
+        state=np.array([-20.0 - time, 90.0 + time]),
+        controls=(Quantity("n_z", "1", 5.0, text="normal load factor"),),
+        control=np.linspace(1.0, 9.0, intervals)[np.newaxis, :],
+    )
+    return StageResult(
+        stage=stage,
+        outcome=Outcome.SOLVED,
+        message="solved",
+        trajectory=trajectory,
+        constraint_multipliers=np.linspace(-1.0, 1.0, 9),
+        bound_multipliers=np.zeros(0),
+        certificate=Certificate(
+            "Solve_Succeeded", (Item("kkt_error", 1e-8, 1e-6), Item("replay", 1e-5, 1e-4, "", "g1"))
+        ),
+        splits=(GateSplit("1:g1", 1.5, 91.5, 21.5, 4.0, 0.1, 0.0, 3.0),),
+        attempts=(Attempt("joint", "fatrop", "0", True, 41, 0.5),),
+        timings=Timings(0.5, 0.4, 0.9),
+    )
+
+
+def example_checkpoint(*stages: Stage, intervals: int = 6) -> Checkpoint:
+    checkpoint = Checkpoint(INPUTS, VERSIONS)
+    for stage in stages or (Stage.HOMOTOPY, Stage.POINT_MASS):
+        checkpoint = checkpoint.with_stage(example_result(stage, intervals=intervals))
+    return checkpoint
+
+
+def assert_same(one: object, other: object, where: str = "") -> None:
+    """Equality in every bit, NaN included."""
+    assert type(one) is type(other), where
+    if dataclasses.is_dataclass(one):
+        for field in dataclasses.fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name), f"{where}.{field.name}")
+    elif isinstance(one, tuple):
+        assert len(one) == len(other), where
+        for index, (left, right) in enumerate(zip(one, other, strict=True)):
+            assert_same(left, right, f"{where}[{index}]")
+    elif isinstance(one, np.ndarray):
+        assert (one.dtype, one.shape) == (other.dtype, other.shape), where
+        assert one.tobytes() == other.tobytes(), where
+    elif isinstance(one, float):
+        assert np.float64(one).tobytes() == np.float64(other).tobytes(), where
+    elif isinstance(one, Enum):
+        assert one is other, where
+    else:
+        assert one == other, where
+
+
+# Paths that are not UTF-8 hold lone surrogates from U+DC80 to U+DCFF.
+texts = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
+paths = st.builds(
+    lambda text, byte: text + bytes([byte]).decode("utf-8", "surrogateescape"), texts, st.integers(1, 255)
+)
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+counts = st.integers(-(2**53), 2**53)
+names = st.from_regex(r"\A[A-Za-z_][A-Za-z0-9_]{0,8}\Z")
+
+
+def records(kind: type, **fields: st.SearchStrategy[object]) -> st.SearchStrategy[tuple[object, ...]]:
+    return st.lists(st.builds(kind, **fields), max_size=3).map(tuple)
+
+
+items = records(Item, name=texts, value=numbers, limit=numbers, unit=texts, where=texts)
+certificates = st.none() | st.builds(Certificate, texts, items)
+split_numbers = dict.fromkeys(("time", "V_K", "height", "n_z", "bank", "climb", "heading"), numbers)
+attempts = records(
+    Attempt, purpose=texts, solver=texts, status=texts, success=st.booleans(), iterations=counts, seconds=numbers
+)
+
+
+def arrays(*shape: int) -> st.SearchStrategy[np.ndarray]:
+    return hnp.arrays(np.float64, shape, elements=numbers)
+
+
+def declarations(count: int) -> st.SearchStrategy[tuple[Quantity, ...]]:
+    declared = st.builds(Quantity, names, texts, numbers, numbers, numbers, texts)
+    return st.lists(declared, min_size=count, max_size=count, unique_by=lambda quantity: quantity.name).map(tuple)
+
+
+@st.composite
+def trajectories(draw: st.DrawFn) -> Trajectory:
+    lengths = draw(st.lists(st.integers(0, 4), min_size=1, max_size=3))
+    first_node = np.concatenate(([0], np.cumsum(lengths))).astype(np.int64)
+    n_x, n_u, intervals = draw(st.integers(0, 4)), draw(st.integers(0, 3)), int(first_node[-1])
+    return Trajectory(
+        phases=tuple(draw(texts) for _ in lengths),
+        first_node=first_node,
+        durations=draw(arrays(len(lengths))),
+        time=draw(arrays(intervals + 1)),
+        states=draw(declarations(n_x)),
+        state=draw(arrays(n_x, intervals + 1)),
+        controls=draw(declarations(n_u)),
+        control=draw(arrays(n_u, intervals)),
+    )
+
+
+def results(stage: Stage) -> st.SearchStrategy[StageResult]:
+    return st.builds(
+        StageResult,
+        stage=st.just(stage),
+        outcome=st.sampled_from(Outcome),
+        message=texts,
+        trajectory=trajectories(),
+        constraint_multipliers=arrays(3),
+        bound_multipliers=arrays(0),
+        certificate=certificates,
+        splits=records(GateSplit, name=texts, **split_numbers),
+        attempts=attempts,
+        timings=st.builds(Timings, numbers, numbers, numbers),
+    )
+
+
+@st.composite
+def checkpoints(draw: st.DrawFn) -> Checkpoint:
+    documents = st.builds(StoredDocument, paths, texts)
+    inputs = st.builds(
+        StoredInputs, documents, documents, st.none() | documents, st.lists(texts, max_size=3).map(tuple), texts
+    )
+    checkpoint = Checkpoint(draw(inputs), draw(st.dictionaries(texts, texts, max_size=3)))
+    for stage in draw(st.lists(st.sampled_from(Stage), unique=True, max_size=2)):
+        checkpoint = checkpoint.with_stage(draw(results(stage)))
+    return checkpoint

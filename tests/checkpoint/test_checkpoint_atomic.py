@@ -1,0 +1,135 @@
+"""Whatever happens while a checkpoint is written, its name leads to a whole one."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from checkpoint_examples import assert_same, example_checkpoint
+
+from airrace.checkpoint import read_checkpoint, write_checkpoint
+from airrace.checkpoint.atomic import replace_file
+from airrace.errors import StorageError
+
+HERE = str(Path(__file__).parent)
+
+WRITE_ON_A_FULL_DISK = """
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from checkpoint_examples import example_checkpoint
+from airrace.checkpoint import write_checkpoint
+from airrace.errors import StorageError
+checkpoint = example_checkpoint(intervals=4000)
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # the system refuses any further byte, even to root
+try:
+    write_checkpoint(Path(sys.argv[1]), checkpoint)
+except StorageError as error:
+    sys.exit(f"refused: {error}")
+"""
+
+WRITE_FOR_EVER = """
+import itertools, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from checkpoint_examples import example_checkpoint
+from airrace.checkpoint import write_checkpoint
+checkpoints = [example_checkpoint(intervals=4000), example_checkpoint(intervals=6000)]
+for checkpoint in itertools.cycle(checkpoints):
+    write_checkpoint(Path(sys.argv[1]), checkpoint)
+    print("written", flush=True)
+"""
+
+
+def test_a_full_disk_keeps_the_old_checkpoint_and_leaves_nothing_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    write_checkpoint(path, example_checkpoint())
+    before = path.read_bytes()
+    command = [sys.executable, "-c", WRITE_ON_A_FULL_DISK, str(path), HERE]
+    child = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert child.stderr == f"refused: cannot write {path}: File too large\n"
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_killed_writer_leaves_a_whole_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    for delay in (0.0, 0.004, 0.009, 0.017, 0.031):
+        command = [sys.executable, "-c", WRITE_FOR_EVER, str(path), HERE]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as child:
+            assert child.stdout is not None
+            assert child.stdout.readline() == b"written\n"
+            time.sleep(delay)
+            child.send_signal(signal.SIGKILL)
+        intervals = len(read_checkpoint(path).stages[-1].result.trajectory.time) - 1
+        assert intervals in (4000, 6000)
+
+
+@pytest.mark.parametrize("name", ["missing/run.h5", "file/run.h5", "x" * 300])
+def test_a_place_that_cannot_be_written_is_a_storage_error(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(StorageError, match="cannot write"):
+        write_checkpoint(tmp_path / name, example_checkpoint())
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_what_is_no_regular_file_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "folder"):
+        with pytest.raises(StorageError, match="not a regular file"):
+            write_checkpoint(tmp_path / name, example_checkpoint())
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+
+def test_a_failed_rename_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "run.h5"
+    path.write_bytes(b"old")
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(StorageError, match=r"run\.h5: Permission denied"):
+        replace_file(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_interrupt_leaves_the_old_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "run.h5"
+    path.write_bytes(b"old")
+
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        replace_file(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_symbolic_link_is_followed_and_kept(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    link = tmp_path / "run.h5"
+    link.symlink_to("runs/first.h5")
+    write_checkpoint(link, example_checkpoint())
+    assert link.is_symlink()
+    assert_same(read_checkpoint(tmp_path / "runs" / "first.h5").stages, example_checkpoint().stages)
+
+
+def test_a_new_file_has_the_user_s_usual_permissions(tmp_path: Path) -> None:
+    (tmp_path / "usual").touch()
+    replace_file(tmp_path / "run.h5", b"new")
+    assert (tmp_path / "run.h5").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+@pytest.mark.parametrize("name", ["x" * 252 + ".h5", "š" * 127])
+def test_the_longest_names_can_be_written(tmp_path: Path, name: str) -> None:
+    replace_file(tmp_path / name, b"new")
+    assert (tmp_path / name).read_bytes() == b"new"

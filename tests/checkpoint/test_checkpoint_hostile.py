@@ -1,0 +1,219 @@
+"""Damaged and forged files: every one ends in a `CheckpointError`, none in another exception, a hang or a crash."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from checkpoint_examples import assert_same, example_checkpoint
+
+from airrace.checkpoint import read_checkpoint, store, write_checkpoint
+from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unseal
+from airrace.errors import CheckpointError
+
+STAGE = "stages/point-mass"
+
+
+@pytest.fixture(scope="module")
+def sealed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("whole") / "run.h5"
+    write_checkpoint(path, example_checkpoint())
+    return path.read_bytes()
+
+
+def assert_refused(path: Path, content: bytes, words: str | None = None) -> None:
+    path.write_bytes(content)
+    with pytest.raises(CheckpointError, match=words) as caught:
+        read_checkpoint(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_truncated_checkpoint_is_refused_at_any_length(sealed: bytes, tmp_path: Path) -> None:
+    lengths = {*range(0, 600, 7), *range(600, len(sealed), 401), 511, 512, 513, len(sealed) - 1}
+    for length in sorted(lengths):
+        assert_refused(tmp_path / "run.h5", sealed[:length])
+
+
+def test_bytes_after_the_end_are_refused(sealed: bytes, tmp_path: Path) -> None:
+    assert_refused(tmp_path / "run.h5", sealed + b"\0", "damaged")
+
+
+def test_any_flipped_bit_is_refused(sealed: bytes, tmp_path: Path) -> None:
+    positions = [*range(BLOCK_SIZE), *range(BLOCK_SIZE, len(sealed), 97), len(sealed) - 1]
+    for position in positions:
+        flipped = bytearray(sealed)
+        flipped[position] ^= 1 << position % 8
+        assert_refused(tmp_path / "run.h5", bytes(flipped))
+
+
+@pytest.mark.parametrize("content", [b"", b"schema: airrace/track/1\n" * 100, b"\x89HDF\r\n\x1a\n" + b"\0" * 4000])
+def test_other_files_are_no_checkpoints(content: bytes, tmp_path: Path) -> None:
+    assert_refused(tmp_path / "run.h5", content, "not a")
+
+
+def test_a_sealed_file_that_is_no_hdf5_is_refused(tmp_path: Path) -> None:
+    assert_refused(tmp_path / "run.h5", seal(b"nothing of the kind" * 99), "HDF5")
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.h5")
+    (tmp_path / "loop.h5").symlink_to("loop.h5")
+    for path in (tmp_path / "none.h5", tmp_path, tmp_path / "pipe.h5", tmp_path / "loop.h5", Path("/dev/zero")):
+        with pytest.raises(CheckpointError):
+            read_checkpoint(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"none\.h5: No such file"):
+        read_checkpoint(tmp_path / "none.h5")
+
+
+def test_a_file_beyond_the_size_limit_is_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "run.h5").open("wb") as file:
+        file.truncate(store.SIZE_MAX + 1)
+    with pytest.raises(CheckpointError, match="larger than 256 MiB"):
+        read_checkpoint(tmp_path / "run.h5")
+
+
+def forged(sealed: bytes, path: Path, edit: Callable[[h5py.File], None]) -> bytes:
+    """The checkpoint, edited by someone who can compute checksums."""
+    path.write_bytes(unseal(sealed))
+    with h5py.File(path, "r+") as file:
+        edit(file)
+    return seal(path.read_bytes())
+
+
+def renew(file: h5py.File, name: str, **dataset: object) -> None:
+    del file[name]
+    file.create_dataset(name, **dataset)
+
+
+def soft_link(file: h5py.File) -> None:
+    del file[f"{STAGE}/durations"]
+    file[f"{STAGE}/durations"] = h5py.SoftLink("/stages/homotopy/durations")
+
+
+def external_link(file: h5py.File) -> None:
+    del file[f"{STAGE}/durations"]
+    file[f"{STAGE}/durations"] = h5py.ExternalLink("/etc/passwd", "/durations")
+
+
+def external_storage(file: h5py.File) -> None:
+    renew(file, "inputs/resolved", shape=(1,), dtype="<f8", external=[("/etc/passwd", 0, 8)])
+
+
+def virtual_dataset(file: h5py.File) -> None:
+    layout = h5py.VirtualLayout((2,), "<f8")
+    layout[:] = h5py.VirtualSource("/etc/passwd", "x", (2,), "<f8")
+    del file[f"{STAGE}/durations"]
+    file.create_virtual_dataset(f"{STAGE}/durations", layout)
+
+
+def object_reference(file: h5py.File) -> None:
+    renew(file, f"{STAGE}/durations", data=np.array([file.ref, file.ref], h5py.ref_dtype))
+
+
+def reference_attribute(file: h5py.File) -> None:
+    file[f"{STAGE}/durations"].attrs["units"] = file.ref
+
+
+def named_type(file: h5py.File) -> None:
+    file[f"{STAGE}/kind"] = np.dtype("<f8")
+
+
+def own_member(file: h5py.File) -> None:
+    file["stages/point-mass/states/self"] = file["stages"]
+
+
+def repeated_members(file: h5py.File) -> None:
+    for number in range(25_000):
+        file[f"stages/n{number}"] = file["versions"]
+
+
+def one_dataset_many_times(file: h5py.File) -> None:
+    file.create_dataset("large", data=np.zeros(5000))
+    for number in range(50):
+        file[f"large_{number}"] = file["large"]
+
+
+def many_attributes(file: h5py.File) -> None:
+    for number in range(17):
+        file["stages"].attrs[f"a{number}"] = 1.0
+
+
+FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
+    "soft link": (soft_link, "durations: is a soft or external link"),
+    "external link": (external_link, "durations: is a soft or external link"),
+    "external storage": (external_storage, "not stored plainly"),
+    "virtual dataset": (virtual_dataset, "not stored plainly"),
+    "object reference": (object_reference, "durations: is neither"),
+    "reference as attribute": (reference_attribute, "durations@units: is neither"),
+    "named type": (named_type, "neither a group nor a dataset"),
+    "group within itself": (own_member, "nested more than|more than a checkpoint can"),
+    "too many objects": (repeated_members, "more than a checkpoint can"),
+    "bytes counted twice": (one_dataset_many_times, "more than a checkpoint can"),
+    "too many attributes": (many_attributes, "has 17 attributes"),
+    "compressed": (
+        lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2), compression="gzip"),
+        "not stored plainly",
+    ),
+    "chunked": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2), chunks=(1,)), "not stored plainly"),
+    "unallocated": (lambda f: renew(f, f"{STAGE}/durations", shape=(9,), dtype="<f8"), "72 bytes are declared"),
+    "absurd size": (lambda f: renew(f, f"{STAGE}/durations", shape=(10**15,), dtype="<f8"), "more than a checkpoint"),
+    "single precision": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2, "<f4")), "durations: is neither"),
+    "two dimensions": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros((1, 2))), "durations: is neither"),
+    "no dataspace": (lambda f: renew(f, f"{STAGE}/durations", data=h5py.Empty("<f8")), "durations: is neither"),
+    "variable-length text": (lambda f: renew(f, f"{STAGE}/message", data="hello"), "message: is neither"),
+    "integers for floats": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2, "<i8")), "series of floats"),
+    "floats for integers": (lambda f: renew(f, f"{STAGE}/first_node", data=np.zeros(3)), "series of integers"),
+    "numbers for a text": (lambda f: renew(f, f"{STAGE}/message", data=np.zeros(2)), "message is not a text"),
+    "a group for a series": (
+        lambda f: (f.pop(f"{STAGE}/time"), f.create_group(f"{STAGE}/time")),
+        "time is not a series",
+    ),
+    "missing member": (lambda f: f.pop(f"{STAGE}/durations"), "'durations' is missing"),
+    "unknown member": (lambda f: f.create_group(f"{STAGE}/more"), "'more' is unknown"),
+    "unknown stage": (lambda f: f.move(STAGE, "stages/warp"), "unknown stage 'warp'"),
+    "another schema": (lambda f: f.attrs.modify("schema", np.int64(2)), "schema is 2"),
+    "no schema": (lambda f: f.attrs.pop("schema"), "schema is None"),
+    "no declaration": (lambda f: f[f"{STAGE}/states/V_K"].attrs.pop("upper"), "V_K: is not declared"),
+    "the same row twice": (lambda f: f[f"{STAGE}/states/V_K"].attrs.modify("row", np.int64(0)), "are not 0, 1, 2"),
+    "a row elsewhere": (lambda f: f[f"{STAGE}/states/V_K"].attrs.modify("row", np.int64(7)), "are not 0, 1, 2"),
+    "a short history": (lambda f: renew(f, f"{STAGE}/states/V_K", data=np.zeros(3)), "3 values instead of 7"),
+    "phases out of order": (
+        lambda f: renew(f, f"{STAGE}/first_node", data=np.array([0, 9, 6])),
+        "first_node: does not divide",
+    ),
+    "too many durations": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(3)), "3 durations of 2 phases"),
+    "no nodes": (lambda f: renew(f, f"{STAGE}/time", data=np.zeros(0)), "interval_time"),
+    "unknown outcome": (
+        lambda f: renew(f, f"{STAGE}/outcome", data=np.array(b"fine", utf8(4))),
+        "unknown outcome 'fine'",
+    ),
+    "other columns": (
+        lambda f: renew(f, f"{STAGE}/splits", data=np.zeros(1, [("name", utf8(2)), ("time", "<f8")])),
+        "splits: the columns are name, time",
+    ),
+    "a truth of two": (lambda f: f[f"{STAGE}/attempts"].__setitem__((0, "success"), 2), "neither 0 nor 1"),
+    "two rows of timings": (
+        lambda f: renew(f, f"{STAGE}/timings", data=np.repeat(f[f"{STAGE}/timings"][()], 2)),
+        "2 rows instead of one",
+    ),
+}
+
+
+def utf8(length: int) -> np.dtype:
+    return h5py.string_dtype("utf-8", length)
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_forged_checkpoint_with_a_valid_checksum_is_refused(sealed: bytes, tmp_path: Path, name: str) -> None:
+    edit, words = FORGERIES[name]
+    assert_refused(tmp_path / "run.h5", forged(sealed, tmp_path / "image.h5", edit), words)
+
+
+def test_the_forger_s_tools_alone_change_nothing(sealed: bytes, tmp_path: Path) -> None:
+    (tmp_path / "run.h5").write_bytes(forged(sealed, tmp_path / "image.h5", lambda file: None))
+    assert_same(read_checkpoint(tmp_path / "run.h5").stages, example_checkpoint().stages)
