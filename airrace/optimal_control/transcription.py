@@ -166,7 +166,8 @@ class _Transcription:
         how = "thread" if self.threads > 1 and count >= MAP_IN_THREADS else "serial"
         mapped = function.map(count, how, self.threads) if how == "thread" else function.map(count)
         outputs = mapped(y, calls.own, ca.repmat(calls.shared, 1, count), *multipliers)
-        return [one.nz[:] for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
+        # the nonzeros of a row come as a row
+        return [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
 
     def _multipliers(self, calls: _Calls) -> ca.MX:
         """Multipliers of the kernel's outputs in SI, shape (n_c, calls); zero where not constrained."""

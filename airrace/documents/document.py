@@ -1,0 +1,52 @@
+"""A document: the text of an input file together with the path under which messages name it."""
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+
+from airrace.errors import Finding
+
+SIZE_MAX = 262_144
+"""Largest input file, bytes; the largest real course needs a tenth of it."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """The text of one input file. `path` is what the user gave, not made absolute."""
+
+    path: str
+    text: str
+
+
+def read_document(path: Path, findings: list[Finding]) -> Document | None:
+    """Read a file as UTF-8 text; what is wrong with it becomes one finding and the result None."""
+
+    def refuse(message: str) -> None:
+        findings.append(Finding(str(path), 0, 0, "", message))
+
+    try:
+        if not path.exists():
+            return refuse(missing_file(path))
+        if not path.is_file():
+            return refuse("is not a file")
+        with path.open("rb") as stream:
+            content = stream.read(SIZE_MAX + 1)
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        return refuse(f"cannot be read: {reason}")
+    if len(content) > SIZE_MAX:
+        return refuse(f"is too large: at most {SIZE_MAX} bytes are read")
+    try:
+        return Document(str(path), content.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        return refuse(f"is not UTF-8 text (byte {error.start}); save it as UTF-8")
+
+
+def missing_file(path: Path) -> str:
+    """Say that a file does not exist, with the most similar name beside it."""
+    try:
+        neighbours = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return f"no such file: {path} (its folder does not exist either)"
+    similar = difflib.get_close_matches(path.name, neighbours, n=1)
+    return f"no such file: {path}" + (f"; did you mean `{similar[0]}`?" if similar else "")

@@ -1,0 +1,126 @@
+"""What a YAML text says, with the place of every key and value kept: the tree between reader and schemas."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from airrace.errors import Finding
+
+ScalarValue = str | int | float | bool | None
+JSON = ScalarValue | list["JSON"] | dict[str, "JSON"]
+KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something stands; `line` and `column` count from 1, both are 0 outside of a file."""
+
+    file: str
+    line: int
+    column: int
+
+
+@dataclass(frozen=True)
+class ScalarNode:
+    """A single value."""
+
+    place: Place
+    value: ScalarValue
+
+    def plain(self) -> JSON:
+        return self.value
+
+
+@dataclass(frozen=True)
+class SequenceNode:
+    """A list."""
+
+    place: Place
+    items: tuple["Node", ...] = ()
+
+    def plain(self) -> JSON:
+        return [item.plain() for item in self.items]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One key of a mapping with its value."""
+
+    key_place: Place
+    value: "Node"
+
+
+@dataclass(frozen=True)
+class MappingNode:
+    """Keys and values in the order of the file."""
+
+    place: Place
+    entries: Mapping[str, Entry] = field(default_factory=dict[str, Entry])
+
+    def plain(self) -> JSON:
+        return {key: entry.value.plain() for key, entry in self.entries.items()}
+
+    def scalar(self, key: str) -> ScalarValue:
+        """The value of a key; None where it is absent or no single value."""
+        entry = self.entries.get(key)
+        return entry.value.value if entry and isinstance(entry.value, ScalarNode) else None
+
+
+Node = ScalarNode | SequenceNode | MappingNode
+
+
+def dotted(path: KeyPath) -> str:
+    """`gates.g4.heading_deg`; items of lists count from 0."""
+    return ".".join(str(part) for part in path)
+
+
+@dataclass(frozen=True)
+class Reporter:
+    """Turns remarks about entries of one document into findings with their place.
+
+    Attributes:
+        root: the document.
+        findings: where the findings are gathered.
+    """
+
+    root: MappingNode
+    findings: list[Finding]
+
+    def value(self, path: KeyPath, message: str) -> None:
+        """Remark on a value; where the entry is absent, on the innermost element that should hold it."""
+        self._add(self._place(path, at_key=False), path, message)
+
+    def key(self, path: KeyPath, message: str) -> None:
+        """Remark on the key itself, or on an absent one."""
+        self._add(self._place(path, at_key=True), path, message)
+
+    def find(self, path: KeyPath) -> Node | None:
+        """The node at a path, None where there is none."""
+        node: Node | None = self.root
+        for part in path:
+            step = child(node, part) if node else None
+            node = step.value if step else None
+        return node
+
+    def _add(self, place: Place, path: KeyPath, message: str) -> None:
+        self.findings.append(Finding(place.file, place.line, place.column, dotted(path), message))
+
+    def _place(self, path: KeyPath, *, at_key: bool) -> Place:
+        place, node = self.root.place, self.root
+        for index, part in enumerate(path):
+            step = child(node, part)
+            if step is None:
+                return place
+            is_last = index == len(path) - 1
+            # An element is named by its key: what it lacks is reported there.
+            place = step.value.place if is_last and not at_key else step.key_place
+            node = step.value
+        return place
+
+
+def child(node: Node, part: str | int) -> Entry | None:
+    """One step down: an entry of a mapping, or an item of a list (whose place serves as that of its key)."""
+    if isinstance(node, MappingNode) and isinstance(part, str):
+        return node.entries.get(part)
+    if isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):
+        return Entry(node.items[part].place, node.items[part])
+    return None
