@@ -1,0 +1,40 @@
+"""A mass slides from rest to rest in minimum time: x'' = f, abs(f) <= 20, from 0 to 1; t_f = 2 / sqrt(20)."""
+
+import pytest
+from statement import corners, exactly, optimum, textbook_system
+
+from airrace.optimal_control.problem import Boundary, Phase, Problem, interpolated, uniform
+from airrace.quantities import Interval, T, Vector, quantity, vector
+
+
+@vector
+class State(Vector[T]):
+    x: T = quantity("m")
+    v: T = quantity("m/s")
+
+
+@vector
+class Force(Vector[T]):
+    f: T = quantity("N/kg", scale=20.0, lower=-20.0, upper=20.0)
+
+
+SYSTEM = textbook_system("sliding-mass", State, Force, lambda x, u: State(x=x.v, v=u.f))
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_phases_of_equal_length_take_the_time_of_one(count: int, solver: str) -> None:
+    ends = [Boundary(bounds={"x": exactly(index / count)}) for index in range(1, count)]
+    ends.append(Boundary(bounds={"x": exactly(1.0), "v": exactly(0.0)}))
+    problem = Problem(
+        SYSTEM,
+        parameters=(),
+        start=Boundary(bounds={"x": exactly(0.0), "v": exactly(0.0)}),
+        # an even number of intervals: the force changes its sign at the end of one of them
+        phases=tuple(Phase(f"stretch {index}", uniform(6), Interval(0.01, 5.0), end) for index, end in enumerate(ends)),
+    )
+    between = [State(x=index / count, v=1.0) for index in range(1, count)]
+    states = corners(State(x=0.0, v=0.0), *between, State(x=1.0, v=0.0))
+    solution = optimum(problem, interpolated(problem, [1.0 / count] * count, states, [0.0]), solver)
+    assert solution.success, solution.status
+    assert solution.objective == pytest.approx(0.4472136, abs=5e-7)
