@@ -159,7 +159,7 @@ class Layout:
         per_phase = [
             [(quantity, narrowed(quantity, phase.bounds)) for quantity in system.path] for phase in self.problem.phases
         ]
-        limits = [list(per_phase[phase]) for phase in self.phase_of_interval]
+        limits = [list(per_phase[phase]) for phase in self.phase_of_interval.tolist()]
         for phase, node in enumerate(self.first_node[1:-1]):
             limits[node] = [
                 (quantity, before.intersect(after))
@@ -202,7 +202,7 @@ class Layout:
         """Places of all rows besides the gaps, in the order of `flat_rows`."""
         places = [
             np.arange(count) + end - count
-            for end, count in zip(self._constraint_offset[1:], self.stage_rows, strict=True)
+            for end, count in zip(self._constraint_offset[1:].tolist(), self.stage_rows.tolist(), strict=True)
         ]
         return np.concatenate(places)
 
@@ -269,7 +269,7 @@ class Layout:
     def describe(self, constraint: int) -> str:
         """What a constraint is, for people."""
         stage = int(np.searchsorted(self._constraint_offset, constraint, side="right")) - 1
-        phase = self.problem.phases[self.phase_of_interval[min(stage, self.intervals - 1)]]
+        phase = self.problem.phases[int(self.phase_of_interval[min(stage, self.intervals - 1)])]
         within = constraint - int(self._constraint_offset[stage])
         gaps = self.n_x + 1 if stage < self.intervals else 0
         if within < gaps:

@@ -1,0 +1,131 @@
+"""What the solver process is asked and what it answers, and how both travel.
+
+Systems and observations are large and few: they are sent once and then named, by `Sender` and `Receiver`.
+"""
+
+import hashlib
+import io
+import pickle
+from dataclasses import dataclass
+from typing import IO, Any
+
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.system import Observation, System
+
+
+@dataclass(frozen=True)
+class SolveRequest:
+    """Solve `problem` from `guess`."""
+
+    problem: Problem
+    guess: Iterate
+    multipliers: Multipliers | None
+    solver: str
+    options: SolverOptions
+    compiled: bool
+    threads: int
+
+
+@dataclass(frozen=True)
+class IterationReport:
+    """One line of a solver's progress: iteration, objective, largest scaled infeasibility."""
+
+    number: int
+    objective: float
+    infeasibility: float
+
+
+@dataclass(frozen=True)
+class WorkerFailure:
+    """A request that could not be worked on; a bug, not a failed solve."""
+
+    text: str
+
+
+Reply = IterationReport | Solution | WorkerFailure
+
+
+@dataclass(frozen=True)
+class _Definition:
+    """A shared object under the name by which later messages refer to it."""
+
+    name: str
+    shared: System | Observation
+
+
+class _Pickler(pickle.Pickler):
+    def __init__(self, stream: IO[bytes], names: dict[int, str]) -> None:
+        super().__init__(stream, protocol=pickle.HIGHEST_PROTOCOL)
+        self._names = names
+
+    def persistent_id(self, obj: Any) -> str | None:  # Any: pickle offers every object it meets
+        return self._names.get(id(obj)) if isinstance(obj, System | Observation) else None
+
+
+class _Unpickler(pickle.Unpickler):
+    def __init__(self, stream: IO[bytes], shared: dict[str, System | Observation]) -> None:
+        super().__init__(stream)
+        self._shared = shared
+
+    def persistent_load(self, pid: str) -> System | Observation:
+        return self._shared[pid]
+
+
+class Sender:
+    """Writes requests; every System and Observation once."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._names: dict[int, str] = {}
+        self._kept: list[System | Observation] = []  # keeps the ids valid
+
+    def send(self, request: SolveRequest) -> None:
+        """Write one request.
+
+        Raises:
+            OSError: the other side is gone.
+        """
+        problem = request.problem
+        boundaries = [problem.start, *(phase.end for phase in problem.phases)]
+        for shared in [problem.system, *(one.observation for one in boundaries if one.observation is not None)]:
+            if id(shared) not in self._names:
+                self._define(shared)
+        self._write(request)
+
+    def close(self) -> None:
+        """Close the stream."""
+        self._stream.close()
+
+    def _define(self, shared: System | Observation) -> None:
+        content = pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL)
+        name = hashlib.sha256(content).hexdigest()
+        self._write(_Definition(name, shared))
+        self._names[id(shared)] = name
+        self._kept.append(shared)
+
+    def _write(self, message: SolveRequest | _Definition) -> None:
+        buffer = io.BytesIO()
+        _Pickler(buffer, self._names).dump(message)
+        self._stream.write(buffer.getvalue())
+        self._stream.flush()
+
+
+class Receiver:
+    """Reads requests; equal Systems and Observations arrive as the same object."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._shared: dict[str, System | Observation] = {}
+
+    def receive(self) -> SolveRequest | None:
+        """The next request; None at the end of the stream."""
+        while True:
+            try:
+                message = _Unpickler(self._stream, self._shared).load()
+            except EOFError:
+                return None
+            if isinstance(message, _Definition):
+                self._shared.setdefault(message.name, message.shared)
+            else:
+                return message

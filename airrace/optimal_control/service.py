@@ -1,0 +1,117 @@
+"""The other end of the solver process: starts it, hands it problems, watches it, stops it.
+
+The solvers cannot be interrupted from within (one ignores signals and may never return from a bad guess), so they live
+in a process that can be killed. One process serves a whole run.
+"""
+
+import contextlib
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Self
+
+from airrace.errors import SolverCrash
+from airrace.optimal_control.messages import IterationReport, Reply, Sender, SolveRequest, WorkerFailure
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+
+
+class Stalled(Exception):
+    """The solver has not finished an iteration for too long and was stopped."""
+
+
+class SolverService:
+    """A solver process; a context manager that leaves no process behind.
+
+    Args:
+        threads: threads that evaluate derivatives.
+        compiled: whether kernels are compiled where possible.
+        stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
+    """
+
+    def __init__(self, *, threads: int = 1, compiled: bool = True, stall_seconds: float = 120.0) -> None:
+        self._threads = threads
+        self._compiled = compiled
+        self._stall_seconds = stall_seconds
+        self._process: subprocess.Popen[bytes] | None = None
+        self._start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def solve(
+        self,
+        problem: Problem,
+        guess: Iterate,
+        *,
+        solver: str,
+        options: SolverOptions,
+        multipliers: Multipliers | None = None,
+        on_iteration: Callable[[IterationReport], None] | None = None,
+    ) -> Solution:
+        """Solve a problem in the solver process.
+
+        Raises:
+            Stalled: no iteration was finished for `stall_seconds`; the process was restarted.
+            SolverCrash: the process died or could not work on the request.
+        """
+        if self._process is None:
+            self._start()
+        request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, self._threads)
+        try:
+            self._sender.send(request)
+            while True:
+                reply = self._receive()
+                if isinstance(reply, Solution):
+                    return reply
+                if isinstance(reply, WorkerFailure):
+                    raise SolverCrash(f"the solver process failed:\n{reply.text}")
+                if on_iteration is not None:
+                    on_iteration(reply)
+        except (OSError, EOFError, pickle.UnpicklingError) as error:
+            status = self._process.wait() if self._process is not None else None
+            self.stop()
+            raise SolverCrash(f"the solver process died (status {status})") from error
+        except BaseException:  # an interrupt leaves the process in mid-solve: it is of no more use
+            self.stop()
+            raise
+
+    def stop(self) -> None:
+        """Kill the process, if there is one."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._replies.close()
+            with contextlib.suppress(BrokenPipeError):
+                self._sender.close()
+            self._process = None
+
+    def _start(self) -> None:
+        reading, writing = os.pipe()
+        # A session of its own: the terminal's Ctrl-C reaches this process only, which then stops the other.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "airrace.optimal_control.worker", str(writing)],
+            stdin=subprocess.PIPE,
+            pass_fds=(writing,),
+            start_new_session=True,
+        )
+        os.close(writing)
+        self._replies = Connection(reading, writable=False)
+        assert self._process.stdin is not None  # asked for above
+        self._sender = Sender(self._process.stdin)
+
+    def _receive(self) -> Reply:
+        """The next reply."""
+        if not self._replies.poll(self._stall_seconds):
+            raise Stalled(f"no iteration finished within {self._stall_seconds:g} s")
+        reply: Reply = self._replies.recv()
+        return reply

@@ -1,0 +1,113 @@
+"""The solver process: reads requests, solves them, reports iterations while it does.
+
+It is started by `service.py` as `python -m airrace.optimal_control.worker FD` and answers on the file descriptor FD.
+The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers are
+kept ready per problem structure, so that a homotopy pays for its set-up once.
+"""
+
+import ctypes
+import io
+import re
+import signal
+import sys
+import traceback
+from multiprocessing.connection import Connection
+
+from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.kernels import Kernels, build_kernels
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.messages import IterationReport, Receiver, SolveRequest, WorkerFailure
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
+from airrace.system import System
+
+PREPARED_KEPT = 64
+_ITERATION = re.compile(r"^\s*(\d+)r?\s+([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
+_PR_SET_PDEATHSIG = 1
+
+
+class ProgressReader(io.TextIOBase):
+    """Stands in for standard output: iteration lines become reports, all else is dropped."""
+
+    def __init__(self, replies: Connection) -> None:
+        self._replies = replies
+        self._line = ""
+
+    def write(self, text: str) -> int:
+        *lines, self._line = (self._line + text).split("\n")
+        for line in lines:
+            if match := _ITERATION.match(line):
+                report = IterationReport(int(match[1]), float(match[2]), float(match[3]))
+                self._replies.send(report)
+        return len(text)
+
+
+class Workshop:
+    """Solves requests; keeps kernels and prepared problems for the next request of the same structure."""
+
+    def __init__(self) -> None:
+        self._systems: list[System] = []
+        self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
+        self._prepared: dict[str, PreparedProblem] = {}
+
+    def solve(self, request: SolveRequest) -> Solution:
+        layout = Layout(request.problem)
+        key = self._key(layout, request)
+        prepared = self._prepared.pop(key, None)
+        if prepared is None:
+            kernels = self._kernels_of(request)
+            solver = SOLVERS[request.solver]
+            prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
+            if len(self._prepared) >= PREPARED_KEPT:
+                del self._prepared[next(iter(self._prepared))]
+        self._prepared[key] = prepared
+        return prepared.solve(layout, request.guess, request.multipliers)
+
+    def _system_number(self, system: System) -> int:
+        """Equal systems are one object here, see `Receiver`."""
+        for number, known in enumerate(self._systems):
+            if known is system:
+                return number
+        self._systems.append(system)
+        return len(self._systems) - 1
+
+    def _kernels_of(self, request: SolveRequest) -> Kernels:
+        problem = request.problem
+        key = (self._system_number(problem.system), problem.scheme, request.compiled)
+        if key not in self._kernels:
+            self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
+        return self._kernels[key]
+
+    def _key(self, layout: Layout, request: SolveRequest) -> str:
+        """Everything the prepared functions depend on: two problems with equal keys share them."""
+        problem = request.problem
+        rows = [(row.node, row.source, row.component) for row in layout.flat_rows]
+        observed = [one.observation.name if one.observation else "" for _, one in layout.boundaries]
+        parts = (self._system_number(problem.system), problem.scheme, problem.objective, problem.time_scale)
+        solving = (request.solver, request.options, request.compiled, request.threads)
+        return repr((parts, layout.first_node.tolist(), rows, observed, solving))
+
+
+def die_with_parent() -> None:
+    """Ask the system to end this process when its parent ends (Linux; elsewhere the closed pipe does it later)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def main() -> None:
+    """Serve requests from standard input until it closes."""
+    die_with_parent()
+    replies: Connection = Connection(int(sys.argv[1]), readable=False)
+    receiver = Receiver(sys.stdin.buffer)
+    sys.stdout = ProgressReader(replies)
+    workshop = Workshop()
+    while (request := receiver.receive()) is not None:
+        try:
+            replies.send(workshop.solve(request))
+        except BrokenPipeError:
+            return
+        except Exception:  # whatever it is, the other side must hear of it
+            replies.send(WorkerFailure(traceback.format_exc()))
+
+
+if __name__ == "__main__":
+    main()
