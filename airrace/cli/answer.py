@@ -1,0 +1,106 @@
+"""How a command ends: one JSON object or a few lines, and an exit code. Never a raw traceback."""
+
+import json
+import os
+import sys
+import traceback
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+
+import typer
+
+from airrace.cli.exit_codes import ExitCode, of_error, worst
+from airrace.errors import Finding, InputError
+
+
+@dataclass
+class Answer:
+    """What a command has to say so far.
+
+    Attributes:
+        fields: the object printed with `--json`; a failing command prints what it holds by then.
+        code: the exit code.
+        error: one sentence on what went wrong; empty if nothing did.
+        findings: what is wrong with the input files.
+    """
+
+    fields: dict[str, object] = field(default_factory=dict[str, object])
+    code: ExitCode = ExitCode.DONE
+    error: str = ""
+    findings: Sequence[Finding] = ()
+
+    def fail(self, code: ExitCode, error: str, findings: Sequence[Finding] = ()) -> None:
+        """Record a failure; of several, the one that takes precedence speaks."""
+        if code is self.code or worst((self.code, code)) is not code:
+            return
+        self.code, self.error, self.findings = code, error, findings
+
+
+def unflown(track: str | None) -> dict[str, object]:
+    """The object of a run of which nothing is known yet."""
+    return {"track": track, "certified": False, "race_time_s": None, "wall_s": None, "stages": []}
+
+
+@contextmanager
+def answering(fields: Mapping[str, object] | None = None, *, as_json: bool) -> Generator[Answer, None, None]:
+    """Run a command's body; turn whatever it raises into its answer, print it, and leave with its exit code.
+
+    Args:
+        fields: what the object holds from the start, so that its shape does not depend on how far the command came.
+        as_json: print the object on stdout.
+
+    Raises:
+        typer.Exit: with the code, unless it is 0.
+    """
+    answer = Answer(dict(fields or {}))
+    try:
+        yield answer
+    except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
+        _record(answer, error)
+    _say(answer, as_json=as_json)
+    if answer.code is not ExitCode.DONE:
+        raise typer.Exit(int(answer.code))
+
+
+def debugging() -> bool:
+    """Whether the user asked for tracebacks and the library's own log."""
+    return os.environ.get("AIRRACE_DEBUG", "0") not in ("", "0")
+
+
+def _record(answer: Answer, error: BaseException) -> None:
+    if debugging():
+        traceback.print_exception(error)
+    code = of_error(error)
+    match error:
+        case InputError():
+            count = len(error.findings)
+            answer.fail(code, f"the input is not valid: {count} finding{'' if count == 1 else 's'}", error.findings)
+        case KeyboardInterrupt():
+            answer.fail(code, "interrupted")
+        case MemoryError():
+            answer.fail(code, "out of memory")
+        case _ if code is ExitCode.BUG:
+            text = " ".join(f"{type(error).__name__}: {error}".split())
+            answer.fail(code, f"this is a bug: {text} (AIRRACE_DEBUG=1 shows where)")
+        case _:
+            answer.fail(code, str(error) or type(error).__name__)
+
+
+def _say(answer: Answer, *, as_json: bool) -> None:
+    """The object goes to stdout; the words go to stderr either way, for whoever watches a script."""
+    if answer.error:
+        for finding in answer.findings:
+            print(finding, file=sys.stderr)
+        print(f"airrace: {answer.error}", file=sys.stderr)
+        answer.fields["error"] = answer.error
+        answer.fields["findings"] = [asdict(finding) for finding in answer.findings]
+    try:
+        if as_json:
+            print(json.dumps(answer.fields, allow_nan=False))
+        sys.stdout.flush()
+    except OSError as error:
+        answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
+        print(f"airrace: {answer.error}", file=sys.stderr)
+        # What is still buffered cannot be written either; let the interpreter's last flush go nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

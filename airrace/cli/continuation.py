@@ -1,0 +1,74 @@
+"""What `resume` does with each stage: keep it, or run it and why."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from airrace.checkpoint import inputs_hash, stale_stages
+from airrace.cli.running import Run
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Outcome, Stage, StageResult
+
+
+@dataclass(frozen=True)
+class Step:
+    """One stage; `reason` is a clause for the user, empty where the stage is kept."""
+
+    stage: Stage
+    reason: str
+
+    def as_object(self) -> dict[str, object]:
+        return {"stage": self.stage.value, "action": "run" if self.reason else "keep", "reason": self.reason}
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """The stages up to `until`, and the results of those that are kept."""
+
+    until: Stage
+    steps: tuple[Step, ...]
+    kept: tuple[StageResult, ...]
+
+
+def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continuation:
+    """Decide for every stage up to `until`. What follows a stage that runs, runs, too.
+
+    Args:
+        run: as stored, its inputs understood anew.
+        from_stage: computed again although it may still stand; None for none.
+    """
+    stale = dict(stale_stages(run.checkpoint, inputs_hash(run.checkpoint.inputs.resolved)))
+    stages = tuple(procedure.STAGES)
+    steps: list[Step] = []
+    kept: list[StageResult] = []
+    cause = ""
+    for stage in stages[: stages.index(until) + 1]:
+        stored = run.checkpoint.stage(stage)
+        if not cause:
+            if stage is from_stage:
+                cause = "asked for"
+            elif stored is None:
+                cause = "not finished"
+            else:
+                cause = stale.get(stage, "") or _unfit(stored.result)
+            reason = cause
+        else:
+            reason = f"{steps[-1].stage.value} runs before it"
+        steps.append(Step(stage, reason))
+        if not reason and stored is not None:
+            kept.append(stored.result)
+    return Continuation(until, tuple(steps), tuple(kept))
+
+
+def describe(plan: Continuation) -> Iterator[str]:
+    """One line per stage."""
+    for step in plan.steps:
+        yield f"{step.stage.value}: run ({step.reason})" if step.reason else f"{step.stage.value}: keep"
+
+
+def _unfit(result: StageResult) -> str:
+    """Why nothing can be built on a stored stage; empty if something can."""
+    if result.outcome is not Outcome.SOLVED:
+        return f"it ended {result.outcome.value}"
+    if result.certificate is not None and not result.certified:
+        return "it is not certified"
+    return ""

@@ -1,0 +1,58 @@
+"""Exit codes: what the shell learns of a run."""
+
+from collections.abc import Iterable
+from enum import IntEnum
+
+from airrace.errors import CheckpointError, InputError, SolverCrash, StorageError, UsageError
+
+
+class ExitCode(IntEnum):
+    """The table a script may rely on."""
+
+    DONE = 0
+    BUG = 1
+    USAGE = 2
+    INVALID_INPUT = 3
+    INFEASIBLE = 4
+    NOT_CERTIFIED = 5
+    TIMEOUT = 6
+    BAD_CHECKPOINT = 7
+    SYSTEM = 8
+    INTERRUPTED = 130
+
+
+PRECEDENCE = (
+    ExitCode.INTERRUPTED,
+    ExitCode.BUG,
+    ExitCode.SYSTEM,
+    ExitCode.BAD_CHECKPOINT,
+    ExitCode.INVALID_INPUT,
+    # A usage error ends a command before anything else can go wrong; its rank only completes the order.
+    ExitCode.USAGE,
+    ExitCode.NOT_CERTIFIED,
+    ExitCode.TIMEOUT,
+    ExitCode.INFEASIBLE,
+    ExitCode.DONE,
+)
+
+
+def worst(codes: Iterable[ExitCode]) -> ExitCode:
+    """The one code reported when several apply; `DONE` of none."""
+    return min(codes, key=PRECEDENCE.index, default=ExitCode.DONE)
+
+
+def of_error(error: BaseException) -> ExitCode:
+    """The code of an exception that ended a command; whatever nobody foresaw is a bug."""
+    match error:
+        case KeyboardInterrupt():
+            return ExitCode.INTERRUPTED
+        case UsageError():
+            return ExitCode.USAGE
+        case InputError():
+            return ExitCode.INVALID_INPUT
+        case CheckpointError():
+            return ExitCode.BAD_CHECKPOINT
+        case StorageError() | SolverCrash() | MemoryError() | OSError():
+            return ExitCode.SYSTEM
+        case _:
+            return ExitCode.BUG

@@ -1,0 +1,66 @@
+"""The `airrace` command: its subcommands, and what signals mean to all of them.
+
+The modules of the commands import nothing heavy; each command imports what it needs when it is called.
+"""
+
+import signal
+import sys
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from airrace.cli.check import check
+from airrace.cli.exit_codes import ExitCode
+from airrace.cli.export import export
+from airrace.cli.optimize import optimize
+from airrace.cli.resume import resume
+from airrace.cli.show import show
+from airrace.cli.verify import verify
+
+app = typer.Typer(
+    name="airrace",
+    help="Find the fastest flight through an air-race course.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(optimize)
+app.command()(resume)
+app.add_typer(export)
+app.command()(show)
+app.command()(verify)
+app.command()(check)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"airrace {version('airrace')}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Find the fastest flight through an air-race course."""
+
+
+def main() -> None:
+    """Entry point. SIGTERM ends a command just as Ctrl-C does, and neither is ignored in the background."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGINT, _interrupt)
+    try:
+        app()
+    except KeyboardInterrupt:  # before or after a command's own body
+        sys.exit(int(ExitCode.INTERRUPTED))
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,44 @@
+"""`airrace resume`: go on where a run ended."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering, unflown
+
+
+def resume(
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to go on with.")],
+    until: Annotated[
+        str | None, typer.Option(metavar="STAGE", help="Last stage to run; by default the last available one.")
+    ] = None,
+    from_stage: Annotated[
+        str | None, typer.Option("--from", metavar="STAGE", help="Compute this stage and all after it again.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
+    threads: Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress and no tables.")] = False,
+) -> None:
+    """Continue a run after the last stage that still stands, and write it to the same file."""
+    with answering(unflown(None), as_json=as_json) as answer:
+        from airrace.checkpoint import read_checkpoint
+        from airrace.cli.continuation import continuation, describe
+        from airrace.cli.running import fly, stage_named, stored_run
+        from airrace.cli.tables import print_tables, result_tables
+
+        run = stored_run(read_checkpoint(run_file), run_file)
+        plan = continuation(
+            run,
+            until=stage_named(until),
+            from_stage=None if from_stage is None else stage_named(from_stage),
+        )
+        if dry_run:
+            answer.fields = {"track": run.name, "steps": [step.as_object() for step in plan.steps]}
+            if not (as_json or quiet):
+                print("\n".join(describe(plan)))
+            return
+        results = fly(answer, run, finished=plan.kept, until=plan.until, threads=threads, quiet=quiet)
+        if results and not (as_json or quiet):
+            print_tables(*result_tables(results[-1]))

@@ -1,0 +1,155 @@
+"""Flying the stages of a run and keeping each as soon as it is finished: what `optimize` and `resume` share."""
+
+import json
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, write_checkpoint
+from airrace.cli.answer import Answer
+from airrace.cli.exit_codes import ExitCode
+from airrace.cli.live import watching
+from airrace.cli.summary import summarise
+from airrace.documents import Document, Inputs, inputs_from_documents
+from airrace.errors import StorageError, UsageError
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Stage, StageResult
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as it stands before this command flies the rest of it."""
+
+    inputs: Inputs
+    checkpoint: Checkpoint
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """The track's name: that of its file."""
+        return Path(self.inputs.track.path).stem
+
+
+def new_run(inputs: Inputs, path: Path) -> Run:
+    """A run of which nothing is finished yet."""
+    versions = {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
+    stored = StoredInputs(
+        track=_stored(inputs.track),
+        aircraft=_stored(inputs.aircraft),
+        settings=None if inputs.settings_file is None else _stored(inputs.settings_file),
+        overrides=tuple(inputs.overrides),
+        resolved=resolved_text(inputs),
+    )
+    return Run(inputs, Checkpoint(stored, {**versions, "python": platform.python_version()}), path)
+
+
+def resolved_text(inputs: Inputs) -> str:
+    """The configuration as understood; equal configurations give equal texts."""
+    return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
+
+
+def stored_run(checkpoint: Checkpoint, path: Path) -> Run:
+    """A run read from its checkpoint; its inputs are understood anew from their stored texts.
+
+    Raises:
+        InputError: this version of airrace no longer accepts them.
+    """
+    stored = checkpoint.inputs
+    inputs = inputs_from_documents(
+        _document(stored.track),
+        _document(stored.aircraft),
+        None if stored.settings is None else _document(stored.settings),
+        stored.overrides,
+    )
+    # Stages link to the configuration they were computed from; new ones to the one understood now.
+    current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
+    return Run(inputs, current, path)
+
+
+def fly(
+    answer: Answer, run: Run, *, finished: Sequence[StageResult], until: Stage, threads: int | None, quiet: bool
+) -> list[StageResult]:
+    """Run the stages that are not finished, write the checkpoint after each, and fill in the answer.
+
+    Returns:
+        All stages of the run, those in `finished` first.
+    """
+    started = time.perf_counter()
+    results = list(finished)
+    checkpoint = run.checkpoint
+    try:
+        # Written before anything is computed: whatever ends the run, `resume` can take it up.
+        write_checkpoint(run.path, checkpoint)
+        with watching(run.inputs.race.course.name, quiet=quiet) as progress:
+            for result in procedure.optimise(
+                run.inputs.race,
+                run.inputs.settings,
+                until=until,
+                threads=threads or available_cores(),
+                finished=tuple(finished),
+                progress=progress,
+            ):
+                checkpoint = checkpoint.with_stage(result)
+                write_checkpoint(run.path, checkpoint)
+                results.append(result)
+    except KeyboardInterrupt:
+        kept = ", ".join(result.stage.value for result in results) or "none"
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; go on with `airrace resume {run.path}` (finished: {kept})")
+    finally:
+        summarise(answer, run.name, results, time.perf_counter() - started)
+    return results
+
+
+def stage_named(text: str | None) -> Stage:
+    """The stage a user names, the last available one by default.
+
+    Raises:
+        UsageError: no such stage, or not one that can be run.
+    """
+    stages = tuple(procedure.STAGES)
+    if text is None:
+        return stages[-1]
+    for stage in stages:
+        if stage.value == text:
+            return stage
+    available = ", ".join(stage.value for stage in stages)
+    raise UsageError(f"there is no stage {text!r}; available: {available}")
+
+
+def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
+    """Refuse an output that exists, and find out now whether its folder can be written to.
+
+    Args:
+        remedy: what to do besides `--force`, a clause.
+
+    Raises:
+        UsageError: the file exists and `force` is not given, or it is a folder.
+        StorageError: the folder does not exist or takes no files.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file in it")
+    if path.exists() and not force:
+        raise UsageError(f"{path} exists; {remedy}overwrite it with --force")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise StorageError(f"cannot write to the folder {path.parent}: {error.strerror}") from error
+
+
+def available_cores() -> int:
+    """Cores this process may use, which can be fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if os.name == "posix" and platform.system() == "Linux" else os.cpu_count() or 1
+
+
+def _stored(document: Document) -> StoredDocument:
+    return StoredDocument(document.path, document.text)
+
+
+def _document(stored: StoredDocument) -> Document:
+    return Document(stored.path, stored.text)

@@ -1,0 +1,27 @@
+"""`airrace show`: what a checkpoint holds."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+
+
+def show(
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to look into.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Show the stages of a run, their times, gate splits and certificates."""
+    with answering(as_json=as_json) as answer:
+        from airrace.checkpoint import read_checkpoint
+        from airrace.cli.summary import is_certified, run_object
+        from airrace.cli.tables import print_tables, result_tables, stages_table
+
+        checkpoint = read_checkpoint(run_file)
+        results = [stored.result for stored in checkpoint.stages]
+        wall = sum(result.timings.wall for result in results)
+        track = Path(checkpoint.inputs.track.path).stem
+        answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
+        if not as_json:
+            print_tables(stages_table(results), *(table for result in results for table in result_tables(result)))

@@ -1,0 +1,107 @@
+"""What a run came to: the object printed with `--json` and the exit code its stages deserve."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from airrace.cli.answer import Answer
+from airrace.cli.exit_codes import ExitCode, worst
+from airrace.optimal_control.certificate import Certificate
+from airrace.procedure.result import Outcome, StageResult
+
+_CODES = {
+    Outcome.SOLVED: ExitCode.DONE,
+    Outcome.NOT_CERTIFIED: ExitCode.NOT_CERTIFIED,
+    Outcome.NOT_CONVERGED: ExitCode.NOT_CERTIFIED,
+    Outcome.INFEASIBLE: ExitCode.INFEASIBLE,
+    Outcome.TIMEOUT: ExitCode.TIMEOUT,
+}
+
+
+def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
+    """Fill in the object, and fail the answer unless the last stage and all certified ones before it hold.
+
+    Args:
+        track: name of the course.
+        results: the stages of the run so far, in order.
+        wall: seconds the command took.
+    """
+    answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
+    for code, result in zip(_codes(results), results, strict=True):
+        if code is not ExitCode.DONE:
+            answer.fail(code, f"{result.stage.value}: {_verdict(result)}")
+
+
+def is_certified(results: Sequence[StageResult]) -> bool:
+    """Whether a run may call itself certified: its last stage is, and none before it failed."""
+    return bool(results) and worst(_codes(results)) is ExitCode.DONE
+
+
+def run_object(track: str | None, results: Iterable[StageResult], wall: float, *, certified: bool) -> dict[str, object]:
+    """The object of a run; `race_time_s` is that of its last stage."""
+    stages = [stage_object(result) for result in results]
+    return {
+        "track": track,
+        "certified": certified,
+        "race_time_s": stages[-1]["race_time_s"] if stages else None,
+        "wall_s": finite(wall),
+        "stages": stages,
+    }
+
+
+def stage_object(result: StageResult) -> dict[str, object]:
+    """One stage of the object."""
+    return {
+        "stage": result.stage.value,
+        "status": result.outcome.value,
+        "race_time_s": finite(result.trajectory.race_time),
+        "iterations": result.iterations,
+        "solve_s": finite(result.timings.solve),
+        "wall_s": finite(result.timings.wall),
+        "certified": result.certified,
+        "certificate": None if result.certificate is None else certificate_object(result.certificate),
+    }
+
+
+def certificate_object(certificate: Certificate) -> dict[str, object]:
+    """Every number, not only the verdict; what could not be measured is null and does not hold."""
+    return {
+        "solver_status": certificate.solver_status,
+        "items": [
+            {
+                "name": item.name,
+                "value": finite(item.value),
+                "limit": finite(item.limit),
+                "unit": item.unit,
+                "holds": bool(item.holds),
+                "where": item.where,
+            }
+            for item in certificate.items
+        ],
+    }
+
+
+def finite(value: float) -> float | None:
+    """JSON knows neither NaN nor infinity."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
+    return [_code(result, last=result is results[-1]) for result in results]
+
+
+def _code(result: StageResult, *, last: bool) -> ExitCode:
+    """A stage that is a mere guess by design is no failure, unless the run ends with it: then nothing is certified."""
+    if result.outcome is not Outcome.SOLVED:
+        return _CODES[result.outcome]
+    if result.certificate is None:
+        return ExitCode.NOT_CERTIFIED if last else ExitCode.DONE
+    return ExitCode.DONE if result.certified else ExitCode.NOT_CERTIFIED
+
+
+def _verdict(result: StageResult) -> str:
+    if result.outcome is not Outcome.SOLVED:
+        return result.message or result.outcome.value
+    if result.certificate is None:
+        return "the run ends with a guess, which is not certified"
+    failed = ", ".join(item.name for item in result.certificate.failed)
+    return f"not certified: {failed or 'nothing was measured'}"

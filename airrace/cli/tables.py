@@ -1,0 +1,120 @@
+"""Tables for people. Units of the cockpit appear here and in no lower layer; each column names its own."""
+
+import math
+import sys
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from airrace.documents.units import KNOT
+from airrace.optimal_control.certificate import Certificate, Item
+from airrace.procedure.result import StageResult
+
+
+def print_tables(*tables: Table) -> None:
+    """Print on stdout: as wide as needed where nobody's terminal sets a limit."""
+    terminal = sys.stdout.isatty()
+    console = Console(
+        file=sys.stdout,
+        force_terminal=terminal,
+        no_color=None if terminal else True,
+        width=None if terminal else 200,
+        highlight=False,
+    )
+    for table in tables:
+        console.print(table)
+
+
+def result_tables(result: StageResult) -> list[Table]:
+    """What a finished stage shows: its gate splits and its certificate."""
+    tables = [splits_table(result)] if result.splits else []
+    return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
+
+
+def splits_table(result: StageResult) -> Table:
+    """One row per passing; `leg` is the time since the passing before."""
+    table = _table(f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s", "gate")
+    _numbers(table, "time s", "leg s", "speed m/s", "speed kt", "height m", "load factor g", "bank deg", "climb deg")
+    before = result.splits[0].time if result.splits else 0.0
+    for split in result.splits:
+        table.add_row(
+            Text(split.name),
+            f"{split.time:.3f}",
+            f"{split.time - before:.3f}",
+            f"{split.V_K:.1f}",
+            f"{split.V_K / KNOT:.1f}",
+            f"{split.height:.1f}",
+            f"{split.n_z:.2f}",
+            _degrees(split.bank),
+            _degrees(split.climb),
+        )
+        before = split.time
+    return table
+
+
+def certificate_table(certificate: Certificate) -> Table:
+    """Every item with its limit."""
+    verdict = "certified" if certificate.certified else "NOT certified"
+    table = _table(f"certificate: {verdict} (solver: {certificate.solver_status})", "item")
+    _numbers(table, "value", "limit")
+    for column in ("unit", "holds", "worst at"):
+        table.add_column(column)
+    for item in certificate.items:
+        value, limit, unit = _for_people(item)
+        holds = Text("yes") if item.holds else Text("NO", style="bold red")
+        table.add_row(Text(item.name), f"{value:.3g}", f"{limit:.3g}", unit, holds, Text(item.where))
+    return table
+
+
+def stages_table(results: Sequence[StageResult]) -> Table:
+    """One row per finished stage."""
+    table = _table("stages", "stage", "status")
+    _numbers(table, "race time s", "iterations", "solve s", "wall s")
+    table.add_column("certified")
+    for result in results:
+        certified = "-" if result.certificate is None else "yes" if result.certified else "NO"
+        table.add_row(
+            result.stage.value,
+            result.outcome.value,
+            f"{result.trajectory.race_time:.3f}",
+            str(result.iterations),
+            f"{result.timings.solve:.2f}",
+            f"{result.timings.wall:.2f}",
+            certified,
+        )
+    return table
+
+
+def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    """A table of ready texts: columns of names on the left, of numbers on the right."""
+    table = _table(title, *names)
+    _numbers(table, *numbers)
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    return table
+
+
+def _table(title: str, *names: str) -> Table:
+    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE, pad_edge=False)
+    for name in names:
+        table.add_column(name, no_wrap=True)
+    return table
+
+
+def _numbers(table: Table, *names: str) -> None:
+    for name in names:
+        table.add_column(name, justify="right")
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.1f}"
+
+
+def _for_people(item: Item) -> tuple[float, float, str]:
+    """Value, limit and unit, angles in degrees."""
+    if item.unit == "rad":
+        return math.degrees(item.value), math.degrees(item.limit), "deg"
+    return item.value, item.limit, item.unit

@@ -1,0 +1,29 @@
+"""`airrace verify`: believe a checkpoint only after measuring again."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+
+
+def verify(
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to verify.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+) -> None:
+    """Compute every certificate again from the file alone and compare it with the stored one."""
+    with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
+        from airrace.checkpoint import read_checkpoint
+        from airrace.cli.running import stored_run
+        from airrace.cli.tables import certificate_table, print_tables
+        from airrace.cli.verification import verified_stages
+
+        run = stored_run(read_checkpoint(run_file), run_file)
+        answer.fields["track"] = run.name
+        stages = verified_stages(answer, run)
+        answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
+        if not as_json:
+            for stage in stages:
+                print(f"{stage.result.stage.value}: {stage.objection or 'verified'}")
+                print_tables(certificate_table(stage.again))

@@ -1,0 +1,144 @@
+"""A procedure that computes nothing: canned results, so that the command line can be tested without a solver.
+
+Run as a script it is `airrace` with this procedure in the place of the real one; see `main` for its scenarios.
+"""
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from airrace.errors import InputError, SolverCrash
+from airrace.optimal_control.certificate import Certificate, Item
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.race import Race
+from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.settings import Settings
+from airrace.quantities import Quantity
+from airrace.trajectory import Array, Trajectory
+
+STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
+
+
+def certificate(*, kkt_error: float = 1e-9) -> Certificate:
+    return Certificate(
+        "Solve_Succeeded",
+        (Item("kkt_error", kkt_error, 1e-6), Item("bank_between_nodes", 0.001, 0.0035, "rad", "phase 1")),
+    )
+
+
+def stage_result(stage: Stage, outcome: Outcome = Outcome.SOLVED, *, kkt_error: float = 1e-9) -> StageResult:
+    """A straight flight of two phases, 10 s long."""
+    time_of = np.linspace(0.0, 10.0, 5)
+    trajectory = Trajectory(
+        phases=("1:start", "1:g1"),
+        first_node=np.array([0, 2, 4]),
+        durations=np.array([5.0, 5.0]),
+        time=time_of,
+        states=(Quantity("x", "m", 100.0), Quantity("V_K", "m/s", 50.0)),
+        state=np.stack([80.0 * time_of, np.full(5, 80.0)]),
+        controls=(Quantity("n_z_dot", "1/s", 10.0),),
+        control=np.zeros((1, 4)),
+    )
+    return StageResult(
+        stage=stage,
+        outcome=outcome,
+        message="" if outcome is Outcome.SOLVED else "gate g1 cannot be reached",
+        trajectory=trajectory,
+        constraint_multipliers=np.zeros(3),
+        bound_multipliers=np.zeros(2),
+        certificate=None if stage is Stage.HOMOTOPY else certificate(kkt_error=kkt_error),
+        splits=tuple(
+            GateSplit(name, 5.0 * index, 80.0, 20.0, 1.0, 0.0, 0.0, 0.0)
+            for index, name in enumerate(("1:start", "1:g1", "1:finish"))
+        ),
+        attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Outcome.SOLVED, 12, 0.5),),
+        timings=Timings(solve=0.5, derivatives=0.4, wall=0.75),
+    )
+
+
+def optimise(
+    race: Race,
+    settings: Settings,
+    *,
+    until: Stage,
+    threads: int,
+    finished: Sequence[StageResult] = (),
+    progress: Progress,
+) -> Iterator[StageResult]:
+    """The scenario named in CANNED_SCENARIO, stage by stage."""
+    scenario = os.environ.get("CANNED_SCENARIO", "certified")
+    skipped = {result.stage for result in finished}
+    for stage in STAGES[: STAGES.index(until) + 1]:
+        if stage in skipped:
+            continue
+        progress.stage_started(stage)
+        progress.activity("phase 1 of 2: start -> g1", 0, 2)
+        progress.iteration(Iteration(1, 10.5, 1e-3))
+        if stage is Stage.POINT_MASS:
+            _end(scenario, progress)
+        result = _result(stage, scenario)
+        progress.stage_finished(result)
+        yield result
+
+
+def _end(scenario: str, progress: Progress) -> None:
+    match scenario:
+        case "slow":
+            for number in range(2, 600):
+                time.sleep(0.1)
+                progress.iteration(Iteration(number, 10.0, 1.0 / number))
+        case "crash":
+            raise SolverCrash("the solver process died")
+        case "memory":
+            raise MemoryError
+        case "bug":
+            raise ZeroDivisionError("a division\nby zero")
+        case "interrupt":
+            raise KeyboardInterrupt
+        case "invalid":
+            raise InputError([])
+
+
+def _result(stage: Stage, scenario: str) -> StageResult:
+    if stage is Stage.HOMOTOPY:
+        return stage_result(stage)
+    if scenario == "loose":
+        return stage_result(stage, kkt_error=1e-3)
+    outcomes = {outcome.value: outcome for outcome in Outcome}
+    return stage_result(stage, outcomes.get(scenario, Outcome.SOLVED))
+
+
+def recertify(race: Race, settings: Settings, result: StageResult) -> Certificate:
+    return certificate(kkt_error=1e-3 if os.environ.get("CANNED_SCENARIO") == "loose" else 2e-9)
+
+
+def sampler(race: Race, settings: Settings, result: StageResult) -> "Sampler":
+    return Sampler(result)
+
+
+class Sampler:
+    """Interpolates the nodes."""
+
+    def __init__(self, result: StageResult) -> None:
+        self._trajectory = result.trajectory
+
+    def __call__(self, time_of: Array) -> Mapping[str, Array]:
+        names = [one.name for one in self._trajectory.states]
+        return {name: np.interp(time_of, self._trajectory.time, self._trajectory.of(name)) for name in names}
+
+
+def main() -> None:
+    """`airrace`, flown by this procedure."""
+    from airrace.cli.main import main as airrace
+    from airrace.procedure import run
+
+    for name in ("STAGES", "optimise", "recertify", "sampler"):
+        setattr(run, name, globals()[name])
+    airrace()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+"""How commands end: always with one object or a sentence, never with a traceback."""
+
+import json
+
+import pytest
+import typer
+
+from airrace.cli.answer import answering
+from airrace.cli.exit_codes import ExitCode
+from airrace.errors import CheckpointError, Finding, InputError, StorageError
+
+
+def test_success_prints_the_object_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    with answering(as_json=True) as answer:
+        answer.fields["track"] = "t"
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == {"track": "t"}
+    assert printed.err == ""
+
+
+def test_findings_reach_both_people_and_scripts(capsys: pytest.CaptureFixture[str]) -> None:
+    finding = Finding("t.yaml", 3, 5, "gates.g1.heading_deg", "missing")
+    with pytest.raises(typer.Exit) as left, answering({"track": "t"}, as_json=True):
+        raise InputError([finding])
+    printed = capsys.readouterr()
+    assert left.value.exit_code == 3
+    answered = json.loads(printed.out)
+    assert answered["track"] == "t"
+    assert answered["findings"] == [
+        {"file": "t.yaml", "line": 3, "column": 5, "key": "gates.g1.heading_deg", "message": "missing"}
+    ]
+    assert "t.yaml:3:5: gates.g1.heading_deg: missing" in printed.err
+
+
+def test_without_json_nothing_but_data_is_on_stdout(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit), answering(as_json=False):
+        raise CheckpointError("run.h5: truncated")
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err == "airrace: run.h5: truncated\n"
+
+
+def test_a_bug_is_one_line_unless_debugging(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for debug in ("", "0"):
+        monkeypatch.setenv("AIRRACE_DEBUG", debug)
+        with pytest.raises(typer.Exit) as left, answering(as_json=False):
+            raise ValueError("two\nlines")
+        printed = capsys.readouterr().err
+        assert left.value.exit_code == 1
+        assert printed.count("\n") == 1
+        assert "this is a bug: ValueError: two lines" in printed
+    monkeypatch.setenv("AIRRACE_DEBUG", "1")
+    with pytest.raises(typer.Exit), answering(as_json=False):
+        raise ValueError("two\nlines")
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_the_graver_failure_speaks() -> None:
+    with pytest.raises(typer.Exit) as left, answering(as_json=False) as answer:
+        answer.fail(ExitCode.NOT_CERTIFIED, "not certified")
+        raise StorageError("disk full")
+    assert left.value.exit_code == 8
+    with pytest.raises(typer.Exit) as left, answering(as_json=False) as answer:
+        answer.fail(ExitCode.SYSTEM, "disk full")
+        answer.fail(ExitCode.NOT_CERTIFIED, "not certified")
+    assert left.value.exit_code == 8
+    assert answer.error == "disk full"

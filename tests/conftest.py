@@ -1,0 +1,22 @@
+"""What all tests share: slow ones run only when asked for, and generated examples are the same everywhere."""
+
+import os
+
+import pytest
+from hypothesis import settings
+
+# Two libraries that each start a thread per core slow one another down; results do not depend on it.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# A shared machine is no place for deadlines, and a test that fails must fail again.
+settings.register_profile("steady", deadline=None, derandomize=True)
+settings.load_profile("steady")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave slow tests out unless `-m` chooses, or they are named one by one."""
+    if config.option.markexpr or any("::" in argument for argument in config.args):
+        return
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    config.hook.pytest_deselected(items=slow)
+    items[:] = [item for item in items if not item.get_closest_marker("slow")]

@@ -1,0 +1,53 @@
+"""The walls of the house: which layer may import which, and what the documents promise about the tree."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_no_layer_reaches_upwards() -> None:
+    checked = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from importlinter.cli import lint_imports_command; lint_imports_command()",
+            "--no-cache",
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+def test_every_package_appears_in_the_architecture() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    packages = {path.parent.name for path in (ROOT / "airrace").glob("*/__init__.py")}
+    assert {package for package in packages if f"`airrace/{package}/`" not in text} == set()
+
+
+def test_every_path_in_the_documents_exists() -> None:
+    for document in ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md"):
+        text = (ROOT / document).read_text(encoding="utf-8")
+        paths = re.findall(r"`((?:airrace|tests|tracks|configs|scripts|\.ci)/[\w./]+)`", text)
+        assert [path for path in paths if not (ROOT / path).exists()] == [], document
+
+
+def test_ci_runs_the_very_test_command_of_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    marked = re.findall(r"<!-- test command -->\s*```\w*\n(.+)\n```", readme)
+    assert len(marked) == 1
+    assert f"\n{marked[0]}\n" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def test_no_file_holds_two_ideas() -> None:
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for path in (ROOT / "airrace").rglob("*.py")
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
+    }
+    assert long == {}

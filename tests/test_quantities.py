@@ -1,0 +1,90 @@
+"""Declared scalars, ranges and typed vectors."""
+
+import dataclasses
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
+
+finite = st.floats(-1e6, 1e6)
+intervals = st.builds(lambda a, b: Interval(min(a, b), max(a, b)), finite, finite)
+
+
+@vector
+class Position(Vector[T]):
+    """Two declared components."""
+
+    x: T = quantity("m", scale=100.0, text="north")
+    y: T = quantity("m", scale=50.0, lower=-1.0, upper=1.0, text="east")
+
+
+@vector
+class Motion(Position[T]):
+    """A position with one component more."""
+
+    V: T = quantity("m/s", scale=10.0)
+
+
+def test_declaration_stands_beside_the_name() -> None:
+    assert Position.quantities() == (
+        Quantity("x", "m", scale=100.0, text="north"),
+        Quantity("y", "m", scale=50.0, lower=-1.0, upper=1.0, text="east"),
+    )
+
+
+def test_extension_appends_its_components() -> None:
+    assert Motion.names() == ("x", "y", "V")
+    assert Motion.size() == 3
+    assert Motion.quantities()[:2] == Position.quantities()
+
+
+@given(st.lists(finite, min_size=3, max_size=3))
+def test_join_undoes_split_of_numbers(column: list[float]) -> None:
+    assert list(Motion.split(np.array(column)).join()) == column
+
+
+def test_split_names_the_rows_of_a_history() -> None:
+    history = np.arange(6.0).reshape(3, 2)
+    assert list(Motion.split(history).V) == [4.0, 5.0]
+
+
+def test_split_of_symbols_joins_to_the_same_column() -> None:
+    column = ca.SX.sym("m", 3)
+    assert ca.is_equal(ca.vertcat(*Motion.split(column).join()), column, 1)
+
+
+def test_vectors_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Position(x=1.0, y=2.0).x = 3.0  # type: ignore[misc]  # the point of the test
+
+
+def test_vectors_are_made_by_keyword_only() -> None:
+    with pytest.raises(TypeError):
+        Position(1.0, 2.0)  # type: ignore[misc]  # the point of the test
+
+
+@given(intervals, intervals, finite)
+def test_intersection_holds_what_both_hold(a: Interval, b: Interval, value: float) -> None:
+    both = a.intersect(b)
+    assert (both.lower <= value <= both.upper) == (a.lower <= value <= a.upper and b.lower <= value <= b.upper)
+
+
+@given(intervals)
+def test_intersection_with_everything_changes_nothing(interval: Interval) -> None:
+    assert interval.intersect(Interval()) == interval
+
+
+def test_disjoint_ranges_have_an_empty_intersection() -> None:
+    assert Interval(0.0, 1.0).intersect(Interval(2.0, 3.0)).empty
+    assert not Interval.exactly(2.0).empty
+
+
+def test_one_finite_end_makes_a_bound() -> None:
+    assert Interval(upper=1.0).bounded
+    assert not Interval().bounded
+    assert Interval().lower == -math.inf
