@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, write_checkpoint
+from airrace.checkpoint.atomic import replace_file
 from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode
 from airrace.cli.live import watching
@@ -140,6 +141,15 @@ def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
             pass
     except OSError as error:
         raise StorageError(f"cannot write to the folder {path.parent}: {error.strerror}") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file as a whole.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    replace_file(path, text.encode())
 
 
 def available_cores() -> int:

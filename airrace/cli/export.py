@@ -1,0 +1,49 @@
+"""`airrace export`: a flight for other programs. One subcommand per format."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+
+export = typer.Typer(name="export", help="Write a flight in a format that other programs read.", no_args_is_help=True)
+
+
+@export.callback()
+def formats() -> None:
+    """Write a flight in a format that other programs read."""
+
+
+@export.command("csv")
+def csv_table(
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to export from.")],
+    stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Which stage; by default the last one.")] = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write here instead of to stdout, and the gate splits beside it."),
+    ] = None,
+    splits: Annotated[bool, typer.Option("--splits", help="Write the gate splits instead of the flight.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+) -> None:
+    """Comma-separated values: the flight as one table, the gate splits as another; headers name the units."""
+    with answering(as_json=False):
+        from airrace.checkpoint import read_checkpoint
+        from airrace.cli.csv_tables import flight_text, splits_text, stored_result
+        from airrace.cli.running import ensure_free, stored_run, write_text
+
+        beside = [] if splits or output is None else [output.with_suffix(f".splits{output.suffix}")]
+        for path in [*([] if output is None else [output]), *beside]:
+            ensure_free(path, force=force)
+        run = stored_run(read_checkpoint(run_file), run_file)
+        result = stored_result(run.checkpoint, stage)
+        text = splits_text(result) if splits else flight_text(run, result, rate)
+        if output is None:
+            print(text, end="")
+        else:
+            write_text(output, text)
+        for path in beside:
+            write_text(path, splits_text(result))
