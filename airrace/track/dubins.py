@@ -1,0 +1,122 @@
+"""Shortest planar paths of bounded curvature between two directed points (Dubins, 1957).
+
+Positions are (north, east) in metres, headings in radians clockwise from north; a right turn has positive curvature. A path
+is three arcs or straights, written as the signs of their curvatures. The lengths follow Shkel & Lumelsky (2001).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+WORDS: tuple[tuple[int, int, int], ...] = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1))
+"""Signs of the curvature along the three pieces of every kind of path."""
+
+_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class DubinsPath:
+    """One path: it starts at (north, east) with `heading`; `lengths` of its three pieces (m) with `curvatures` (1/m)."""
+
+    north: float
+    east: float
+    heading: float
+    lengths: tuple[float, float, float]
+    curvatures: tuple[float, float, float]
+
+    @property
+    def length(self) -> float:
+        return sum(self.lengths)
+
+    def curvature(self, s: Array) -> Array:
+        """Curvature at arc lengths `s`, shape (n,), 1/m."""
+        edges = np.cumsum(self.lengths)[:-1]
+        return np.asarray(self.curvatures)[np.searchsorted(edges, s, side="right")]
+
+    def bent(self, factor: float) -> "DubinsPath":
+        """The path of the same piece lengths with all curvatures multiplied by `factor` (0: straight)."""
+        first, second, third = (factor * one for one in self.curvatures)
+        return DubinsPath(self.north, self.east, self.heading, self.lengths, (first, second, third))
+
+    def points(self, s: Array) -> tuple[Array, Array, Array]:
+        """North, east and heading at arc lengths `s` in [0, length], each of shape (n,)."""
+        north, east, heading = (np.empty_like(s) for _ in range(3))
+        n, e, chi, begin = self.north, self.east, self.heading, 0.0
+        for length, curvature in zip(self.lengths, self.curvatures, strict=True):
+            piece = s >= begin - 1e-9
+            north[piece], east[piece], heading[piece] = _arc(n, e, chi, curvature, s[piece] - begin)
+            ends = _arc(n, e, chi, curvature, np.array([length]))
+            n, e, chi = (float(end[0]) for end in ends)
+            begin += length
+        return north, east, heading
+
+
+def _arc(north: float, east: float, heading: float, curvature: float, s: Array) -> tuple[Array, Array, Array]:
+    """Points on a circular arc, or a straight where the curvature is nil."""
+    turned = heading + curvature * s
+    half = 0.5 * curvature * s
+    chord = s * np.sinc(half / np.pi)
+    return north + chord * np.cos(heading + half), east + chord * np.sin(heading + half), turned
+
+
+def lengths(start: Array, heading: Array, end: Array, end_heading: Array, radius: float) -> Array:
+    """Lengths of the pieces of all six kinds of path, in radii; infinite where a kind does not exist.
+
+    Args:
+        start, end: positions, shapes broadcastable to (..., 2).
+        heading, end_heading: shapes broadcastable to (...).
+        radius: of the turns, m.
+
+    Returns:
+        Shape (6, 3, ...), in the order of `WORDS`.
+    """
+    offset = (np.asarray(end) - np.asarray(start)) / radius
+    d = np.hypot(offset[..., 0], offset[..., 1])
+    bearing = np.arctan2(offset[..., 1], offset[..., 0])
+    d, a, b = np.broadcast_arrays(d, np.mod(heading - bearing, _TURN), np.mod(end_heading - bearing, _TURN))
+    pieces = np.stack([
+        _same_side(d, a, b),
+        _same_side(d, -a, -b),
+        _crossing(d, a, b),
+        _crossing(d, -a, -b),
+        _three_turns(d, -a, -b),
+        _three_turns(d, a, b),
+    ])  # fmt: skip
+    return np.where(np.isnan(pieces).any(axis=1, keepdims=True), np.inf, pieces)
+
+
+def _same_side(d: Array, a: Array, b: Array) -> Array:
+    """Turn, straight, turn to the same side (written for positive turns)."""
+    straight = np.sqrt(np.maximum(2 + d * d - 2 * np.cos(a - b) + 2 * d * (np.sin(a) - np.sin(b)), 0.0))
+    towards = np.arctan2(np.cos(b) - np.cos(a), d + np.sin(a) - np.sin(b))
+    return np.stack([np.mod(towards - a, _TURN), straight, np.mod(b - towards, _TURN)])
+
+
+def _crossing(d: Array, a: Array, b: Array) -> Array:
+    """Turn, straight, turn to the other side (written for a positive first turn)."""
+    with np.errstate(invalid="ignore"):
+        straight = np.sqrt(-2 + d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(a) + np.sin(b)))
+    towards = np.arctan2(-np.cos(a) - np.cos(b), d + np.sin(a) + np.sin(b)) - np.arctan2(-2.0, straight)
+    return np.stack([np.mod(towards - a, _TURN), straight, np.mod(towards - b, _TURN)])
+
+
+def _three_turns(d: Array, a: Array, b: Array) -> Array:
+    """Three turns to alternating sides (written for a positive first turn)."""
+    with np.errstate(invalid="ignore"):
+        middle = np.mod(-np.arccos((6 - d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(b) - np.sin(a))) / 8), _TURN)
+    towards = np.arctan2(np.cos(a) - np.cos(b), d + np.sin(a) - np.sin(b))
+    first = np.mod(-a - towards + middle / 2, _TURN)
+    return np.stack([first, middle, np.mod(b - a - first + middle, _TURN)])
+
+
+def shortest(start: Array, heading: float, end: Array, end_heading: float, radius: float) -> DubinsPath:
+    """The shortest path; shapes (2,) and scalars."""
+    pieces = lengths(start, np.asarray(heading), end, np.asarray(end_heading), radius)
+    word = int(np.argmin(pieces.sum(axis=1)))
+    first, second, third = (float(piece) * radius for piece in pieces[word])
+    signs = WORDS[word]
+    curvatures = (signs[0] / radius, signs[1] / radius, signs[2] / radius)
+    return DubinsPath(float(start[0]), float(start[1]), heading, (first, second, third), curvatures)
