@@ -25,7 +25,7 @@ rho_0 = 1.225
 """Density at sea level in the standard atmosphere, kg/m3: close enough to tell a wing from a brick."""
 
 
-def aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
+def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
     """The aircraft of a file; it is only of use if nothing was reported."""
     lift, drag, envelope = entry.lift, entry.drag, entry.envelope
     side, roll, pitch, yaw = entry.side_force, entry.roll, entry.pitch, entry.yaw

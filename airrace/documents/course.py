@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from airrace.documents.elements import elements
+from airrace.documents.elements import build_elements
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.schema import suggestion
 from airrace.documents.track_schema import CourseEntry, OriginEntry, RulesEntry, TrackEntry
@@ -17,10 +17,10 @@ from airrace.track.gates import Element, Gate, Manoeuvre, Passing
 PASSAGES_MAX = 1000
 
 
-def course(entry: TrackEntry, reporter: Reporter) -> Course:
+def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
     """The course of a track file; it is only of use if nothing was reported."""
     rules = _rules(entry.rules, reporter)
-    known = elements(entry.gates, entry.gate_defaults, reporter)
+    known = build_elements(entry.gates, entry.gate_defaults, reporter)
     for element in known.values():
         _check_airspace(element, rules.height, reporter)
     passages = _passages(entry, known, reporter)

@@ -49,7 +49,9 @@ VERTICAL_DEG = 89.0
 Value = TypeVar("Value")
 
 
-def elements(entries: dict[str, ElementEntry], defaults: GateDefaultsEntry, reporter: Reporter) -> dict[str, Element]:
+def build_elements(
+    entries: dict[str, ElementEntry], defaults: GateDefaultsEntry, reporter: Reporter
+) -> dict[str, Element]:
     """All elements by name; what makes no sense is reported."""
     built: dict[str, Element] = {}
     for name, entry in entries.items():

@@ -1,37 +1,27 @@
-"""All inputs of a run: read, checked, understood, with every finding at once."""
+"""All inputs of a run: read, checked, understood; what is wrong is said all at once."""
 
-import dataclasses
-import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import TypeVar
 
-from airrace.aircraft.aircraft import Aircraft
-from airrace.documents.aircraft import aircraft as aircraft_from
-from airrace.documents.aircraft import weight_not_carried
+from airrace.documents.aircraft import build_aircraft
 from airrace.documents.aircraft_schema import AIRCRAFT_SCHEMA, AircraftEntry
-from airrace.documents.course import course as course_from
+from airrace.documents.consistency import check_together
+from airrace.documents.course import build_course
 from airrace.documents.document import Document, missing_file, read_document
-from airrace.documents.nodes import JSON, MappingNode, Reporter, ScalarNode, dotted
-from airrace.documents.overrides import PLACE, Override, apply_overrides, parse_overrides
-from airrace.documents.schema import Schema, validate
-from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry
-from airrace.documents.settings import settings as settings_from
+from airrace.documents.nodes import JSON, Entry, MappingNode, Reporter, ScalarNode
+from airrace.documents.overrides import apply_overrides, parse_overrides
+from airrace.documents.resolved import resolved_inputs
+from airrace.documents.schema import validate
+from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
 from airrace.documents.track_schema import TRACK_SCHEMA, TrackEntry
-from airrace.documents.weather import air as air_from
+from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
 from airrace.procedure.race import Race
 from airrace.procedure.settings import Settings
-from airrace.quantities import Interval
-from airrace.track.gates import Gate, Passing
 
-SCHEMAS = {TRACK_SCHEMA: "a track", AIRCRAFT_SCHEMA: "an aircraft", SETTINGS_SCHEMA: "settings"}
-
-Model = TypeVar("Model", bound=Schema)
+NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
 
 
 @dataclass(frozen=True)
@@ -70,19 +60,15 @@ def load_inputs(
     Raises:
         InputError: with all findings.
     """
-    findings: list[Finding] = []
-    changes = parse_overrides(overrides, findings)
-    track_document = read_document(track, findings)
-    track_root = _root(track_document, "track", changes, findings)
+    run = _Run(overrides)
+    opened_track = run.open(read_document(track, run.findings), "track", TRACK_SCHEMA)
     if aircraft is not None:
-        aircraft_document = read_document(aircraft, findings)
+        aircraft_document = read_document(aircraft, run.findings)
     else:
-        aircraft_document = _referenced_aircraft(track, track_root, findings) if track_root else None
-    settings_document = read_document(settings, findings) if settings else None
-    inputs = _understand(track_document, aircraft_document, settings_document, overrides, findings)
-    if inputs is None or findings:
-        raise InputError(findings)
-    return inputs
+        aircraft_document = _referenced_aircraft(track, opened_track, run.findings)
+    opened_aircraft = run.open(aircraft_document, "aircraft", AIRCRAFT_SCHEMA)
+    settings_document = read_document(settings, run.findings) if settings is not None else None
+    return run.inputs(opened_track, opened_aircraft, settings_document)
 
 
 def inputs_from_documents(
@@ -93,8 +79,107 @@ def inputs_from_documents(
     Raises:
         InputError: with all findings.
     """
-    findings: list[Finding] = []
-    inputs = _understand(track, aircraft, settings_file, overrides, findings)
-    if inputs is None or findings:
-        raise InputError(findings)
-    return inputs
+    run = _Run(overrides)
+    opened_track = run.open(track, "track", TRACK_SCHEMA)
+    opened_aircraft = run.open(aircraft, "aircraft", AIRCRAFT_SCHEMA)
+    return run.inputs(opened_track, opened_aircraft, settings_file)
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A document that is YAML of the right schema, with the overrides made."""
+
+    document: Document
+    reporter: Reporter
+
+
+class _Run:
+    """The findings and overrides that all documents of a run share."""
+
+    def __init__(self, overrides: Sequence[str]) -> None:
+        self.findings: list[Finding] = []
+        self._texts = tuple(overrides)
+        self._overrides = parse_overrides(overrides, self.findings)
+
+    def open(self, document: Document | None, kind: str, schema: str) -> _Opened | None:
+        """Read the YAML; None if the document is missing or cannot be trusted to be what it should be."""
+        if document is None:
+            return None
+        try:
+            root = read_yaml(document.path, document.text)
+        except InputError as error:
+            self.findings.extend(error.findings)
+            return None
+        if not isinstance(root, MappingNode):
+            place = root.place
+            message = f"must be a mapping that begins with `schema: {schema}`"
+            self.findings.append(Finding(document.path, place.line, place.column, "", message))
+            return None
+        mine = [override for override in self._overrides if override.document == kind]
+        reporter = Reporter(apply_overrides(root, mine, self.findings), self.findings)
+        return _Opened(document, reporter) if _has_schema(reporter, schema) else None
+
+    def inputs(self, track: _Opened | None, aircraft: _Opened | None, settings_file: Document | None) -> Inputs:
+        """Understand all documents.
+
+        Raises:
+            InputError: with all findings.
+        """
+        opened_settings = self.open(settings_file or NO_SETTINGS, "settings", SETTINGS_SCHEMA)
+        track_entry = validate(TrackEntry, track.reporter) if track else None
+        aircraft_entry = validate(AircraftEntry, aircraft.reporter) if aircraft else None
+        settings_entry = validate(SettingsEntry, opened_settings.reporter) if opened_settings else None
+        course = build_course(track_entry, track.reporter) if track and track_entry else None
+        air = (
+            build_air(track_entry.environment, track_entry.origin.elevation_m, track.reporter)
+            if track and track_entry
+            else None
+        )
+        flown = build_aircraft(aircraft_entry, aircraft.reporter) if aircraft and aircraft_entry else None
+        settings = (
+            build_settings(settings_entry, opened_settings.reporter) if opened_settings and settings_entry else None
+        )
+        if self.findings or not (track and aircraft and course and air and flown and settings):
+            raise InputError(self.findings)
+        race = Race(course, flown, air)
+        check_together(race, track.reporter)
+        if self.findings:
+            raise InputError(self.findings)
+        return Inputs(
+            race=race,
+            settings=settings,
+            track=track.document,
+            aircraft=aircraft.document,
+            settings_file=settings_file,
+            overrides=self._texts,
+            resolved=resolved_inputs(race, settings),
+        )
+
+
+def _has_schema(reporter: Reporter, schema: str) -> bool:
+    """Whether the document says it is what is expected; nothing else is worth checking if it does not."""
+    found = reporter.root.scalar("schema")
+    if found == schema:
+        return True
+    if "schema" not in reporter.root.entries:
+        reporter.key(("schema",), f"missing; the file must begin with `schema: {schema}`")
+    else:
+        reporter.value(("schema",), f"expected `schema: {schema}`, found `{found}`")
+    return False
+
+
+def _referenced_aircraft(track: Path, opened: _Opened | None, findings: list[Finding]) -> Document | None:
+    """The aircraft file the track names, by a path relative to the track."""
+    if opened is None:
+        return None
+    entry: Entry | None = opened.reporter.root.entries.get("aircraft")
+    if entry is None:
+        opened.reporter.key(("aircraft",), "missing; name the aircraft file here, or give --aircraft FILE")
+        return None
+    if not isinstance(entry.value, ScalarNode) or not isinstance(entry.value.value, str):
+        return None  # the schema reports it
+    path = track.parent / entry.value.value
+    if not path.is_file():
+        opened.reporter.value(("aircraft",), missing_file(path))
+        return None
+    return read_document(path, findings)

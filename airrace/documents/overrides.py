@@ -1,4 +1,4 @@
-"""`--set key=value`: single values of the documents replaced, added or (with `null`) taken out from the command line."""
+"""`--set key=value`: single values of the documents replaced, added or (with `null`) taken out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

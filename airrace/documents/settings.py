@@ -66,7 +66,7 @@ class SettingsEntry(Schema):
 Part = TypeVar("Part", Settings, MeshSettings, SolverSettings, CertificateLimits)
 
 
-def settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
+def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
     """The settings of a run; they are only of use if nothing was reported."""
     silent = Settings()
     return _given(

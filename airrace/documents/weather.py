@@ -11,7 +11,7 @@ WIND: KeyPath = ("environment", "wind")
 HECTOPASCAL = 100.0
 
 
-def air(entry: EnvironmentEntry, elevation: float, reporter: Reporter) -> Air:
+def build_air(entry: EnvironmentEntry, elevation: float, reporter: Reporter) -> Air:
     """The air above a track at `elevation` (m above mean sea level)."""
     return Air(
         temperature_offset=entry.temperature_offset_K,

@@ -194,9 +194,7 @@ class _Reader:
 
     def _refuse_decoration(self, event: yaml.Event, path: KeyPath) -> None:
         if isinstance(event, yaml.NodeEvent) and event.anchor is not None:
-            self._refuse(
-                event, path, f"anchors (`&{event.anchor}`) are not supported; write the value out"
-            )
+            self._refuse(event, path, f"anchors (`&{event.anchor}`) are not supported; write the value out")
         if isinstance(event, (yaml.ScalarEvent, yaml.CollectionStartEvent)) and event.tag is not None:
             self._refuse(event, path, f"tags (`{event.tag}`) are not supported; remove it, or quote what is text")
 
