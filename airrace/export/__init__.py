@@ -1,0 +1,5 @@
+"""Flights in formats that other programs read; one file per format."""
+
+from airrace.export.csv import Provenance, export_csv, export_splits_csv
+
+__all__ = ["Provenance", "export_csv", "export_splits_csv"]
