@@ -2,7 +2,9 @@
 
     chi' = g tan(phi) / V,  abs(phi') <= p,  cos(phi) >= 1 / n
 
-Roll in, hold, roll out: `t_f = 2 phi_m / p + (dchi - 2 dr) V / (g tan phi_m)`, `phi_m = acos(1 / n)`, `dr = g ln(n) / (V p)`.
+Roll in, hold, roll out, with `phi_m = acos(1 / n)` and `dr = g ln(n) / (V p)` turned in each roll:
+
+    t_f = 2 phi_m / p + (dchi - 2 dr) V / (g tan phi_m)
 """
 
 import math
