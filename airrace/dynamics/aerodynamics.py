@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from airrace.aircraft.aircraft import Lift
 from airrace.dynamics.aircraft_parameters import AircraftParameters
-from airrace.environment.elementary import smooth_maximum, smooth_minimum, sqrt
+from airrace.environment.elementary import smooth_clip, sqrt
 from airrace.frames import Matrix, Scalar
 
 STALL_BLEND = 0.05
@@ -55,5 +55,4 @@ def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[S
 
 def lift_curve(alpha_A: Scalar, lift: Lift) -> Scalar:
     """`C_L(alpha_A)`: linear, rounded off smoothly at `C_L_max` and `C_L_min`; controls neutral, no rates."""
-    linear = lift.C_L0 + lift.C_Lalpha * alpha_A
-    return smooth_minimum(smooth_maximum(linear, lift.C_L_min, STALL_BLEND), lift.C_L_max, STALL_BLEND)
+    return smooth_clip(lift.C_L0 + lift.C_Lalpha * alpha_A, lift.C_L_min, lift.C_L_max, STALL_BLEND)

@@ -23,7 +23,10 @@ def smooth_maximum(a: Scalar, b: Scalar, width: float) -> Scalar:
     return 0.5 * (a + b + sqrt(difference * difference + width * width))
 
 
-def smooth_minimum(a: Scalar, b: Scalar, width: float) -> Scalar:
-    """`(a + b - sqrt((a - b)^2 + width^2)) / 2`: below both, by `width / 2` where they meet, less away from there."""
-    difference = a - b
-    return 0.5 * (a + b - sqrt(difference * difference + width * width))
+def smooth_clip(x: Scalar, lower: Scalar, upper: Scalar, width: float) -> Scalar:
+    """`x` rounded off at two limits that it never reaches; rises everywhere, by nearly one between them.
+
+    `(lower + upper)/2 + [sqrt((x - lower)^2 + width^2) - sqrt((x - upper)^2 + width^2)]/2`
+    """
+    above, below = x - lower, x - upper
+    return 0.5 * (lower + upper + sqrt(above * above + width * width) - sqrt(below * below + width * width))
