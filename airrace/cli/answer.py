@@ -101,6 +101,7 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         sys.stdout.flush()
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
-        print(f"airrace: {answer.error}", file=sys.stderr)
+        if not isinstance(error, BrokenPipeError):  # a reader that has seen enough needs no telling
+            print(f"airrace: {answer.error}", file=sys.stderr)
         # What is still buffered cannot be written either; let the interpreter's last flush go nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

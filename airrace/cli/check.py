@@ -20,7 +20,7 @@ def check(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Validate all inputs without flying, and print the passages of the course and its limits."""
+    """Validate inputs and print the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
         from airrace.cli.course import course_object, course_tables
         from airrace.cli.tables import print_tables

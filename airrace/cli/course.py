@@ -29,6 +29,7 @@ class Row:
     east: float | None
     height: float | None
     heading: float | None
+    climb: float | None
     bank: float | None
     leg: float | None
     turn: float | None
@@ -42,6 +43,7 @@ class Row:
             "east_m": self.east,
             "height_m": self.height,
             "heading_deg": _rounded_degrees(self.heading),
+            "climb_deg": _rounded_degrees(self.climb),
             "bank_deg": _rounded_degrees(self.bank),
             "leg_m": self.leg,
             "turn_deg": _rounded_degrees(self.turn),
@@ -66,20 +68,20 @@ def course_object(race: Race) -> dict[str, object]:
 
 def course_tables(race: Race) -> list[Table]:
     """The same for people."""
-    numbers = ("lap", "north m", "east m", "height m", "heading deg", "bank deg", "leg m", "turn deg")
+    numbers = ("lap", "north m", "east m", "height m", "heading deg", "climb deg", "bank deg", "leg m", "turn deg")
     cells = [
         [
             row.passage.name,
             row.kind,
             str(row.passage.lap),
             *(_cell(value, "free", digits=1) for value in (row.north, row.east, row.height)),
-            *(_cell(_degrees(angle), "free") for angle in (row.heading, row.bank)),
+            *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
             *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),
         ]
         for row in rows(race)
     ]
     rules, envelope = race.course.rules, race.aircraft.envelope
-    speeds = Interval(envelope.V.lower / KNOT, envelope.V.upper / KNOT)
+    speeds = Interval(*(round(bound / KNOT, 1) for bound in (envelope.V.lower, envelope.V.upper)))
     limits = [
         ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")],
         ["speed", f"{_range(envelope.V, 'm/s')} ({_range(speeds, 'kt')})"],
@@ -116,6 +118,7 @@ def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[f
         east=east,
         height=_height(passage),
         heading=_heading(passage),
+        climb=passage.element.climb if isinstance(passage.element, Manoeuvre) else None,
         bank=bank,
         leg=None if before is None else before[0],
         turn=None if before is None or after is None else angle_between(after[1], before[1]),

@@ -7,12 +7,12 @@ import typer
 
 from airrace.cli.answer import answering
 
-export = typer.Typer(name="export", help="Write a flight in a format that other programs read.", no_args_is_help=True)
+export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True)
 
 
 @export.callback()
 def formats() -> None:
-    """Write a flight in a format that other programs read."""
+    """Write a flight for other programs."""
 
 
 @export.command("csv")

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from airrace.cli.answer import answering, unflown
+from airrace.cli.exit_codes import ExitCode
 from airrace.procedure.settings import GuessKind
 
 
@@ -36,7 +37,10 @@ def optimize(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress and no tables.")] = False,
 ) -> None:
-    """Find the fastest flight through a course, stage by stage, each certified and kept in a checkpoint."""
+    """Fly a course as fast as can be.
+
+    Stage by stage, each certified and kept in a checkpoint as soon as it is finished.
+    """
     with answering(unflown(track.stem), as_json=as_json) as answer:
         from airrace.cli.running import ensure_free, fly, new_run, stage_named
         from airrace.cli.tables import print_tables, result_tables
@@ -48,5 +52,5 @@ def optimize(
         entries = [*(overrides or ()), *([] if guess is None else [f"settings.guess={guess.value}"])]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
         results = fly(answer, new_run(inputs, path), finished=(), until=last, threads=threads, quiet=quiet)
-        if results and not (as_json or quiet):
+        if results and answer.code is not ExitCode.INTERRUPTED and not (as_json or quiet):
             print_tables(*result_tables(results[-1]))

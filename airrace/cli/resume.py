@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from airrace.cli.answer import answering, unflown
+from airrace.cli.exit_codes import ExitCode
 
 
 def resume(
@@ -21,7 +22,10 @@ def resume(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress and no tables.")] = False,
 ) -> None:
-    """Continue a run after the last stage that still stands, and write it to the same file."""
+    """Continue a run.
+
+    It goes on after the last stage that still stands, in the same file.
+    """
     with answering(unflown(None), as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.continuation import continuation, describe
@@ -40,5 +44,5 @@ def resume(
                 print("\n".join(describe(plan)))
             return
         results = fly(answer, run, finished=plan.kept, until=plan.until, threads=threads, quiet=quiet)
-        if results and not (as_json or quiet):
+        if results and answer.code is not ExitCode.INTERRUPTED and not (as_json or quiet):
             print_tables(*result_tables(results[-1]))

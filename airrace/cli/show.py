@@ -12,7 +12,7 @@ def show(
     run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to look into.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Show the stages of a run, their times, gate splits and certificates."""
+    """Show stages, times and certificates."""
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.summary import is_certified, run_object

@@ -13,19 +13,22 @@ from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import StageResult
 
+# Wide enough for every table where nobody's terminal sets a limit.
+UNLIMITED_WIDTH = 200
+
 
 def print_tables(*tables: Table) -> None:
-    """Print on stdout: as wide as needed where nobody's terminal sets a limit."""
-    terminal = sys.stdout.isatty()
-    console = Console(
-        file=sys.stdout,
-        force_terminal=terminal,
-        no_color=None if terminal else True,
-        width=None if terminal else 200,
-        highlight=False,
-    )
-    for table in tables:
-        console.print(table)
+    """Print on stdout; without a terminal as plain text, whatever the environment says of colours."""
+    if sys.stdout.isatty():
+        console = Console(file=sys.stdout, highlight=False)
+        for table in tables:
+            console.print(table)
+        return
+    console = Console(file=sys.stdout, force_terminal=False, no_color=True, width=UNLIMITED_WIDTH, highlight=False)
+    with console.capture() as capture:
+        for table in tables:
+            console.print(table)
+    print("\n".join(line.rstrip() for line in capture.get().splitlines()))
 
 
 def result_tables(result: StageResult) -> list[Table]:

@@ -12,7 +12,10 @@ def verify(
     run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to verify.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
-    """Compute every certificate again from the file alone and compare it with the stored one."""
+    """Certify a run again.
+
+    Every certificate is computed from the file alone and compared with the stored one.
+    """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.running import stored_run

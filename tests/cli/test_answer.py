@@ -5,7 +5,7 @@ import json
 import pytest
 import typer
 
-from airrace.cli.answer import answering
+from airrace.cli.answer import Answer, answering
 from airrace.cli.exit_codes import ExitCode
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 
@@ -58,12 +58,19 @@ def test_a_bug_is_one_line_unless_debugging(
 
 
 def test_the_graver_failure_speaks() -> None:
-    with pytest.raises(typer.Exit) as left, answering(as_json=False) as answer:
-        answer.fail(ExitCode.NOT_CERTIFIED, "not certified")
-        raise StorageError("disk full")
+    for codes in ((ExitCode.NOT_CERTIFIED, ExitCode.SYSTEM), (ExitCode.SYSTEM, ExitCode.NOT_CERTIFIED)):
+        answer = Answer()
+        for code in codes:
+            answer.fail(code, code.name)
+        assert (answer.code, answer.error) == (ExitCode.SYSTEM, "SYSTEM")
+
+
+def test_an_error_outranks_what_a_stage_came_to() -> None:
+    def fail_twice() -> None:
+        with answering(as_json=False) as answer:
+            answer.fail(ExitCode.NOT_CERTIFIED, "not certified")
+            raise StorageError("disk full")
+
+    with pytest.raises(typer.Exit) as left:
+        fail_twice()
     assert left.value.exit_code == 8
-    with pytest.raises(typer.Exit) as left, answering(as_json=False) as answer:
-        answer.fail(ExitCode.SYSTEM, "disk full")
-        answer.fail(ExitCode.NOT_CERTIFIED, "not certified")
-    assert left.value.exit_code == 8
-    assert answer.error == "disk full"

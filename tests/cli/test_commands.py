@@ -1,0 +1,332 @@
+"""The commands, flown by a canned procedure: what they print, write and return."""
+
+import csv
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import canned_procedure
+import pytest
+from typer.testing import CliRunner
+
+from airrace.checkpoint import read_checkpoint
+from airrace.cli.main import app
+from airrace.documents import load_inputs
+from airrace.procedure import run as procedure
+
+ROOT = Path(__file__).parents[2]
+TRACK = ROOT / "tracks" / "rovinj_2014.yaml"
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
+
+class Shell:
+    """`airrace` in a folder of its own."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder = folder
+        self._monkeypatch = monkeypatch
+
+    def __call__(self, *arguments: str | Path, scenario: str = "certified") -> "Ran":
+        self._monkeypatch.setenv("CANNED_SCENARIO", scenario)
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        return Ran(result.exit_code, result.stdout, result.stderr)
+
+
+class Ran:
+    """A command that has ended."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    @property
+    def answered(self) -> dict[str, object]:
+        """The one object on stdout."""
+        assert self.out.count("\n") == 1
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    monkeypatch.chdir(tmp_path)
+    for name in ("STAGES", "optimise", "recertify", "sampler"):
+        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    return Shell(tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def run_file(airrace: Shell) -> Path:
+    """A finished run."""
+    assert airrace("optimize", TRACK, "--quiet").code == 0
+    return airrace.folder / "rovinj_2014.h5"
+
+
+def stages(path: Path) -> list[str]:
+    return [stored.result.stage.value for stored in read_checkpoint(path).stages]
+
+
+def test_a_run_is_kept_under_the_name_of_its_track(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK)
+    assert ran.code == 0
+    assert stages(airrace.folder / "rovinj_2014.h5") == ["homotopy", "point-mass"]
+    assert "1:finish" in ran.out
+    assert "certificate: certified" in ran.out
+    assert "point-mass: solved, certified" in ran.err
+    assert not CONTROL.search(ran.out + ran.err)
+
+
+def test_json_is_one_object_with_the_documented_keys(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK, "--json")
+    assert ran.code == 0
+    assert list(ran.answered) == ["track", "certified", "race_time_s", "wall_s", "stages"]
+    assert ran.answered["certified"] is True
+    assert ran.answered["track"] == "rovinj_2014"
+
+
+def test_quiet_prints_nothing(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK, "--quiet")
+    assert (ran.code, ran.out, ran.err) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("scenario", "code"),
+    [
+        ("loose", 5),
+        ("not certified", 5),
+        ("not converged", 5),
+        ("infeasible", 4),
+        ("timeout", 6),
+        ("crash", 8),
+        ("memory", 8),
+        ("invalid", 3),
+        ("bug", 1),
+        ("interrupt", 130),
+    ],
+)
+def test_each_failure_has_its_code_and_keeps_the_finished_stages(airrace: Shell, scenario: str, code: int) -> None:
+    ran = airrace("optimize", TRACK, "--json", scenario=scenario)
+    assert ran.code == code
+    assert ran.answered["certified"] is False
+    assert ran.answered["error"]
+    assert ran.answered["findings"] == []
+    assert "Traceback" not in ran.err
+    assert stages(airrace.folder / "rovinj_2014.h5")[0] == "homotopy"
+    assert ran.err.splitlines()[-1] == f"airrace: {ran.answered['error']}"
+
+
+def test_an_existing_output_is_refused_before_the_track_is_even_read(airrace: Shell) -> None:
+    output = airrace.folder / "run.h5"
+    output.write_text("precious")
+    for track in (TRACK, Path("nowhere.yaml")):
+        ran = airrace("optimize", track, "--out", output, "--json")
+        assert ran.code == 2
+        assert "--force" in str(ran.answered["error"])
+    assert output.read_text() == "precious"
+    assert airrace("optimize", TRACK, "--out", output, "--force", "--quiet").code == 0
+    assert stages(output) == ["homotopy", "point-mass"]
+
+
+def test_an_output_folder_that_takes_no_files_ends_the_run_at_once(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK, "--out", airrace.folder / "nowhere" / "run.h5")
+    assert ran.code == 8
+    assert "started" not in ran.err
+    assert airrace("optimize", TRACK, "--out", airrace.folder).code == 2
+
+
+def test_an_invalid_track_lists_its_findings(airrace: Shell) -> None:
+    broken = airrace.folder / "broken.yaml"
+    broken.write_text(TRACK.read_text(encoding="utf-8").replace("heading_deg", "heading_dge"), encoding="utf-8")
+    for command in ("optimize", "check"):
+        ran = airrace(command, broken, "--json")
+        assert ran.code == 3
+        findings = ran.answered["findings"]
+        assert isinstance(findings, list)
+        assert {"file", "line", "column", "key", "message"} == set(findings[0])
+        assert f"{broken}:{findings[0]['line']}" in ran.err
+    assert not (airrace.folder / "broken.h5").exists()
+
+
+@pytest.mark.parametrize("option", ["--until", "--from"])
+def test_an_unknown_stage_is_answered_with_the_available_ones(airrace: Shell, run_file: Path, option: str) -> None:
+    ran = airrace("resume", run_file, option, "six-dof", "--json")
+    assert ran.code == 2
+    assert "homotopy, point-mass" in str(ran.answered["error"])
+
+
+def test_a_run_until_the_homotopy_is_not_certified(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK, "--until", "homotopy", "--json")
+    assert ran.code == 5
+    assert stages(airrace.folder / "rovinj_2014.h5") == ["homotopy"]
+
+
+def test_guess_and_set_reach_the_settings(airrace: Shell) -> None:
+    arguments = ("--guess", "plan", "--set", "settings.regularisation=1e-3", "--set", "rules.n_z_max=9", "--quiet")
+    assert airrace("optimize", TRACK, *arguments).code == 0
+    stored = read_checkpoint(airrace.folder / "rovinj_2014.h5").inputs
+    assert stored.overrides == ("settings.regularisation=1e-3", "rules.n_z_max=9", "settings.guess=plan")
+    resolved = json.loads(stored.resolved)
+    assert resolved["settings"]["guess"] == "plan"
+    assert resolved["settings"]["regularisation"] == pytest.approx(1e-3)
+
+
+def test_resume_runs_what_is_missing_and_ends_as_if_never_interrupted(airrace: Shell) -> None:
+    assert airrace("optimize", TRACK, "--quiet", scenario="interrupt").code == 130
+    run_file = airrace.folder / "rovinj_2014.h5"
+    assert stages(run_file) == ["homotopy"]
+    ran = airrace("resume", run_file, "--json")
+    assert ran.code == 0
+    assert ran.answered["certified"] is True
+    assert stages(run_file) == ["homotopy", "point-mass"]
+    assert "homotopy: started" not in ran.err
+    assert "point-mass: started" in ran.err
+
+
+def test_resume_of_a_finished_run_runs_nothing(airrace: Shell, run_file: Path) -> None:
+    ran = airrace("resume", run_file)
+    assert ran.code == 0
+    assert "started" not in ran.err
+
+
+def steps(ran: Ran) -> dict[str, str]:
+    found = ran.answered["steps"]
+    assert isinstance(found, list)
+    return {step["stage"]: step["action"] for step in found}
+
+
+def test_a_dry_run_says_what_would_run_and_changes_nothing(airrace: Shell, run_file: Path) -> None:
+    before = run_file.read_bytes()
+    assert steps(airrace("resume", run_file, "--dry-run", "--json")) == {"homotopy": "keep", "point-mass": "keep"}
+    again = airrace("resume", run_file, "--dry-run", "--from", "homotopy", "--json")
+    assert steps(again) == {"homotopy": "run", "point-mass": "run"}
+    said = airrace("resume", run_file, "--dry-run", "--from", "point-mass").out
+    assert said == "homotopy: keep\npoint-mass: run (asked for)\n"
+    assert run_file.read_bytes() == before
+
+
+def test_a_stage_that_failed_is_run_again(airrace: Shell) -> None:
+    assert airrace("optimize", TRACK, "--quiet", scenario="loose").code == 5
+    run_file = airrace.folder / "rovinj_2014.h5"
+    assert "point-mass: run (it is not certified)" in airrace("resume", run_file, "--dry-run").out
+    assert airrace("resume", run_file, "--quiet").code == 0
+
+
+def test_show_prints_the_object_of_the_run(airrace: Shell, run_file: Path) -> None:
+    ran = airrace("show", run_file, "--json")
+    assert ran.code == 0
+    assert list(ran.answered) == ["track", "certified", "race_time_s", "wall_s", "stages"]
+    assert ran.answered["race_time_s"] == pytest.approx(10.0)
+    for piece in ("homotopy", "point-mass", "kkt_error", "1:g1"):
+        assert piece in airrace("show", run_file).out
+
+
+def test_verify_believes_only_what_it_measures(airrace: Shell, run_file: Path) -> None:
+    ran = airrace("verify", run_file, "--json")
+    assert ran.code == 0
+    assert ran.answered["verified"] is True
+    ran = airrace("verify", run_file, "--json", scenario="loose")
+    assert ran.code == 5
+    assert ran.answered["verified"] is False
+    assert "kkt_error" in str(ran.answered["error"])
+
+
+def test_a_run_without_a_certificate_is_not_verified(airrace: Shell) -> None:
+    airrace("optimize", TRACK, "--until", "homotopy", "--quiet")
+    assert airrace("verify", airrace.folder / "rovinj_2014.h5").code == 5
+
+
+@pytest.mark.parametrize("command", [("show",), ("verify",), ("resume",), ("export", "csv")])
+def test_a_checkpoint_that_cannot_be_trusted_is_told_apart(
+    airrace: Shell, run_file: Path, command: Sequence[str]
+) -> None:
+    whole = run_file.read_bytes()
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 1
+    for content in (whole[: len(whole) // 2], bytes(flipped), b""):
+        run_file.write_bytes(content)
+        ran = airrace(*command, run_file)
+        assert ran.code == 7
+        assert ran.out == ""
+    assert airrace(*command, "nowhere.h5").code == 7
+
+
+def test_export_writes_the_mesh_or_a_fixed_rate(airrace: Shell, run_file: Path) -> None:
+    for arguments, rows in (((), 5), (("--rate", "2"), 21)):
+        ran = airrace("export", "csv", run_file, *arguments)
+        assert ran.code == 0
+        table = list(csv.DictReader(line for line in io.StringIO(ran.out) if not line.startswith("#")))
+        assert len(table) == rows
+        assert {"time_s", "x_m", "V_K_m_s"} <= set(table[0])
+    assert airrace("export", "csv", run_file, "--rate", "-1").code == 2
+    assert airrace("export", "csv", run_file, "--stage", "six-dof").code == 2
+
+
+def test_export_writes_the_splits_beside_the_flight(airrace: Shell, run_file: Path) -> None:
+    assert airrace("export", "csv", run_file, "--output", "lap.csv").code == 0
+    splits = Path("lap.splits.csv").read_text()
+    assert splits == airrace("export", "csv", run_file, "--splits").out
+    assert [row["passage"] for row in csv.DictReader(io.StringIO(splits))] == ["1:start", "1:g1", "1:finish"]
+    assert airrace("export", "csv", run_file, "--output", "lap.csv").code == 2
+    assert airrace("export", "csv", run_file, "--output", "lap.csv", "--force").code == 0
+
+
+def test_check_prints_every_passage_and_flies_nothing(airrace: Shell) -> None:
+    names = [passage.name for passage in load_inputs(TRACK).race.course.passages]
+    ran = airrace("check", TRACK, "--json")
+    assert ran.code == 0
+    passages = ran.answered["passages"]
+    assert isinstance(passages, list)
+    assert [passage["passage"] for passage in passages] == names
+    shown = airrace("check", TRACK).out
+    assert all(f" {name} " in shown for name in names)
+    assert list(airrace.folder.iterdir()) == []
+
+
+def start(folder: Path, *arguments: str | Path, scenario: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, canned_procedure.__file__, *map(str, arguments)],
+        cwd=folder,
+        env={**os.environ, "CANNED_SCENARIO": scenario, "FORCE_COLOR": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_within_seconds_and_keeps_what_is_finished(tmp_path: Path, number: signal.Signals) -> None:
+    with start(tmp_path, "optimize", TRACK, "--json", scenario="slow") as running:
+        assert running.stderr is not None
+        while "point-mass: started" not in running.stderr.readline():
+            assert running.poll() is None
+        sent = time.monotonic()
+        running.send_signal(number)
+        out, err = running.communicate(timeout=5.0)
+    assert time.monotonic() - sent < 5.0
+    assert running.returncode == 130
+    assert [stage["stage"] for stage in json.loads(out)["stages"]] == ["homotopy"]
+    assert "airrace resume rovinj_2014.h5" in err
+    assert stages(tmp_path / "rovinj_2014.h5") == ["homotopy"]
+
+
+def test_without_a_terminal_there_are_no_control_codes(tmp_path: Path) -> None:
+    with start(tmp_path, "optimize", TRACK, scenario="certified") as running:
+        out, err = running.communicate(timeout=60.0)
+    assert running.returncode == 0
+    assert "point-mass: solved, certified" in err
+    assert not CONTROL.search(out + err)
+
+
+def test_a_reader_that_leaves_early_hears_no_complaint(tmp_path: Path) -> None:
+    with start(tmp_path, "check", TRACK, "--json", scenario="certified") as running:
+        assert running.stdout is not None
+        running.stdout.close()
+        assert running.stderr is not None
+        assert running.stderr.read() == ""
+    assert running.returncode == 8

@@ -1,0 +1,72 @@
+"""Help comes at once, and nothing the program can do stays untold."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import typer.main
+
+from airrace.cli.main import app
+from airrace.documents import load_inputs
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+HEAVY = ("casadi", "h5py", "numpy", "pydantic", "rich", "scipy", "yaml")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"]])
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    program = (
+        "import sys\n"
+        "from airrace.cli.main import main\n"
+        f"sys.argv = ['airrace', *{arguments!r}]\n"
+        "try:\n    main()\n"
+        f"finally:\n    print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout
+    assert ran.stderr.splitlines()[-1] == "[]"
+
+
+def commands() -> Iterator[tuple[str, list[str]]]:
+    """Every command with its options, as a user types them."""
+
+    def walk(command: object, path: str) -> Iterator[tuple[str, list[str]]]:
+        children = getattr(command, "commands", None)
+        if children:
+            for name, child in children.items():
+                yield from walk(child, f"{path} {name}")
+            return
+        options = [max(parameter.opts, key=len) for parameter in command.params]
+        yield path, [option for option in options if option.startswith("--") and option != "--help"]
+
+    yield from walk(typer.main.get_command(app), "airrace")
+
+
+@pytest.mark.parametrize("command", [name for name, _ in commands()])
+def test_every_command_is_documented(command: str) -> None:
+    assert re.search(rf"^    {command} \S+\.(yaml|h5) +\w", README, re.MULTILINE)
+
+
+def test_every_option_is_documented() -> None:
+    known = {option for _, options in commands() for option in options}
+    assert {option for option in known if f"`{option}" not in README and f", `{option}" not in README} == set()
+
+
+def test_the_readme_names_no_command_that_does_not_exist() -> None:
+    known = {name for name, _ in commands()}
+    written = re.findall(r"^    (airrace (?:export )?\w+)", README, re.MULTILINE)
+    assert written
+    assert set(written) <= known
+
+
+def test_the_course_of_the_readme_is_valid(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```yaml\n(.+?)```", README, re.DOTALL)
+    track = tmp_path / "example.yaml"
+    track.write_text(example, encoding="utf-8")
+    inputs = load_inputs(track, aircraft=ROOT / "configs" / "edge540.yaml")
+    assert inputs.race.course.name == "Harbour sprint"
+    assert len(inputs.race.course.passages) == 5
