@@ -98,6 +98,7 @@ class Fatrop(Solver):
             "ng": layout.stage_rows.tolist(),
             "cache": {
                 "nlp_grad_f": program.grad_f,
+                "nlp_grad": program.grad,
                 "nlp_jac_g": program.jac_g,
                 "nlp_hess_l": program.hess_l,
             },
@@ -114,6 +115,7 @@ class Ipopt(Solver):
         return {
             "cache": {
                 "nlp_grad_f": program.f_and_grad,
+                "nlp_grad": program.grad,
                 "nlp_jac_g": program.jac_g,
                 "nlp_hess_l": program.hess_l_upper,
             },
@@ -135,7 +137,11 @@ class PreparedProblem:
     def __init__(self, layout: Layout, kernels: Kernels, solver: Solver, options: SolverOptions, threads: int) -> None:
         self._program = transcribe(layout, kernels, threads)
         self._solver = solver
-        settings = {"print_time": False, **solver.options(layout, self._program, options)}
+        settings = {
+            "print_time": False,
+            "calc_lam_p": False,
+            **solver.options(layout, self._program, options),
+        }
         self._nlpsol = ca.nlpsol("solve", solver.name, self._program.nlp, settings)
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:

@@ -32,6 +32,7 @@ class NonlinearProgram:
         jac_g: (x, p) -> g, Jacobian of g.
         hess_l: (x, p, lam_f, lam_g) -> gradient of the Lagrangian, its Hessian (both triangles).
         hess_l_upper: (x, p, lam_f, lam_g) -> upper triangle of the Hessian.
+        grad: (x, p, lam_f, lam_g) -> f, g, gradient of the Lagrangian in x; and in p, empty as nobody asks for it.
     """
 
     nlp: ca.Function
@@ -40,6 +41,7 @@ class NonlinearProgram:
     jac_g: ca.Function
     hess_l: ca.Function
     hess_l_upper: ca.Function
+    grad: ca.Function
 
 
 @dataclass(frozen=True)
@@ -95,14 +97,16 @@ class _Transcription:
         arguments, inputs = [w, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
         outputs = ["grad_gamma_x", "hess_gamma_x_x"]
         full, upper = self._hessian(hessians, Symmetry.FULL), self._hessian(hessians, Symmetry.UPPER)
+        g = self._constraints(values)
         g_and_jacobian = [self._constraints([value for value, _ in linear]), self._jacobian([j for _, j in linear])]
         return NonlinearProgram(
-            nlp=ca.Function("nlp", [w, p], [f, self._constraints(values)], ["x", "p"], ["f", "g"]),
+            nlp=ca.Function("nlp", [w, p], [f, g], ["x", "p"], ["f", "g"]),
             grad_f=ca.Function("nlp_grad_f", [w, p], [grad_f], ["x", "p"], ["grad_f_x"]),
             f_and_grad=ca.Function("nlp_grad_f", [w, p], [f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
             jac_g=ca.Function("nlp_jac_g", [w, p], g_and_jacobian, ["x", "p"], ["g", "jac_g_x"]),
             hess_l=ca.Function("nlp_hess_l", arguments, [gradient, full], inputs, outputs),
             hess_l_upper=ca.Function("nlp_hess_l", arguments, [upper], inputs, outputs[1:]),
+            grad=ca.Function("nlp_grad", arguments, [f, g, gradient, ca.MX(0, 1)]),
         )
 
     # the kernel calls

@@ -1,8 +1,8 @@
 """The solver process: reads requests, solves them, reports iterations while it does.
 
 It is started by `service.py` as `python -m airrace.optimal_control.worker FD` and answers on the file descriptor FD.
-The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers are
-kept ready per problem structure, so that a homotopy pays for its set-up once.
+The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers
+are kept ready per problem structure, so that a homotopy pays for its set-up once.
 """
 
 import ctypes

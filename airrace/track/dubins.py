@@ -1,7 +1,7 @@
 """Shortest planar paths of bounded curvature between two directed points (Dubins, 1957).
 
-Positions are (north, east) in metres, headings in radians clockwise from north; a right turn has positive curvature. A path
-is three arcs or straights, written as the signs of their curvatures. The lengths follow Shkel & Lumelsky (2001).
+Positions are (north, east) in metres, headings in radians clockwise from north; a right turn has positive curvature. A
+path is three arcs or straights, written as the signs of their curvatures. The lengths follow Shkel & Lumelsky (2001).
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class DubinsPath:
-    """One path: it starts at (north, east) with `heading`; `lengths` of its three pieces (m) with `curvatures` (1/m)."""
+    """A path from (north, east) with `heading`: `lengths` of its three pieces (m) and their `curvatures` (1/m)."""
 
     north: float
     east: float

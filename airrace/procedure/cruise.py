@@ -1,0 +1,50 @@
+"""The pace at which a race is planned: a typical speed and load factor of the aircraft, from its own numbers."""
+
+import math
+from dataclasses import dataclass
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.atmosphere import g0
+from airrace.track.course import Rules
+
+AIR_DENSITY = 1.225  # kg/m3, ISA at sea level; a plan need not know the day
+SHARE_OF_TOP_SPEED = 0.76
+LOAD_FACTOR = 6.0
+SHARE_OF_LIMIT = 0.6
+
+
+@dataclass(frozen=True)
+class Cruise:
+    """Planning speed `V` (m/s), load factor `n` in turns (g), roll rate `p` (rad/s)."""
+
+    V: float
+    n: float
+    p: float
+
+    @property
+    def radius(self) -> float:
+        """Radius of a level turn, m."""
+        return self.V**2 / (g0 * math.sqrt(self.n**2 - 1.0))
+
+
+def cruise(aircraft: Aircraft, rules: Rules) -> Cruise:
+    """Three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
+    V = SHARE_OF_TOP_SPEED * top_speed(aircraft)
+    V = min(max(V, 1.1 * aircraft.envelope.V.lower), 0.95 * aircraft.envelope.V.upper)
+    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    n_lift = lift / (aircraft.airframe.m * g0)
+    n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
+    n = max(min(LOAD_FACTOR, SHARE_OF_LIMIT * n_limit, 0.8 * n_lift), 1.2)
+    return Cruise(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
+
+
+def top_speed(aircraft: Aircraft) -> float:
+    """Speed at which full power balances the drag of level flight, m/s (ISA, sea level)."""
+    propulsion, drag, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.S
+    P = propulsion.eta_p * propulsion.P_max
+    V = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)
+    for _ in range(20):  # a contraction: the induced drag is a small correction at top speed
+        C_L = aircraft.airframe.m * g0 / (0.5 * AIR_DENSITY * V**2 * S)
+        C_D = drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2
+        V = (2.0 * P / (AIR_DENSITY * S * C_D)) ** (1 / 3)
+    return V

@@ -1,0 +1,141 @@
+"""The race as an optimal control problem: a phase per leg, a boundary per passage."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.crossing import CrossingParameters
+from airrace.dynamics.flight_model import FlightModel
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem
+from airrace.procedure.plan import Plan, Waypoint
+from airrace.quantities import Interval
+from airrace.system import Observation
+from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
+
+DURATION = Interval(0.1, 120.0)  # s, of a phase
+TIME_SCALE = 3.0  # s
+VERTICAL = 1e-6  # a climb angle this close to +-pi/2 is vertical
+POSITIVE = Interval(lower=0.0)
+NOT_POSITIVE = Interval(upper=0.0)
+ZERO = Interval.exactly(0.0)
+
+
+def race_problem(
+    plan: Plan,
+    mesh: Sequence[tuple[float, ...]],
+    *,
+    model: FlightModel,
+    observation: Observation,
+    aircraft: Aircraft,
+    regularised: Mapping[str, float],
+) -> Problem:
+    """The joint problem over all phases.
+
+    Args:
+        plan: waypoints in flown order.
+        mesh: fractions of each phase's intervals.
+        model: the aircraft's equations.
+        observation: the crossing, seen from the model's states.
+        aircraft: for its wing span.
+        regularised: weights of the squared, scaled controls by name.
+    """
+    boundaries = [boundary(waypoint, observation, aircraft.airframe.b) for waypoint in plan.waypoints]
+    phases = [
+        Phase(f"{a.passage.name} -> {b.passage.name}", fractions, DURATION, end)
+        for a, b, fractions, end in zip(plan.waypoints, plan.waypoints[1:], mesh, boundaries[1:], strict=False)
+    ]
+    return Problem(
+        system=model.system,
+        parameters=tuple(float(value) for value in model.parameter_values),
+        start=boundaries[0],
+        phases=tuple(phases),
+        objective=Objective(time=1.0, regularisation=regularised),
+        time_scale=TIME_SCALE,
+    )
+
+
+def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Boundary:
+    """The conditions of one passage, in its own frame."""
+    element, passage = waypoint.passage.element, waypoint.passage
+    if isinstance(element, Gate):
+        bounds = _gate(element, element.tolerances)
+    elif isinstance(element, Pylon):
+        bounds = _pylon(element, waypoint)
+    else:
+        bounds = _manoeuvre(element)
+    if passage.speed.bounded:
+        bounds["V_K"] = passage.speed
+    place = _place(waypoint, span)
+    return Boundary(passage.name, bounds, observation, tuple(place.join()))
+
+
+def _gate(gate: Gate, allowed: Tolerances) -> dict[str, Interval]:
+    bounds = {"along": ZERO, "course_excess_right": NOT_POSITIVE, "course_excess_left": NOT_POSITIVE}
+    if gate.passing is Passing.POINT:
+        exact = {"right": ZERO, "height": Interval.exactly(gate.height)}
+        return bounds | exact | {"bank_sine": ZERO, "bank_cosine": POSITIVE}
+    reach = gate.width / 2 - allowed.clearance
+    between = Interval(-reach, reach)
+    bounds |= {"right_wing": between, "left_wing": between, "height": allowed.height}
+    bounds |= {"bank_excess_right": NOT_POSITIVE, "bank_excess_left": NOT_POSITIVE}
+    return bounds | _climb(allowed.climb)
+
+
+def _pylon(pylon: Pylon, waypoint: Waypoint) -> dict[str, Interval]:
+    """Passed on its side, both wing tips clear of it, measured across the track."""
+    allowed = pylon.tolerances
+    to_right = math.sin(pylon.side - waypoint.axis) > 0.0
+    clear = Interval(lower=allowed.clearance) if to_right else Interval(upper=-allowed.clearance)
+    bounds = {
+        "along": ZERO,
+        "right": Interval(0.0, pylon.reach) if to_right else Interval(-pylon.reach, 0.0),
+        "beside_right": clear,
+        "beside_left": clear,
+        "course_excess_right": NOT_POSITIVE,
+        "course_excess_left": NOT_POSITIVE,
+    }
+    if pylon.passing is Passing.POINT:
+        return bounds | {"height": Interval.exactly(pylon.height)}
+    return bounds | {"height": allowed.height} | _climb(allowed.climb)
+
+
+def _climb(allowed: Interval) -> dict[str, Interval]:
+    """A range of climb angles; none where it allows everything."""
+    lower = math.sin(allowed.lower) if allowed.lower > -math.pi / 2 else -math.inf
+    upper = math.sin(allowed.upper) if allowed.upper < math.pi / 2 else math.inf
+    return {"climb_sine": Interval(lower, upper)}
+
+
+def _manoeuvre(element: Manoeuvre) -> dict[str, Interval]:
+    """A prescribed attitude. The vertical is two conditions: the sine of the climb angle is flat there."""
+    bounds = {"x": element.north, "y": element.east, "z": Interval(-element.height.upper, -element.height.lower)}
+    if element.climb is not None and abs(abs(element.climb) - math.pi / 2) < VERTICAL:
+        up = POSITIVE if element.climb > 0.0 else NOT_POSITIVE
+        return bounds | {"course_sine": ZERO, "course_cosine": ZERO, "climb_sine": up}
+    if element.climb is not None:
+        bounds["climb_sine"] = Interval.exactly(math.sin(element.climb))
+    if element.heading is not None:
+        bounds |= {"course_sine": ZERO, "course_cosine": POSITIVE}
+    if element.bank is not None:
+        bounds |= {"bank_sine": ZERO, "bank_cosine": POSITIVE}
+    return bounds
+
+
+def _place(waypoint: Waypoint, span: float) -> CrossingParameters[float]:
+    element = waypoint.passage.element
+    at_pylon = isinstance(element, Pylon)
+    centre = (0.0, 0.0) if isinstance(element, Manoeuvre) else (element.north, element.east)
+    tolerances = None if isinstance(element, Manoeuvre) else element.tolerances
+    exact = not isinstance(element, Manoeuvre) and element.passing is Passing.POINT
+    bank = waypoint.bank or 0.0
+    return CrossingParameters(
+        centre_north=centre[0],
+        centre_east=centre[1],
+        axis_north=math.cos(waypoint.axis),
+        axis_east=math.sin(waypoint.axis),
+        bank_cos=math.cos(bank),
+        bank_sin=math.sin(bank),
+        bank_tan=math.tan(tolerances.bank) if tolerances is not None and not at_pylon else 0.0,
+        crossing_tan=math.tan(tolerances.crossing) if tolerances is not None else 0.0,
+        half_span=0.0 if exact else span / 2,
+    )
