@@ -40,21 +40,20 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
     stages = tuple(procedure.STAGES)
     steps: list[Step] = []
     kept: list[StageResult] = []
-    cause = ""
     for stage in stages[: stages.index(until) + 1]:
         stored = run.checkpoint.stage(stage)
-        if not cause:
-            if stage is from_stage:
-                cause = "asked for"
-            elif stored is None:
-                cause = "not finished"
-            else:
-                cause = stale.get(stage, "") or _unfit(stored.result)
-            reason = cause
-        else:
+        if stage is from_stage:
+            reason = "asked for"
+        elif steps and steps[-1].reason:
             reason = f"{steps[-1].stage.value} runs before it"
+        elif stored is not None:
+            reason = stale.get(stage, "") or _unfit(stored.result)
+        elif any(run.checkpoint.stage(later) for later in stages[stages.index(stage) + 1 :]):
+            continue  # the run went without this stage, e.g. from a plan without a homotopy
+        else:
+            reason = "not finished"
         steps.append(Step(stage, reason))
-        if not reason and stored is not None:
+        if stored is not None and not reason:
             kept.append(stored.result)
     return Continuation(until, tuple(steps), tuple(kept))
 

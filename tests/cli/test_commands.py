@@ -10,13 +10,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import canned_procedure
 import pytest
 from typer.testing import CliRunner
 
-from airrace.checkpoint import read_checkpoint
+from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.documents import load_inputs
 from airrace.procedure import run as procedure
@@ -207,6 +208,13 @@ def test_a_dry_run_says_what_would_run_and_changes_nothing(airrace: Shell, run_f
     said = airrace("resume", run_file, "--dry-run", "--from", "point-mass").out
     assert said == "homotopy: keep\npoint-mass: run (asked for)\n"
     assert run_file.read_bytes() == before
+
+
+def test_a_run_that_went_without_the_homotopy_is_not_sent_back_to_it(airrace: Shell, run_file: Path) -> None:
+    checkpoint = read_checkpoint(run_file)
+    without = replace(checkpoint, stages=()).with_stage(checkpoint.stages[-1].result)
+    write_checkpoint(run_file, without)
+    assert steps(airrace("resume", run_file, "--dry-run", "--json")) == {"point-mass": "keep"}
 
 
 def test_a_stage_that_failed_is_run_again(airrace: Shell) -> None:
