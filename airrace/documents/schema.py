@@ -19,11 +19,12 @@ Annotation = Any
 class Schema(BaseModel):
     """A mapping of a document: unknown keys are errors, nothing is converted, numbers are finite.
 
-    `what` names the element in messages ("a level gate").
+    `what` names the element in messages ("a level gate"), `form` says how it is written.
     """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
     what: ClassVar[str] = "this element"
+    form: ClassVar[str] = "a mapping (`key: value` lines)"
 
 
 Model = TypeVar("Model", bound=Schema)
@@ -108,13 +109,18 @@ def _mismatch(error: ErrorDetails, annotation: Annotation, owner: type[Schema] |
             choices = [str(choice) for choice in get_args(_bare(annotation))]
             return f"must be one of {', '.join(choices)}, not {found}{_near(error['input'], choices)}"
         case "model_type" | "dict_type" | "model_attributes_type":
-            return f"must be a mapping (`key: value` lines), not {found}"
+            return f"must be {_form(annotation)}, not {found}"
         case "list_type":
             return f"must be a list (`[a, b]` or `- a` lines), not {found}"
         case "string_too_short" | "too_short":
             return "must not be empty"
         case _:
             return error["msg"]
+
+
+def _form(annotation: Annotation) -> str:
+    bare = _bare(annotation)
+    return bare.form if isinstance(bare, type) and issubclass(bare, Schema) else Schema.form
 
 
 def _near(value: object, choices: list[str]) -> str:

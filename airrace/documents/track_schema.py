@@ -154,6 +154,7 @@ class FlownEntry(Schema):
     """One passing: the name of an element, or `{gate: g4, direction: reverse}`."""
 
     what: ClassVar[str] = "a passing"
+    form: ClassVar[str] = "the name of a gate or {gate: NAME, direction: reverse}"
     gate: str = Field(description="the name of an element of `gates`")
     direction: DirectionName | None = None
 

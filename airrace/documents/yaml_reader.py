@@ -91,7 +91,7 @@ def read_yaml(file: str, text: str) -> Node:
     except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
-        message = f"the character U+{ord(error.character):04X} is not allowed in YAML"
+        message = f"the character U+{int(error.character):04X} is not allowed in YAML"
         raise InputError([*reader.findings, Finding(file, line, column, "", message)]) from None
     except yaml.MarkedYAMLError as error:
         raise InputError([*reader.findings, _syntax_error(file, error)]) from None
