@@ -101,7 +101,7 @@ class PropulsionEntry(Schema):
 class SurfacesEntry(Schema):
     """Symmetric travels."""
 
-    what: ClassVar[str] = "the control surfaces"
+    what: ClassVar[str] = "the group of control surfaces"
     elevator_travel_deg: Travel = Field(description="largest deflection to either side")
     aileron_travel_deg: Travel = Field(description="largest deflection to either side")
     rudder_travel_deg: Travel = Field(description="largest deflection to either side")
