@@ -120,13 +120,20 @@ def _fault(flown: _Flown, previous: str, known: dict[str, Element]) -> tuple[Key
     if flown.gate not in known:
         return flown.path, f"unknown gate `{flown.gate}`{suggestion(flown.gate, known)}"
     element = known[flown.gate]
-    if flown.lap == 0 and isinstance(element, Manoeuvre):
-        return flown.path, f"a race cannot start at a manoeuvre; `{flown.gate}` must be a gate or a pylon"
+    if flown.lap == 0 and isinstance(element, Manoeuvre) and element.position is None:
+        return (
+            flown.path,
+            f"a race must start somewhere: `{flown.gate}` needs north_m, east_m and height_m, or be a gate",
+        )
     if flown.direction is not None and not isinstance(element, Gate):
         return flown.direction_path, f"only two-pylon gates have a direction; `{flown.gate}` is none, leave it out"
     if flown.gate == previous:
         return flown.path, f"`{flown.gate}` is passed twice in a row; another element must come between"
     return None
+
+
+def _is_fixed(element: Manoeuvre) -> bool:
+    return all(bounds.lower == bounds.upper for bounds in (element.north, element.east, element.height))
 
 
 def _passage(flown: _Flown, element: Element, rules: RulesEntry, seen: Counter[str]) -> Passage:

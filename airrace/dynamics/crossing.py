@@ -60,6 +60,7 @@ class CrossingValues(Vector[T]):
     course_excess_right: T = quantity("1", text="positive where the course exceeds its tolerance to the right")
     course_excess_left: T = quantity("1", text="positive where the course exceeds its tolerance to the left")
     speed: T = quantity("m/s", scale=50.0, text="kinematic speed")
+    attitude_norm: T = quantity("1", text="squared length of the attitude quaternion")
 
 
 def crossing_observation(states: Sequence[Quantity]) -> Observation:
@@ -126,6 +127,7 @@ def crossing_values(
         course_excess_right=course_sine - place.crossing_tan * course_cosine,
         course_excess_left=-course_sine - place.crossing_tan * course_cosine,
         speed=V_K,
+        attitude_norm=sum(one * one for one in q),
     )
 
 

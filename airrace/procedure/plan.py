@@ -60,6 +60,12 @@ class Leg:
     path: DubinsPath | None
 
 
+def _level(here: Waypoint, there: Waypoint) -> bool:
+    """Whether a planar path can lead from one to the other."""
+    known = here.position is not None and there.position is not None
+    return known and here.climb == 0.0 and there.climb == 0.0
+
+
 @dataclass(frozen=True)
 class Plan:
     """Waypoints of all passages and the legs between them; `seconds` is the planned race time."""
@@ -124,15 +130,20 @@ def _pylon_candidates(passage: Passage, pylon: Pylon) -> list[Waypoint]:
 
 
 def _manoeuvre_candidates(passage: Passage, element: Manoeuvre) -> list[Waypoint]:
-    """The prescribed attitude at every course that is allowed."""
+    """The prescribed attitude at every course that is allowed; a position only where all of it is prescribed."""
     free = 2.0 * math.pi / HEADINGS * np.arange(HEADINGS)
     headings = [element.heading] if element.heading is not None else [float(heading) for heading in free]
-    return [Waypoint(passage, None, heading, element.climb or 0.0, element.bank, heading) for heading in headings]
+    return [
+        Waypoint(passage, element.position, heading, element.climb or 0.0, element.bank, heading)
+        for heading in headings
+    ]
 
 
 def _leg_seconds(here: Sequence[Waypoint], there: Sequence[Waypoint], pace: Cruise) -> Array:
     """Planned time from every candidate to every next one, shape (len(here), len(there)), s."""
-    if here[0].position is not None and there[0].position is not None:
+    if _level(here[0], there[0]):
+        assert here[0].position is not None
+        assert there[0].position is not None
         start, end = np.array(here[0].position[:2]), np.array(there[0].position[:2])
         first = np.array([one.heading for one in here])[:, None]
         last = np.array([one.heading for one in there])[None, :]
@@ -142,8 +153,10 @@ def _leg_seconds(here: Sequence[Waypoint], there: Sequence[Waypoint], pace: Crui
 
 
 def _leg(a: Waypoint, b: Waypoint, pace: Cruise) -> Leg:
-    if a.position is None or b.position is None:
+    if not _level(a, b):
         return Leg(None)
+    assert a.position is not None
+    assert b.position is not None
     return Leg(shortest(np.array(a.position[:2]), a.heading, np.array(b.position[:2]), b.heading, pace.radius))
 
 

@@ -1,5 +1,6 @@
 """The race as an optimal control problem: a phase per leg, a boundary per passage."""
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
@@ -39,15 +40,16 @@ def race_problem(
         aircraft: for its wing span.
         regularised: weights of the squared, scaled controls by name.
     """
-    boundaries = [boundary(waypoint, observation, aircraft.airframe.b) for waypoint in plan.waypoints]
+    start, *ends = (boundary(waypoint, observation, aircraft.airframe.b) for waypoint in plan.waypoints)
     phases = [
         Phase(f"{a.passage.name} -> {b.passage.name}", fractions, DURATION, end)
-        for a, b, fractions, end in zip(plan.waypoints, plan.waypoints[1:], mesh, boundaries[1:], strict=False)
+        for a, b, fractions, end in zip(plan.waypoints, plan.waypoints[1:], mesh, ends, strict=False)
     ]
     return Problem(
         system=model.system,
         parameters=tuple(float(value) for value in model.parameter_values),
-        start=boundaries[0],
+        # Every interval ends with a unit quaternion; the first one must begin with one, or its length is arbitrary.
+        start=dataclasses.replace(start, bounds={**start.bounds, "attitude_norm": Interval.exactly(1.0)}),
         phases=tuple(phases),
         objective=Objective(time=1.0, regularisation=regularised),
         time_scale=TIME_SCALE,

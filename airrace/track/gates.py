@@ -101,6 +101,13 @@ class Manoeuvre:
     east: Interval = Interval()
     height: Interval = Interval()
 
+    @property
+    def position(self) -> tuple[float, float, float] | None:
+        """North, east and height where all three are prescribed, m."""
+        ranges = (self.north, self.east, self.height)
+        exact = all(one.lower == one.upper for one in ranges)
+        return (self.north.lower, self.east.lower, self.height.lower) if exact else None
+
 
 Element = Gate | Pylon | Manoeuvre
 
