@@ -10,7 +10,7 @@ from airrace.documents.consistency import check_together
 from airrace.documents.course import build_course
 from airrace.documents.document import Document, missing_file, read_document
 from airrace.documents.nodes import JSON, Entry, MappingNode, Reporter, ScalarNode
-from airrace.documents.overrides import apply_overrides, parse_overrides
+from airrace.documents.overrides import PREFIXED, apply_overrides, parse_overrides
 from airrace.documents.resolved import resolved_inputs
 from airrace.documents.schema import validate
 from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
@@ -116,7 +116,8 @@ class _Run:
             self.findings.append(Finding(document.path, place.line, place.column, "", message))
             return None
         mine = [override for override in self._overrides if override.document == kind]
-        reporter = Reporter(apply_overrides(root, mine, self.findings), self.findings)
+        prefix = f"{kind}." if kind in PREFIXED else ""
+        reporter = Reporter(apply_overrides(root, mine, self.findings), self.findings, prefix)
         return _Opened(document, reporter) if _has_schema(reporter, schema) else None
 
     def inputs(self, track: _Opened | None, aircraft: _Opened | None, settings_file: Document | None) -> Inputs:

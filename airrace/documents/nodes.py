@@ -80,10 +80,12 @@ class Reporter:
     Attributes:
         root: the document.
         findings: where the findings are gathered.
+        prefix: what the keys begin with on the command line ("settings."); added where the value came from there.
     """
 
     root: MappingNode
     findings: list[Finding]
+    prefix: str = ""
 
     def value(self, path: KeyPath, message: str) -> None:
         """Remark on a value; where the entry is absent, on the innermost element that should hold it."""
@@ -102,7 +104,8 @@ class Reporter:
         return node
 
     def _add(self, place: Place, path: KeyPath, message: str) -> None:
-        self.findings.append(Finding(place.file, place.line, place.column, dotted(path), message))
+        prefix = "" if place.line else self.prefix
+        self.findings.append(Finding(place.file, place.line, place.column, prefix + dotted(path), message))
 
     def _place(self, path: KeyPath, *, at_key: bool) -> Place:
         place, node = self.root.place, self.root

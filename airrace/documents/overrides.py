@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from airrace.documents.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode
+from airrace.documents.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.documents.yaml_reader import plain_scalar, read_yaml
 from airrace.errors import Finding, InputError
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
-DOCUMENTS = ("aircraft", "settings")
-"""Prefixes that lead to a document other than the track."""
+PREFIXED = ("aircraft", "settings")
+"""Documents other than the track: their name stands before the key."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Overr
         except ValueError as error:
             _report(findings, key.strip(), str(error))
             continue
-        prefixed = len(names) > 1 and names[0] in DOCUMENTS
+        prefixed = len(names) > 1 and names[0] in PREFIXED
         document = names[0] if prefixed else "track"
         parsed.append(Override(document, tuple(names[1:] if prefixed else names), node))
     return parsed
@@ -48,7 +48,8 @@ def apply_overrides(root: MappingNode, overrides: Sequence[Override], findings: 
         try:
             replaced = _replaced(root, override.path, override.value)
         except ValueError as error:
-            _report(findings, ".".join(str(part) for part in override.path), str(error))
+            prefix = (override.document,) if override.document in PREFIXED else ()
+            _report(findings, dotted((*prefix, *override.path)), str(error))
             continue
         if isinstance(replaced, MappingNode):
             root = replaced
