@@ -132,10 +132,6 @@ def _fault(flown: _Flown, previous: str, known: dict[str, Element]) -> tuple[Key
     return None
 
 
-def _is_fixed(element: Manoeuvre) -> bool:
-    return all(bounds.lower == bounds.upper for bounds in (element.north, element.east, element.height))
-
-
 def _passage(flown: _Flown, element: Element, rules: RulesEntry, seen: Counter[str]) -> Passage:
     name = f"{flown.lap}:{flown.gate}"
     seen[name] += 1
