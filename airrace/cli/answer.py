@@ -23,12 +23,14 @@ class Answer:
         code: the exit code.
         error: one sentence on what went wrong; empty if nothing did.
         findings: what is wrong with the input files.
+        texts: what is printed on stdout without `--json`, in order.
     """
 
     fields: dict[str, object] = field(default_factory=dict[str, object])
     code: ExitCode = ExitCode.DONE
     error: str = ""
     findings: Sequence[Finding] = ()
+    texts: list[str] = field(default_factory=list[str])
 
     def fail(self, code: ExitCode, error: str, findings: Sequence[Finding] = ()) -> None:
         """Record a failure; of several, the one that takes precedence speaks."""
@@ -88,20 +90,27 @@ def _record(answer: Answer, error: BaseException) -> None:
 
 
 def _say(answer: Answer, *, as_json: bool) -> None:
-    """The object goes to stdout; the words go to stderr either way, for whoever watches a script."""
+    """stdout gets the object or the texts; the words go to stderr either way, for whoever watches a script."""
     if answer.error:
-        for finding in answer.findings:
-            print(finding, file=sys.stderr)
-        print(f"airrace: {answer.error}", file=sys.stderr)
         answer.fields["error"] = answer.error
         answer.fields["findings"] = [asdict(finding) for finding in answer.findings]
+    texts = [json.dumps(answer.fields, allow_nan=False)] if as_json else answer.texts
     try:
-        if as_json:
-            print(json.dumps(answer.fields, allow_nan=False))
+        for text in texts:
+            print(text.removesuffix("\n"))
         sys.stdout.flush()
+    except BrokenPipeError:  # a reader that has seen enough needs no telling
+        answer.code = worst((answer.code, ExitCode.SYSTEM))
+        _abandon_stdout()
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
-        if not isinstance(error, BrokenPipeError):  # a reader that has seen enough needs no telling
-            print(f"airrace: {answer.error}", file=sys.stderr)
-        # What is still buffered cannot be written either; let the interpreter's last flush go nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _abandon_stdout()
+    for finding in answer.findings:
+        print(finding, file=sys.stderr)
+    if answer.error:
+        print(f"airrace: {answer.error}", file=sys.stderr)
+
+
+def _abandon_stdout() -> None:
+    """What is still buffered cannot be written either; let the interpreter's last flush go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

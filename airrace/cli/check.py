@@ -23,10 +23,9 @@ def check(
     """Validate inputs and print the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
         from airrace.cli.course import course_object, course_tables
-        from airrace.cli.tables import print_tables
+        from airrace.cli.tables import rendered
         from airrace.documents import load_inputs
 
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course_object(inputs.race))
-        if not as_json:
-            print_tables(*course_tables(inputs.race))
+        answer.texts.append(rendered(*course_tables(inputs.race)))

@@ -30,7 +30,7 @@ def csv_table(
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ) -> None:
     """Comma-separated values: the flight as one table, the gate splits as another; headers name the units."""
-    with answering(as_json=False):
+    with answering(as_json=False) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.csv_tables import flight_text, splits_text, stored_result
         from airrace.cli.running import ensure_free, stored_run, write_text
@@ -42,7 +42,7 @@ def csv_table(
         result = stored_result(run.checkpoint, stage)
         text = splits_text(result) if splits else flight_text(run, result, rate)
         if output is None:
-            print(text, end="")
+            answer.texts.append(text)
         else:
             write_text(output, text)
         for path in beside:

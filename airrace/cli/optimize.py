@@ -43,7 +43,7 @@ def optimize(
     """
     with answering(unflown(track.stem), as_json=as_json) as answer:
         from airrace.cli.running import ensure_free, fly, new_run, stage_named
-        from airrace.cli.tables import print_tables, result_tables
+        from airrace.cli.tables import rendered, result_tables
         from airrace.documents import load_inputs
 
         path = out or Path(f"{track.stem}.h5")
@@ -52,5 +52,5 @@ def optimize(
         entries = [*(overrides or ()), *([] if guess is None else [f"settings.guess={guess.value}"])]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
         results = fly(answer, new_run(inputs, path), finished=(), until=last, threads=threads, quiet=quiet)
-        if results and answer.code is not ExitCode.INTERRUPTED and not (as_json or quiet):
-            print_tables(*result_tables(results[-1]))
+        if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
+            answer.texts.append(rendered(*result_tables(results[-1])))

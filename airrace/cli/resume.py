@@ -30,7 +30,7 @@ def resume(
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.continuation import continuation, describe
         from airrace.cli.running import fly, stage_named, stored_run
-        from airrace.cli.tables import print_tables, result_tables
+        from airrace.cli.tables import rendered, result_tables
 
         run = stored_run(read_checkpoint(run_file), run_file)
         plan = continuation(
@@ -40,9 +40,8 @@ def resume(
         )
         if dry_run:
             answer.fields = {"track": run.name, "steps": [step.as_object() for step in plan.steps]}
-            if not (as_json or quiet):
-                print("\n".join(describe(plan)))
+            answer.texts.extend(() if quiet else describe(plan))
             return
         results = fly(answer, run, finished=plan.kept, until=plan.until, threads=threads, quiet=quiet)
-        if results and answer.code is not ExitCode.INTERRUPTED and not (as_json or quiet):
-            print_tables(*result_tables(results[-1]))
+        if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
+            answer.texts.append(rendered(*result_tables(results[-1])))

@@ -16,12 +16,12 @@ def show(
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.summary import is_certified, run_object
-        from airrace.cli.tables import print_tables, result_tables, stages_table
+        from airrace.cli.tables import rendered, result_tables, stages_table
 
         checkpoint = read_checkpoint(run_file)
         results = [stored.result for stored in checkpoint.stages]
         wall = sum(result.timings.wall for result in results)
         track = Path(checkpoint.inputs.track.path).stem
         answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
-        if not as_json:
-            print_tables(stages_table(results), *(table for result in results for table in result_tables(result)))
+        tables = [stages_table(results), *(table for result in results for table in result_tables(result))]
+        answer.texts.append(rendered(*tables))

@@ -1,5 +1,6 @@
 """Tables for people. Units of the cockpit appear here and in no lower layer; each column names its own."""
 
+import io
 import math
 import sys
 from collections.abc import Sequence
@@ -17,18 +18,20 @@ from airrace.procedure.result import StageResult
 UNLIMITED_WIDTH = 200
 
 
-def print_tables(*tables: Table) -> None:
-    """Print on stdout; without a terminal as plain text, whatever the environment says of colours."""
-    if sys.stdout.isatty():
-        console = Console(file=sys.stdout, highlight=False)
-        for table in tables:
-            console.print(table)
-        return
-    console = Console(file=sys.stdout, force_terminal=False, no_color=True, width=UNLIMITED_WIDTH, highlight=False)
-    with console.capture() as capture:
-        for table in tables:
-            console.print(table)
-    print("\n".join(line.rstrip() for line in capture.get().splitlines()))
+def rendered(*tables: Table) -> str:
+    """The tables as text for stdout; without a terminal as plain text, whatever the environment says of colours."""
+    terminal = sys.stdout.isatty()
+    text = io.StringIO()
+    console = Console(
+        file=text,
+        force_terminal=terminal,
+        no_color=None if terminal else True,
+        width=None if terminal else UNLIMITED_WIDTH,
+        highlight=False,
+    )
+    for table in tables:
+        console.print(table)
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
 
 def result_tables(result: StageResult) -> list[Table]:

@@ -19,14 +19,13 @@ def verify(
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.running import stored_run
-        from airrace.cli.tables import certificate_table, print_tables
+        from airrace.cli.tables import certificate_table, rendered
         from airrace.cli.verification import verified_stages
 
         run = stored_run(read_checkpoint(run_file), run_file)
         answer.fields["track"] = run.name
         stages = verified_stages(answer, run)
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
-        if not as_json:
-            for stage in stages:
-                print(f"{stage.result.stage.value}: {stage.objection or 'verified'}")
-                print_tables(certificate_table(stage.again))
+        for stage in stages:
+            answer.texts.append(f"{stage.result.stage.value}: {stage.objection or 'verified'}")
+            answer.texts.append(rendered(certificate_table(stage.again)))

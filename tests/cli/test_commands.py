@@ -331,10 +331,28 @@ def test_without_a_terminal_there_are_no_control_codes(tmp_path: Path) -> None:
     assert not CONTROL.search(out + err)
 
 
-def test_a_reader_that_leaves_early_hears_no_complaint(tmp_path: Path) -> None:
-    with start(tmp_path, "check", TRACK, "--json", scenario="certified") as running:
+@pytest.mark.parametrize("form", [(), ("--json",)])
+def test_a_reader_that_leaves_early_hears_no_complaint(tmp_path: Path, form: Sequence[str]) -> None:
+    with start(tmp_path, "check", TRACK, *form, scenario="certified") as running:
         assert running.stdout is not None
         running.stdout.close()
         assert running.stderr is not None
         assert running.stderr.read() == ""
     assert running.returncode == 8
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("form", [(), ("--json",)])
+def test_a_full_disk_behind_stdout_is_told(tmp_path: Path, form: Sequence[str]) -> None:
+    with open("/dev/full", "w") as full:
+        ran = subprocess.run(
+            [sys.executable, canned_procedure.__file__, "check", str(TRACK), *form],
+            cwd=tmp_path,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert ran.returncode == 8
+    assert ran.stderr.startswith("airrace: cannot write to stdout: ")
+    assert ran.stderr.count("\n") == 1
