@@ -19,7 +19,7 @@ winds = st.builds(
     profile=profiles,
     reference_height=st.floats(5.0, 100.0),
     exponent=st.floats(0.05, 0.4),
-    roughness=st.floats(1e-3, 1.5),
+    roughness=st.floats(1e-3, 3.0),
 )
 
 
@@ -62,6 +62,13 @@ def test_logarithmic_profile_follows_the_logarithm_at_flying_heights() -> None:
     wind = StaticWind(0.7, 9.0, Profile.LOG, reference_height=10.0, roughness=0.1)
     for h in (15.0, 40.0, 150.0):
         assert speed_at(h, wind) == pytest.approx(9.0 * math.log(h / 0.1) / math.log(10.0 / 0.1), rel=2e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.03, 0.5, 3.0])
+def test_logarithmic_profile_never_reverses_at_the_ground(roughness: float) -> None:
+    wind = StaticWind(math.pi, 9.0, Profile.LOG, reference_height=20.0, roughness=roughness)
+    north, _ = static_wind(Profile.LOG, -50.0, static_wind_parameters(wind))
+    assert 0.0 < north < 9.0
 
 
 @given(winds, st.floats(-50.0, 300.0), st.floats(0.0, 50.0))

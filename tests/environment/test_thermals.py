@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from airrace.environment.air import Thermal
-from airrace.environment.thermals import mean_updraft, outer_radius, shape, thermal_parameters, updraft
+from airrace.environment.thermals import K1, K3, mean_updraft, outer_radius, shape, thermal_parameters, updraft
 
 ZI, W_STAR = 1400.0, 2.56  # typical of Allen's desert site
 CENTRED = thermal_parameters(Thermal(0.0, 0.0, W_STAR, ZI))
@@ -115,6 +115,14 @@ def hessian_function() -> ca.Function:
 @pytest.mark.parametrize("r", [0.0, 1e-6, 1.0, 30.0, 2000.0])
 def test_second_derivatives_exist_at_the_centre_and_near_the_ground(r: float, height: float) -> None:
     assert np.all(np.isfinite(np.array(hessian_function()([r, 0.0, -height]))))
+
+
+def test_second_derivative_exists_where_the_power_in_the_bell_has_its_foot() -> None:
+    rho = ca.SX.sym("rho")
+    second = ca.Function("second", [rho], [ca.hessian(shape(rho), rho)[0]])
+    foot = -K3 / K1
+    assert K1 * foot + K3 == 0.0
+    assert float(second(foot)) == pytest.approx(float(second(foot + 1e-4)), abs=1e-2)
 
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])

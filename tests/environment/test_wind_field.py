@@ -49,6 +49,12 @@ def test_thermals_lift_and_static_wind_is_level() -> None:
     assert velocity(Air(wind=STATIC), 0.0, 0.0, -100.0)[2] == 0.0
 
 
+def test_static_wind_strengthens_upward_that_is_towards_negative_z() -> None:
+    low, high = velocity(Air(wind=STATIC), 0.0, 0.0, -10.0), velocity(Air(wind=STATIC), 0.0, 0.0, -80.0)
+    assert np.linalg.norm(low) == pytest.approx(8.0)
+    assert np.linalg.norm(high) == pytest.approx(8.0 * 8.0 ** (1.0 / 7.0), rel=2e-3)
+
+
 def test_airs_of_one_structure_share_field_and_expressions() -> None:
     breeze, gale = Air(wind=StaticWind(1.0, 2.0)), Air(wind=StaticWind(-2.0, 14.0))
     assert WindField.of(breeze) == WindField.of(gale)
