@@ -1,4 +1,4 @@
-"""A glider stays aloft in the least wind gradient b (Zhao 2004; Betts 2010): 0.0635870 ft/s per ft; [ft, slug, s].
+"""A glider stays aloft in the least wind gradient b (after Zhao 2004): 0.0635870 ft/s per ft; [ft, slug, s].
 
 The gradient and the speed and heading at the start are states that do not change.
 """
