@@ -44,7 +44,6 @@ class CertificateEntry(Schema):
     length_m: Positive | None = None
     angle_deg: Positive | None = None
     speed_m_s: Positive | None = None
-    relative: Positive | None = None
     gate_length_m: Positive | None = None
     gate_angle_deg: Positive | None = None
     replay: Positive | None = None
@@ -101,7 +100,6 @@ def _limits(entry: CertificateEntry, silent: CertificateLimits, reporter: Report
         ("length_m", "length", 1.0),
         ("angle_deg", "angle", degree),
         ("speed_m_s", "speed", 1.0),
-        ("relative", "relative", 1.0),
         ("gate_length_m", "gate_length", 1.0),
         ("gate_angle_deg", "gate_angle", degree),
         ("replay", "replay", 1.0),

@@ -19,6 +19,7 @@ from airrace.trajectory import Array
 SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged
 GATE_REACH = 0.15  # s of flight over which the prescribed bank of a gate holds in the guess
 SHORTEST_LEG = 0.3  # s
+COUNT_STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
 
 Fractions = tuple[float, ...]
 History = PointMassState[Array]
@@ -36,6 +37,7 @@ def leg_seconds(plan: Plan) -> list[float]:
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:
     """Equal intervals in each phase, about `settings.interval` seconds long."""
     counts = [max(settings.intervals_min, math.ceil(s / settings.interval)) for s in leg_seconds(plan)]
+    counts = [COUNT_STEP * math.ceil(count / COUNT_STEP) for count in counts]
     return [(1.0 / count,) * count for count in counts]
 
 
@@ -125,7 +127,7 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
     a, b, pace = plan.waypoints[index], plan.waypoints[index + 1], plan.cruise
     duration = leg_seconds(plan)[index]
     roll, pitch, _ = (angle / duration for angle in rotation_vector(a.q, b.q))
-    q = np.array([_rotated(a.q, b.q, float(part)) for part in share]).T
+    q = np.array([rotated(a.q, b.q, float(part)) for part in share]).T
     R = rotation(list(q))
     step = duration * np.diff(share)
     direction = np.vstack([R[0][0], R[1][0], R[2][0]])
@@ -147,7 +149,7 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
     )
 
 
-def _rotated(start: Sequence[float], end: Sequence[float], part: float) -> list[float]:
+def rotated(start: Sequence[float], end: Sequence[float], part: float) -> list[float]:
     """The attitude after a part of the rotation from start to end."""
     vector = [part * angle for angle in rotation_vector(start, end)]
     angle = math.sqrt(sum(one * one for one in vector))

@@ -1,5 +1,6 @@
 """Settings of a run: everything that can change its result besides the course and the aircraft."""
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -40,11 +41,10 @@ class CertificateLimits:
     kkt_error: float = 1e-6
     load_factor: float = 0.02
     length: float = 0.1
-    angle: float = 0.2 * 3.141592653589793 / 180.0
+    angle: float = math.radians(0.2)
     speed: float = 0.1
-    relative: float = 0.01
     gate_length: float = 0.01
-    gate_angle: float = 0.1 * 3.141592653589793 / 180.0
+    gate_angle: float = math.radians(0.1)
     replay: float = 1e-4
 
 

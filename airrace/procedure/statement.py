@@ -15,6 +15,7 @@ from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
 
 DURATION = Interval(0.1, 120.0)  # s, of a phase
 TIME_SCALE = 3.0  # s
+PIECE_ANGLE = math.radians(10.0)  # how far a piece of the homotopy may leave the planned course and climb
 VERTICAL = 1e-6  # a climb angle this close to +-pi/2 is vertical
 POSITIVE = Interval(lower=0.0)
 NOT_POSITIVE = Interval(upper=0.0)
@@ -69,6 +70,41 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
         bounds["V_K"] = passage.speed
     place = _place(waypoint, span)
     return Boundary(passage.name, bounds, observation, tuple(place.join()))
+
+
+def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:
+    """A passage as one piece of the homotopy meets it: exactly as planned, so that the next piece can begin there.
+
+    Position and prescribed bank are exact; course and climb keep within `PIECE_ANGLE` of the plan.
+    """
+    steep = abs(waypoint.climb) > math.radians(80.0)
+    bounds: dict[str, Interval] = {}
+    if steep:
+        bounds = {"climb_sine": Interval(lower=0.9) if waypoint.climb > 0.0 else Interval(upper=-0.9)}
+        bounds |= {"course_sine": Interval(-0.1, 0.1), "course_cosine": Interval(-0.1, 0.1)}
+    else:
+        near = Interval(waypoint.climb - PIECE_ANGLE, waypoint.climb + PIECE_ANGLE)
+        bounds = {"course_excess_right": NOT_POSITIVE, "course_excess_left": NOT_POSITIVE, **_climb(near)}
+    if waypoint.position is not None:
+        north, east, height = waypoint.position
+        bounds |= {"x": Interval.exactly(north), "y": Interval.exactly(east), "z": Interval.exactly(-height)}
+    if waypoint.bank is not None and not steep:
+        bounds |= {"bank_sine": ZERO, "bank_cosine": POSITIVE}
+    if waypoint.passage.speed.bounded:
+        bounds["V_K"] = waypoint.passage.speed
+    bank = waypoint.bank or 0.0
+    place = CrossingParameters(
+        centre_north=0.0,
+        centre_east=0.0,
+        axis_north=math.cos(waypoint.heading),
+        axis_east=math.sin(waypoint.heading),
+        bank_cos=math.cos(bank),
+        bank_sin=math.sin(bank),
+        bank_tan=0.0,
+        crossing_tan=math.tan(PIECE_ANGLE),
+        half_span=0.0,
+    )
+    return Boundary(waypoint.passage.name, bounds, observation, tuple(place.join()))
 
 
 def _gate(gate: Gate, allowed: Tolerances) -> dict[str, Interval]:

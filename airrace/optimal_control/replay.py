@@ -1,0 +1,75 @@
+"""Flying an optimum again: its controls integrated by an independent integrator, restarted at every node.
+
+scipy's DOP853 shares no code with the shooting scheme. All intervals are integrated side by side over their own share
+of time, so one call serves a whole race.
+"""
+
+from dataclasses import dataclass
+from typing import Any  # scipy's results have no types
+
+import numpy as np
+from scipy.integrate import solve_ivp  # pyright: ignore[reportUnknownVariableType] - scipy ships no types
+
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.trajectory import Array
+
+SAMPLES = 10
+RELATIVE_TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A flight flown again.
+
+    Attributes:
+        state: on a grid `SAMPLES` times finer than the mesh; shape (n_x, N, SAMPLES + 1), both ends included.
+        path: path quantities on that grid; shape (n_c, N, SAMPLES + 1).
+        defect: end of each replayed interval minus the next node, in scaled units; shape (n_x, N).
+    """
+
+    state: Array
+    path: Array
+    defect: Array
+
+
+def interval_durations(problem: Problem, durations: Array) -> Array:
+    """Duration of every interval, s; shape (N,)."""
+    parts = [np.asarray(phase.fractions) * T for phase, T in zip(problem.phases, durations, strict=True)]
+    return np.concatenate(parts)
+
+
+def replay(problem: Problem, iterate: Iterate) -> Replay:
+    """Integrate every interval from its own node with its own control."""
+    system = problem.system
+    n_x, intervals = len(system.states), problem.intervals
+    scale = np.array([quantity.scale for quantity in system.states])
+    steps = interval_durations(problem, iterate.durations)
+    rates = system.rates.map(intervals)
+    p = np.repeat(np.asarray(problem.parameters)[:, None], intervals, axis=1)
+
+    def side_by_side(_: float, flat: Array) -> Array:
+        x = flat.reshape(n_x, intervals) * scale[:, None]
+        return np.asarray(np.asarray(rates(x, iterate.control, p)) * steps / scale[:, None]).ravel()
+
+    # The integrator weighs the mean error of all intervals; one of them may hold all of it.
+    tolerance = RELATIVE_TOLERANCE / np.sqrt(intervals)
+    start = (iterate.state[:, :-1] / scale[:, None]).ravel()
+    grid = np.linspace(0.0, 1.0, SAMPLES + 1)
+    flown: Any = solve_ivp(side_by_side, (0.0, 1.0), start, "DOP853", grid, rtol=max(tolerance, 1e-13), atol=tolerance)
+    state: Array = flown.y.reshape(n_x, intervals, SAMPLES + 1)
+    defect = state[:, :, -1] - iterate.state[:, 1:] / scale[:, None]
+    state = state * scale[:, None, None]
+    return Replay(state, _path_values(problem, state, iterate.control), defect)
+
+
+def _path_values(problem: Problem, state: Array, control: Array) -> Array:
+    """Path quantities along the replay, shape (n_c, N, SAMPLES + 1)."""
+    system = problem.system
+    n_x, intervals, samples = state.shape
+    if system.path_values is None:
+        return np.zeros((0, intervals, samples))
+    points = intervals * samples
+    u = np.repeat(control, samples, axis=1)
+    p = np.repeat(np.asarray(problem.parameters)[:, None], points, axis=1)
+    values = np.asarray(system.path_values.map(points)(state.reshape(n_x, points), u, p))
+    return values.reshape(len(system.path), intervals, samples)

@@ -1,0 +1,35 @@
+"""States between the nodes: one independent integration from the node before each wanted time."""
+
+import numpy as np
+from scipy.integrate import solve_ivp  # pyright: ignore[reportUnknownVariableType] - scipy ships no types
+
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.trajectory import Array
+
+
+def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Array:
+    """States at any times of a flight.
+
+    Args:
+        problem: whose system flies.
+        iterate: states at nodes and controls on intervals.
+        time: of the nodes, s; shape (N + 1,).
+        times: wanted, s, within the flight; shape (n,).
+
+    Returns:
+        Shape (n_x, n).
+    """
+    interval = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
+    lengths = times - time[interval]
+    start, control = iterate.state[:, interval], iterate.control[:, interval]
+    n_x, n = start.shape
+    rates = problem.system.rates.map(n)
+    p = np.repeat(np.asarray(problem.parameters)[:, None], n, axis=1)
+    scale = np.array([quantity.scale for quantity in problem.system.states])[:, None]
+
+    def side_by_side(_: float, flat: Array) -> Array:
+        slopes = np.asarray(rates(flat.reshape(n_x, n) * scale, control, p))
+        return np.asarray(slopes * lengths / scale).ravel()
+
+    flown = solve_ivp(side_by_side, (0.0, 1.0), (start / scale).ravel(), "DOP853", rtol=1e-10, atol=1e-10)
+    return np.asarray(flown.y[:, -1].reshape(n_x, n) * scale)

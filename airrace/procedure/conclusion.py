@@ -1,0 +1,38 @@
+"""The end of a stage: what was found, put together for the next stage and for the checkpoint."""
+
+import numpy as np
+
+from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers import Multipliers
+from airrace.procedure.flight import PointMassFlight, gate_splits, trajectory
+from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.solving import Workbench
+
+
+def conclude(
+    flight: PointMassFlight,
+    bench: Workbench,
+    problem: Problem,
+    iterate: Iterate,
+    *,
+    stage: Stage,
+    outcome: Outcome,
+    message: str = "",
+    multipliers: Multipliers | None = None,
+    certificate: Certificate | None = None,
+) -> StageResult:
+    """The result of a stage; without multipliers theirs are empty."""
+    flown = trajectory(problem, iterate)
+    return StageResult(
+        stage=stage,
+        outcome=outcome,
+        message=message,
+        trajectory=flown,
+        constraint_multipliers=np.zeros(0) if multipliers is None else multipliers.constraints,
+        bound_multipliers=np.zeros(0) if multipliers is None else multipliers.bounds,
+        certificate=certificate,
+        splits=gate_splits(flight.plan, flown),
+        attempts=tuple(bench.attempts),
+        timings=bench.timings(),
+    )

@@ -1,0 +1,70 @@
+"""Solving with a second opinion: the primary solver, then the fallback, every attempt on record."""
+
+import time
+from dataclasses import dataclass, field
+
+from airrace.optimal_control.messages import IterationReport
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.service import SolverService, Stalled
+from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import Attempt, Timings
+from airrace.procedure.settings import Settings
+
+
+@dataclass
+class Workbench:
+    """What the stages solve with; keeps the attempts of the current stage."""
+
+    service: SolverService
+    settings: Settings
+    progress: Progress
+    attempts: list[Attempt] = field(default_factory=list[Attempt])
+    derivative_seconds: float = 0.0
+    started: float = field(default_factory=time.perf_counter)
+
+    def begin(self) -> None:
+        """Start a new stage: forget the attempts of the one before."""
+        self.attempts = []
+        self.derivative_seconds = 0.0
+        self.started = time.perf_counter()
+
+    def solve(
+        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float = 0.1, fallback: bool = True
+    ) -> Solution | None:
+        """The first solution that claims success, else the last one; None if no solver came back at all."""
+        chosen = self.settings.solver
+        solvers = [chosen.primary]
+        if fallback and chosen.fallback != chosen.primary:
+            solvers.append(chosen.fallback)
+        solution: Solution | None = None
+        for solver in solvers:
+            options = SolverOptions(chosen.tolerance, chosen.iterations_max, barrier)
+            attempted = self._attempt(problem, guess, purpose, solver, options)
+            solution = attempted or solution
+            if attempted is not None and attempted.success:
+                return attempted
+        return solution
+
+    def _attempt(
+        self, problem: Problem, guess: Iterate, purpose: str, solver: str, options: SolverOptions
+    ) -> Solution | None:
+        started = time.perf_counter()
+        try:
+            solution = self.service.solve(problem, guess, solver=solver, options=options, on_iteration=self._report)
+        except Stalled as fate:
+            self.attempts.append(Attempt(purpose, solver, str(fate), False, 0, time.perf_counter() - started))
+            return None
+        self.derivative_seconds += solution.derivative_seconds
+        self.attempts.append(
+            Attempt(purpose, solver, solution.status, solution.success, solution.iterations, solution.seconds)
+        )
+        return solution
+
+    def _report(self, report: IterationReport) -> None:
+        self.progress.iteration(Iteration(report.number, report.objective, report.infeasibility))
+
+    def timings(self) -> Timings:
+        """Where the time of the current stage went."""
+        solve = sum(attempt.seconds for attempt in self.attempts)
+        return Timings(solve, self.derivative_seconds, time.perf_counter() - self.started)
