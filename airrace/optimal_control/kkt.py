@@ -21,7 +21,7 @@ class KktError:
 
     @property
     def largest(self) -> float:
-        return max(self.primal, self.dual, self.complementarity)
+        return _largest(self.primal, self.dual, self.complementarity)
 
 
 def kkt_error(
@@ -39,12 +39,17 @@ def kkt_error(
     lam_x = -gradient
     violation = np.maximum(np.maximum(g_lower - g, g - g_upper), 0.0)
     outside = np.maximum(np.maximum(lower - w, w - upper), 0.0)
-    primal = max(float(violation.max()), float(outside.max()))
+    primal = _largest(violation.max(), outside.max())
     dual, slack_x = _balance(lam_x, w, lower, upper)
     dual_g, slack_g = _balance(lam_g, g, g_lower, g_upper)
     scale = max(MULTIPLIER_SCALE, float(np.abs(lam_g).mean()), float(np.abs(lam_x).mean())) / MULTIPLIER_SCALE
-    error = KktError(primal, max(dual, dual_g) / scale, max(slack_x, slack_g) / scale)
+    error = KktError(primal, _largest(dual, dual_g) / scale, _largest(slack_x, slack_g) / scale)
     return error, lam_x, int(violation.argmax())
+
+
+def _largest(*errors: float) -> float:
+    """The largest; NaN if any is, which Python's own `max` would lose."""
+    return float(np.max(errors))
 
 
 def _balance(multiplier: Array, value: Array, lower: Array, upper: Array) -> tuple[float, float]:
