@@ -154,9 +154,14 @@ class PreparedProblem:
         if multipliers is not None:
             arguments |= {"lam_g0": multipliers.constraints, "lam_x0": multipliers.bounds}
         started = time.perf_counter()
-        result = self._nlpsol(**arguments)
+        if refusal := self._refusal(arguments):
+            lam_g = np.zeros(layout.constraints)
+            result: Mapping[str, Any] = {"x": arguments["x0"], "lam_g": lam_g, "f": np.nan}  # Any: as casadi's own
+            stats: Mapping[str, Any] = {"return_status": refusal, "success": False}
+        else:
+            result = self._nlpsol(**arguments)
+            stats = self._nlpsol.stats()
         seconds = time.perf_counter() - started
-        stats = self._nlpsol.stats()
         w = np.asarray(result["x"]).ravel()
         lam_g = np.asarray(result["lam_g"]).ravel()
         error, lam_x, worst = kkt_error(self._program, layout, w, p, lam_g)
@@ -174,6 +179,15 @@ class PreparedProblem:
             seconds=seconds,
             derivative_seconds=sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_")),
         )
+
+    def _refusal(self, arguments: Mapping[str, Array]) -> str:
+        """Why no solver is to be asked: casadi raises for crossed bounds, fatrop never returns from NaN; else empty."""
+        if (arguments["lbx"] > arguments["ubx"]).any() or (arguments["lbg"] > arguments["ubg"]).any():
+            return "infeasible: bounds contradict one another"
+        values = self._program.nlp(arguments["x0"], arguments["p"])
+        if not all(np.isfinite(np.asarray(one)).all() for one in values):
+            return "the guess has no finite objective and constraints"
+        return ""
 
 
 def solve(
