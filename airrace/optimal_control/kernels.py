@@ -129,11 +129,27 @@ def cache_folder() -> Path:
 
 
 def _library(system: System, scheme: RungeKutta) -> Path:
-    """The compiled library of a system, built unless the cache has it."""
+    """The compiled library of a system, built unless the cache has it whole."""
     path = cache_folder() / f"{_fingerprint(system, scheme)}.so"
-    if not path.exists():
+    if not _intact(path):
         _compile(symbolic_kernels(system, scheme).values(), path)
     return path
+
+
+def _intact(library: Path) -> bool:
+    """Whether a library is what was compiled: loading a truncated one would kill the process."""
+    try:
+        return _checksum_file(library).read_bytes() == _checksum(library)
+    except OSError:
+        return False
+
+
+def _checksum(library: Path) -> bytes:
+    return hashlib.sha256(library.read_bytes()).hexdigest().encode()
+
+
+def _checksum_file(library: Path) -> Path:
+    return library.with_suffix(".sha256")
 
 
 def _fingerprint(system: System, scheme: RungeKutta) -> str:
@@ -162,7 +178,7 @@ def _compiler() -> str:
 
 
 def _compile(functions: Iterable[ca.Function], target: Path) -> None:
-    """Generate, compile and place the library under its final name in one step."""
+    """Generate, compile and place the library under its final name in one step, then its checksum."""
     compiler = _compiler()
     logger.info("compiling kernels with %s (once per model and machine)", compiler)
     try:
@@ -177,6 +193,9 @@ def _compile(functions: Iterable[ca.Function], target: Path) -> None:
             finished = subprocess.run(command, capture_output=True, text=True, check=False)
             if finished.returncode:
                 raise KernelError(f"{compiler} failed: {finished.stderr.strip()[:500]}")
+            checksum = Path(folder) / "kernels.sha256"
+            checksum.write_bytes(_checksum(library))
             os.replace(library, target)
+            os.replace(checksum, _checksum_file(target))
     except OSError as error:
         raise KernelError(f"the kernel cache {target.parent} cannot be used: {error}") from error
