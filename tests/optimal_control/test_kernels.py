@@ -1,0 +1,142 @@
+"""Compiled or not, a kernel is the same function; and without a compiler everything still works."""
+
+import logging
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_problems import rich_system
+
+from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RK4
+from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cache_folder
+
+needs_compiler = pytest.mark.skipif(
+    not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="there is no C compiler"
+)
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty kernel cache."""
+    folder = tmp_path / "kernels"
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(folder))
+    return folder
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "")
+
+
+def evaluations(kernel: Kernel, seed: int) -> list[np.ndarray]:
+    """All outputs of a kernel's functions at a random point, the same for every kernel of these sizes."""
+    random = np.random.default_rng(seed)
+    point = [random.normal(size=kernel.hessian.size1_in(index)) for index in range(4)]
+    outputs = [kernel.value(*point[:3]), *kernel.jacobian(*point[:3]), *kernel.hessian(*point)]
+    return [np.asarray(one.full()) for one in outputs]
+
+
+def assert_same(one: Kernels, other: Kernels) -> None:
+    assert one.path is not None
+    assert other.path is not None
+    for seed in range(3):
+        for mine, yours in ((one.step, other.step), (one.path, other.path)):
+            for value, expected in zip(evaluations(mine, seed), evaluations(yours, seed), strict=True):
+                assert value == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+@needs_compiler
+@pytest.mark.usefixtures("cache")
+@pytest.mark.parametrize("scheme", [RK4, DORMAND_PRINCE_5])
+def test_compiled_kernels_equal_the_virtual_machine(scheme) -> None:
+    compiled = build_kernels(rich_system(), scheme, compiled=True)
+    assert compiled.compiled
+    assert_same(compiled, build_kernels(rich_system(), scheme, compiled=False))
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_without_a_compiler_the_virtual_machine_takes_over(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, logger="airrace"):
+        kernels = build_kernels(rich_system(), RK4, compiled=True)
+    assert not kernels.compiled
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    assert "compiler" in caplog.text
+    assert_same(kernels, build_kernels(rich_system(), RK4, compiled=False))
+    assert not list(cache.glob("*"))
+
+
+def test_a_compiler_that_fails_leaves_no_trace(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("CC", "false")
+    assert not build_kernels(rich_system(), RK4, compiled=True).compiled
+    assert "false failed" in caplog.text
+    assert not list(cache.glob("*"))
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(
+    cache: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.parent.joinpath("file").write_text("not a folder")
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(cache.parent / "file" / "kernels"))
+    assert not build_kernels(rich_system(), RK4, compiled=True).compiled
+    assert "cache" in caplog.text or "compiler" in caplog.text
+
+
+@needs_compiler
+def test_the_second_build_needs_no_compiler(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = build_kernels(rich_system(), RK4, compiled=True)
+    kept = {path: path.stat().st_mtime_ns for path in cache.iterdir()}
+    assert len(list(cache.glob("*.so"))) == 1
+    monkeypatch.setenv("CC", "")
+    second = build_kernels(rich_system(), RK4, compiled=True)
+    assert second.compiled
+    assert_same(first, second)
+    assert {path: path.stat().st_mtime_ns for path in cache.iterdir()} == kept
+
+
+def truncated(library: bytes) -> bytes:
+    return library[: len(library) // 2]
+
+
+def flipped(library: bytes) -> bytes:
+    middle = len(library) // 2
+    return library[:middle] + bytes([library[middle] ^ 1]) + library[middle + 1 :]
+
+
+@needs_compiler
+@pytest.mark.parametrize("damage", [truncated, flipped, lambda library: b"", lambda library: b"not a library"])
+def test_a_damaged_library_is_compiled_again(
+    cache: Path, damage: Callable[[bytes], bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build_kernels(rich_system(), RK4, compiled=True)
+    (library,) = cache.glob("*.so")
+    whole = library.read_bytes()
+    library.unlink()  # a new file: the old one is mapped into this process
+    damaged = damage(whole)
+    library.write_bytes(damaged)
+    monkeypatch.setenv("CC", "")
+    assert not build_kernels(rich_system(), RK4, compiled=True).compiled
+    monkeypatch.delenv("CC")
+    again = build_kernels(rich_system(), RK4, compiled=True)
+    assert again.compiled
+    assert library.read_bytes() != damaged
+    assert_same(again, build_kernels(rich_system(), RK4, compiled=False))
+
+
+@needs_compiler
+def test_every_scheme_has_its_own_library(cache: Path) -> None:
+    build_kernels(rich_system(), RK4, compiled=True)
+    build_kernels(rich_system(), DORMAND_PRINCE_5, compiled=True)
+    assert len(list(cache.glob("*.so"))) == 2
+
+
+def test_cache_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("AIRRACE_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "airrace" / "kernels"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / ".cache" / "airrace" / "kernels"
