@@ -10,6 +10,7 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, rotation
 from airrace.optimal_control.problem import Iterate
+from airrace.procedure.attitudes import align_quaternions
 from airrace.procedure.cruise import Cruise
 from airrace.procedure.plan import Plan, Waypoint
 from airrace.procedure.rotation_time import rotation_time, rotation_vector
@@ -57,7 +58,7 @@ def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
     _join_positions(plan, histories)
     state = np.hstack([np.vstack(list(history.join()))[:, :-1] for history in histories])
     state = np.hstack([state, np.vstack(list(histories[-1].join()))[:, -1:]])
-    _align_quaternions(state)
+    align_quaternions(state)
     steps = np.concatenate([np.asarray(fractions) * T for fractions, T in zip(mesh, durations, strict=True)])
     return Iterate(durations, state, _controls(PointMassState.split(state), steps))
 
@@ -196,12 +197,3 @@ def _position(history: History) -> tuple[Array, Array, Array]:
 def _down(position: tuple[float, float, float]) -> Array:
     """North, east, down of a position given with its height."""
     return np.array([position[0], position[1], -position[2]])
-
-
-def _align_quaternions(state: Array) -> None:
-    """Flip signs, in place, so that neighbouring quaternions lie on the same side."""
-    rows = [PointMassState.names().index(name) for name in ("q0", "q1", "q2", "q3")]
-    q = state[rows]
-    flips = np.cumprod(np.where((q[:, 1:] * q[:, :-1]).sum(axis=0) < 0.0, -1.0, 1.0))
-    q[:, 1:] *= flips
-    state[rows] = q

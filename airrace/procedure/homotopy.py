@@ -1,141 +1,129 @@
 """The homotopy: a first flight through the race, phase by phase (section 4 of the paper).
 
 Each phase begins where the one before ended. First both gates stand in line and are passed straight and level; then the
-second gate's position and attitude move along the planned turn, its curvature growing with `part` from 0 to 1, until the
-gate is where it belongs. The whole way is tried first; where a step fails, it is halved. The pieces together are the
-guess of the joint problem.
+second gate's position and attitude move along the planned turn, its curvature growing with `part` from 0 to 1, until
+the gate is where it belongs. The whole way is tried first; where a step fails, it is halved.
+
+A phase flown for itself leaves its gate without a thought for the next. So a short horizon of phases is solved together
+and only the first of them is kept when the next one joins. The pieces together are the guess of the joint problem.
 """
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.flight import PointMassFlight
-from airrace.procedure.guess import Fractions, first_mesh, guess
+from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.phase_family import PhaseFamily, phase_family
+from airrace.procedure.pieces import joined, moved, phase_piece
 from airrace.procedure.point_mass import COLD_BARRIER
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench
-from airrace.procedure.statement import DURATION, piece_boundary
+from airrace.procedure.statement import piece_boundary
 from airrace.quantities import Interval
 from airrace.trajectory import Array
 
-SMALLEST_STEP = 1.0 / 32.0
+HORIZON = 2  # phases solved together
+SMALLEST_STEP = 1.0 / 16.0
+DETOUR, DETOUR_SECONDS = 1.25, 0.5  # longest duration of a piece: factor on the plan and s on top
 STEP_BARRIER = 1e-2  # of a solve that starts from the neighbouring solution
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """The solution at one member of the family."""
-
-    part: float
-    iterate: Iterate
 
 
 def fly_homotopy(flight: PointMassFlight, bench: Workbench) -> StageResult:
     """Fly all phases one after the other; a phase that cannot be flown is left as planned."""
-    mesh = first_mesh(flight.plan, bench.settings.mesh)
-    planned = guess(flight.plan, mesh)
-    problem = flight.problem(mesh)
-    state: Array | None = None
-    pieces: list[Iterate] = []
-    skipped: list[str] = []
-    for index, (phase, fractions) in enumerate(zip(problem.phases, mesh, strict=True)):
-        bench.progress.activity(f"phase {index + 1} of {len(mesh)}: {phase.name}", index, len(mesh))
-        family = phase_family(flight.plan, index, state)
-        piece = _fly_phase(flight, bench, family, fractions, state, phase.name)
-        if piece is None:
-            skipped.append(phase.name)
-            piece = _piece_of(planned, problem, index)
-        state = piece.state[:, -1]
-        pieces.append(piece)
-    message = f"left as planned: {', '.join(skipped)}" if skipped else ""
-    assembled = _assembled(pieces)
-    return conclude(flight, bench, problem, assembled, stage=Stage.HOMOTOPY, outcome=Outcome.SOLVED, message=message)
+    return _Homotopy(flight, bench).fly()
 
 
-def _fly_phase(
-    flight: PointMassFlight,
-    bench: Workbench,
-    family: PhaseFamily,
-    fractions: Fractions,
-    state: Array | None,
-    name: str,
-) -> Iterate | None:
-    """Follow the family from the straight flight to the real gate with an adaptive step; None if a step gets too small."""
-    last = _solve_member(flight, bench, family, fractions, state, _Solved(0.0, family.guess(0.0, fractions)), name)
-    if last is None:
-        return None
-    step = 1.0
-    while last.part < 1.0:
-        part = min(1.0, last.part + step)
-        shifted = _shifted(last.iterate, family.guess(last.part, fractions), family.guess(part, fractions))
-        reached = _solve_member(flight, bench, family, fractions, state, _Solved(part, shifted), name)
-        if reached is not None:
-            last, step = reached, 2.0 * step
-        else:
-            step = 0.5 * min(step, 1.0 - last.part)
-            if step < SMALLEST_STEP:
-                return None
-    return last.iterate
+class _Homotopy:
+    """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
+
+    def __init__(self, flight: PointMassFlight, bench: Workbench) -> None:
+        self.flight = flight
+        self.bench = bench
+        self.mesh = first_mesh(flight.plan, bench.settings.mesh)
+        self.race = flight.problem(self.mesh)
+        self.planned = guess(flight.plan, self.mesh)
+        self.pieces: list[Iterate] = []
+
+    def fly(self) -> StageResult:
+        skipped: list[str] = []
+        for index, phase in enumerate(self.race.phases):
+            total = len(self.mesh)
+            self.bench.progress.activity(f"phase {index + 1} of {total}: {phase.name}", index, total)
+            if not self._add_phase(index):
+                skipped.append(phase.name)
+                self.pieces.append(phase_piece(self.planned, self.race, index))
+        return conclude(
+            self.flight,
+            self.bench,
+            self.race,
+            joined(self.pieces),
+            stage=Stage.HOMOTOPY,
+            outcome=Outcome.SOLVED,
+            message=f"left as planned: {', '.join(skipped)}" if skipped else "",
+        )
+
+    def _add_phase(self, index: int) -> bool:
+        """Follow the family of a phase from its first member to the real gate; False if a step gets too small."""
+        family = phase_family(self.flight.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
+        fractions = self.mesh[index]
+        first = max(0, index - HORIZON + 1)
+        part, step = family.first, 1.0
+        reached = self._member(first, index, family, part, family.guess(part, fractions))
+        while reached is not None and part < 1.0:
+            trial = min(1.0, part + step)
+            shifted = moved(reached[-1], family.guess(part, fractions), family.guess(trial, fractions))
+            solved = self._member(first, index, family, trial, shifted, reached[:-1])
+            if solved is not None:
+                reached, part, step = solved, trial, 2.0 * step
+            elif (step := 0.5 * (trial - part)) < SMALLEST_STEP:
+                return False
+        if reached is None:
+            return False
+        self.pieces[first:] = reached
+        return True
+
+    def _member(
+        self,
+        first: int,
+        index: int,
+        family: PhaseFamily,
+        part: float,
+        last: Iterate,
+        before: Sequence[Iterate] | None = None,
+    ) -> list[Iterate] | None:
+        """Solve phases `first ... index`, the last of them at `part`; the pieces, or None where the solver fails."""
+        problem = self._problem(first, index, family, part)
+        start = joined([*(self.pieces[first:] if before is None else before), last])
+        purpose = f"{self.race.phases[index].name}, part {part:g}"
+        barrier = COLD_BARRIER if before is None else STEP_BARRIER
+        solution = self.bench.solve(problem, start, purpose, barrier=barrier, fallback=False)
+        if solution is None or not solution.success or self._astray(solution.iterate, first, start):
+            return None
+        return [phase_piece(solution.iterate, problem, one) for one in range(len(problem.phases))]
+
+    def _astray(self, found: Iterate, first: int, start: Iterate) -> bool:
+        """Whether a solution has left the family: it takes much longer than planned, for it flies a needless loop."""
+        planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
+        return bool((found.durations > DETOUR * planned + DETOUR_SECONDS).any())
+
+    def _problem(self, first: int, index: int, family: PhaseFamily, part: float) -> Problem:
+        target = piece_boundary(family.target(part), self.flight.observation)
+        phases: list[Phase] = list(self.race.phases[first:index])
+        phases.append(dataclasses.replace(self.race.phases[index], end=target))
+        return dataclasses.replace(self.race, start=self._begin(first), phases=tuple(phases))
+
+    def _begin(self, first: int) -> Boundary:
+        """The race's own start, or the state in which the last piece that is kept ended."""
+        if first == 0:
+            return self.race.start
+        return held(self.flight, self.pieces[first].state[:, 0])
 
 
-def _solve_member(
-    flight: PointMassFlight,
-    bench: Workbench,
-    family: PhaseFamily,
-    fractions: Fractions,
-    state: Array | None,
-    start: _Solved,
-    name: str,
-) -> _Solved | None:
-    target = family.target(start.part)
-    whole = flight.problem([])
-    problem = Problem(
-        system=whole.system,
-        parameters=whole.parameters,
-        start=_begin(flight, family, state),
-        phases=(Phase(name, fractions, DURATION, piece_boundary(target, flight.observation)),),
-        objective=whole.objective,
-        time_scale=whole.time_scale,
-    )
-    barrier = COLD_BARRIER if start.part == 0.0 else STEP_BARRIER
-    solution = bench.solve(problem, start.iterate, f"{name}, part {start.part:g}", barrier=barrier, fallback=False)
-    if solution is None or not solution.success:
-        return None
-    return _Solved(start.part, solution.iterate)
-
-
-def _begin(flight: PointMassFlight, family: PhaseFamily, state: Array | None) -> Boundary:
-    """The first phase begins at the start, every other one in the state in which the one before ended."""
-    if state is None:
-        start = piece_boundary(family.begin, flight.observation)
-        return dataclasses.replace(start, bounds={**start.bounds, "attitude_norm": Interval.exactly(1.0)})
+def held(flight: PointMassFlight, state: Array) -> Boundary:
+    """Begin exactly in a state, shape (n_x,)."""
     names = [quantity.name for quantity in flight.model.system.states]
     return Boundary("", {name: Interval.exactly(float(value)) for name, value in zip(names, state, strict=True)})
-
-
-def _shifted(iterate: Iterate, before: Iterate, after: Iterate) -> Iterate:
-    """A solution moved by the difference between two planned flights."""
-    return Iterate(
-        np.maximum(iterate.durations + after.durations - before.durations, 0.2 * after.durations),
-        iterate.state + after.state - before.state,
-        iterate.control + after.control - before.control,
-    )
-
-
-def _piece_of(planned: Iterate, problem: Problem, index: int) -> Iterate:
-    first, last = problem.first_node[index], problem.first_node[index + 1]
-    return Iterate(
-        planned.durations[index : index + 1], planned.state[:, first : last + 1], planned.control[:, first:last]
-    )
-
-
-def _assembled(pieces: list[Iterate]) -> Iterate:
-    """The pieces as one flight; of two states at a gate the later is kept."""
-    state = np.hstack([*(piece.state[:, :-1] for piece in pieces), pieces[-1].state[:, -1:]])
-    durations = np.concatenate([piece.durations for piece in pieces])
-    return Iterate(durations, state, np.hstack([piece.control for piece in pieces]))

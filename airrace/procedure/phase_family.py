@@ -18,7 +18,7 @@ from airrace.procedure.cruise import Cruise
 from airrace.procedure.guess import guess, rotated
 from airrace.procedure.plan import Leg, Plan, Waypoint
 from airrace.procedure.rotation_time import rotation_time
-from airrace.track.dubins import DubinsPath, shortest
+from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
 
 
@@ -37,6 +37,11 @@ class PhaseFamily:
     end: Waypoint
     path: DubinsPath | None
     pace: Cruise
+
+    @property
+    def first(self) -> float:
+        """The member to begin with. Between attitudes at free positions there is no straight flight to begin with."""
+        return 0.0 if self.path is not None else 1.0
 
     def target(self, part: float) -> Waypoint:
         """Where and how the phase ends."""
@@ -103,10 +108,6 @@ def phase_family(plan: Plan, index: int, state: Array | None) -> PhaseFamily:
             begin, position=(now.x, now.y, -now.z), heading=heading, climb=climb, bank=bank, axis=heading
         )
         pace = dataclasses.replace(pace, V=now.V_K)
-    planned = plan.legs[index].path
-    if planned is None or begin.position is None or end.position is None:
-        return PhaseFamily(begin, end, None, pace)
-    path = shortest(
-        np.array(begin.position[:2]), begin.heading, np.array(end.position[:2]), end.heading, plan.cruise.radius
-    )
-    return PhaseFamily(begin, end, path, pace)
+    # The planned path is kept although the phase begins a little beside it: from there the shortest path to the gate
+    # may be another one, with a full circle more.
+    return PhaseFamily(begin, end, plan.legs[index].path, pace)

@@ -13,7 +13,7 @@ from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
 
 COLD_BARRIER = 0.1
-WARM_BARRIER = 1e-3  # of a solve that starts from an optimum on a coarser mesh, or from assembled pieces
+WARM_BARRIER = 1e-2  # of a solve that starts from an optimum on a coarser mesh, or from assembled pieces
 
 
 def optimise_point_mass(

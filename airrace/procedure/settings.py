@@ -53,7 +53,7 @@ class Settings:
     """`regularisation` weighs the integral of the squared, scaled control rates against seconds of race time."""
 
     guess: GuessKind = GuessKind.HOMOTOPY
-    regularisation: float = 1e-4
+    regularisation: float = 1e-3
     mesh: MeshSettings = field(default_factory=MeshSettings)
     solver: SolverSettings = field(default_factory=SolverSettings)
     certificate: CertificateLimits = field(default_factory=CertificateLimits)
