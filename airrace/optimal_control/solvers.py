@@ -137,12 +137,12 @@ class PreparedProblem:
     def __init__(self, layout: Layout, kernels: Kernels, solver: Solver, options: SolverOptions, threads: int) -> None:
         self._program = transcribe(layout, kernels, threads)
         self._solver = solver
-        settings = {
+        self._settings = {
             "print_time": False,
             "calc_lam_p": False,
             **solver.options(layout, self._program, options),
         }
-        self._nlpsol = ca.nlpsol("solve", solver.name, self._program.nlp, settings)
+        self._nlpsols: dict[bytes, ca.Function] = {}
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
         """Solve with the values of `layout.problem`, which must have the structure this was prepared for."""
@@ -159,8 +159,9 @@ class PreparedProblem:
             result: Mapping[str, Any] = {"x": arguments["x0"], "lam_g": lam_g, "f": np.nan}  # Any: as casadi's own
             stats: Mapping[str, Any] = {"return_status": refusal, "success": False}
         else:
-            result = self._nlpsol(**arguments)
-            stats = self._nlpsol.stats()
+            nlpsol = self._nlpsol(arguments)
+            result = nlpsol(**arguments)
+            stats = nlpsol.stats()
         seconds = time.perf_counter() - started
         w = np.asarray(result["x"]).ravel()
         lam_g = np.asarray(result["lam_g"]).ravel()
@@ -179,6 +180,20 @@ class PreparedProblem:
             seconds=seconds,
             derivative_seconds=sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_")),
         )
+
+    def _nlpsol(self, arguments: Mapping[str, Array]) -> ca.Function:
+        """The solver for bounds of these kinds.
+
+        Where an equality turns into a range, or a range is left away, casadi 3.8.2 sets fatrop up anew without its
+        options: default tolerance, iterations and barrier from then on.
+        """
+        kinds = b"".join(
+            np.concatenate([np.isfinite(lower), np.isfinite(upper), lower == upper]).tobytes()
+            for lower, upper in ((arguments["lbx"], arguments["ubx"]), (arguments["lbg"], arguments["ubg"]))
+        )
+        if kinds not in self._nlpsols:
+            self._nlpsols[kinds] = ca.nlpsol("solve", self._solver.name, self._program.nlp, dict(self._settings))
+        return self._nlpsols[kinds]
 
     def _refusal(self, arguments: Mapping[str, Array]) -> str:
         """Why no solver is to be asked: casadi raises for crossed bounds, fatrop never returns from NaN; else empty."""

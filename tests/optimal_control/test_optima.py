@@ -116,8 +116,24 @@ def test_a_prepared_problem_solves_its_structure_with_other_numbers(solver: str)
     prepared.solve(Layout(first), guess(first))
     again, fresh = prepared.solve(Layout(other), guess(other)), optimum(other, solver)
     assert again.success
-    assert again.objective == pytest.approx(fresh.objective, rel=1e-8)
-    assert again.iterate.state == pytest.approx(fresh.iterate.state, abs=1e-5)
+    assert again.objective == fresh.objective
+    assert (again.iterate.state == fresh.iterate.state).all()
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_options_hold_whatever_was_solved_before(solver: str) -> None:
+    """Also where an equality became a range, or the range was left away."""
+    layouts = [
+        Layout(swing(replace(WHOLE, end=Boundary("top", {"theta": exactly(1.0), "omega": omega}))))
+        for omega in (exactly(0.5), Interval(-5.0, 5.0), Interval(), exactly(0.2))
+    ]
+    kernels = build_kernels(pendulum(), swing(WHOLE).scheme, compiled=False)
+    few = SolverOptions(iterations_max=3)
+    prepared = PreparedProblem(layouts[0], kernels, SOLVERS[solver], few, threads=1)
+    for layout in layouts:
+        solution = prepared.solve(layout, guess(layout.problem))
+        assert not solution.success
+        assert solution.iterations <= 4
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
