@@ -153,16 +153,17 @@ class PreparedProblem:
         arguments |= {"lbx": lower, "ubx": upper, "lbg": g_lower, "ubg": g_upper}
         if multipliers is not None:
             arguments |= {"lam_g0": multipliers.constraints, "lam_x0": multipliers.bounds}
-        started = time.perf_counter()
+        seconds = 0.0
         if refusal := self._refusal(arguments):
             lam_g = np.zeros(layout.constraints)
             result: Mapping[str, Any] = {"x": arguments["x0"], "lam_g": lam_g, "f": np.nan}  # Any: as casadi's own
             stats: Mapping[str, Any] = {"return_status": refusal, "success": False}
         else:
             nlpsol = self._nlpsol(arguments)
+            started = time.perf_counter()
             result = nlpsol(**arguments)
+            seconds = time.perf_counter() - started
             stats = nlpsol.stats()
-        seconds = time.perf_counter() - started
         w = np.asarray(result["x"]).ravel()
         lam_g = np.asarray(result["lam_g"]).ravel()
         error, lam_x, worst = kkt_error(self._program, layout, w, p, lam_g)
