@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
+from airrace.optimal_control.solvers import SolverOptions
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.flight import PointMassFlight
 from airrace.procedure.guess import first_mesh, guess
@@ -27,8 +28,10 @@ from airrace.quantities import Interval
 from airrace.trajectory import Array
 
 HORIZON = 2  # phases solved together
+LONGEST_HORIZON = 8  # phases solved together where fewer fail
 SMALLEST_STEP = 1.0 / 16.0
 DETOUR, DETOUR_SECONDS = 1.25, 0.5  # longest duration of a piece: factor on the plan and s on top
+TOLERANCE, ITERATIONS_MAX = 1e-3, 100  # of a piece: it is only a guess
 STEP_BARRIER = 1e-2  # of a solve that starts from the neighbouring solution
 
 
@@ -67,10 +70,18 @@ class _Homotopy:
         )
 
     def _add_phase(self, index: int) -> bool:
+        """Add a phase; where it cannot be flown from what is kept before it, more of that is opened to change."""
+        horizon = HORIZON
+        while not self._follow(index, max(0, index - horizon + 1)):
+            if horizon > min(index, LONGEST_HORIZON - 1):
+                return False
+            horizon *= 2
+        return True
+
+    def _follow(self, index: int, first: int) -> bool:
         """Follow the family of a phase from its first member to the real gate; False if a step gets too small."""
         family = phase_family(self.flight.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
         fractions = self.mesh[index]
-        first = max(0, index - HORIZON + 1)
         part, step = family.first, 1.0
         reached = self._member(first, index, family, part, family.guess(part, fractions))
         while reached is not None and part < 1.0:
@@ -100,7 +111,8 @@ class _Homotopy:
         start = joined([*(self.pieces[first:] if before is None else before), last])
         purpose = f"{self.race.phases[index].name}, part {part:g}"
         barrier = COLD_BARRIER if before is None else STEP_BARRIER
-        solution = self.bench.solve(problem, start, purpose, barrier=barrier, fallback=False)
+        options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier)
+        solution = self.bench.attempt(problem, start, purpose, self.bench.settings.solver.primary, options)
         if solution is None or not solution.success or self._astray(solution.iterate, first, start):
             return None
         return [phase_piece(solution.iterate, problem, one) for one in range(len(problem.phases))]

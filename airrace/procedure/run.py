@@ -100,8 +100,9 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
     flown = replay(problem, iterate)
     measured = audit(problem, iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
     stored = result.certificate
+    claimed = () if stored is None else tuple(item for item in stored.items if item.name == "solver")
     kkt = Item("kkt_error", error.largest, limits.kkt_error, "scaled", "")
-    return Certificate(stored.solver_status if stored else "", (kkt, *measured.items))
+    return Certificate("" if stored is None else stored.solver_status, (*claimed, kkt, *measured.items))
 
 
 def sampler(race: Race, settings: Settings, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:

@@ -29,26 +29,26 @@ class Workbench:
         self.derivative_seconds = 0.0
         self.started = time.perf_counter()
 
-    def solve(
-        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float = 0.1, fallback: bool = True
-    ) -> Solution | None:
-        """The first solution that claims success, else the last one; None if no solver came back at all."""
+    def solve(self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float) -> Solution | None:
+        """Solve to the tolerance of the settings with the primary solver, then with the fallback.
+
+        Returns:
+            The first solution that claims success, else the last one; None if no solver came back at all.
+        """
         chosen = self.settings.solver
-        solvers = [chosen.primary]
-        if fallback and chosen.fallback != chosen.primary:
-            solvers.append(chosen.fallback)
+        options = SolverOptions(chosen.tolerance, chosen.iterations_max, barrier)
         solution: Solution | None = None
-        for solver in solvers:
-            options = SolverOptions(chosen.tolerance, chosen.iterations_max, barrier)
-            attempted = self._attempt(problem, guess, purpose, solver, options)
+        for solver in dict.fromkeys((chosen.primary, chosen.fallback)):
+            attempted = self.attempt(problem, guess, purpose, solver, options)
             solution = attempted or solution
             if attempted is not None and attempted.success:
                 return attempted
         return solution
 
-    def _attempt(
+    def attempt(
         self, problem: Problem, guess: Iterate, purpose: str, solver: str, options: SolverOptions
     ) -> Solution | None:
+        """One solve, on record; None if the solver did not come back."""
         started = time.perf_counter()
         try:
             solution = self.service.solve(problem, guess, solver=solver, options=options, on_iteration=self._report)
