@@ -44,7 +44,7 @@ def audit(
     system = problem.system
     where = f"{_phase_name(problem, int(worst[1]))}, {system.states[int(worst[0])].name}"
     items = [Item("replay_defect", float(defect.max()), defect_limit, "scaled", where)]
-    coarse = (defect > defect_limit).any(axis=0)
+    coarse: NDArray[np.bool_] = np.any(defect > defect_limit, axis=0)
     declared = [*system.states, *system.path]
     histories = np.concatenate([flown.state, flown.path])
     for tolerance in tolerances:

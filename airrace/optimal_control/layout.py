@@ -159,7 +159,8 @@ class Layout:
         per_phase = [
             [(quantity, narrowed(quantity, phase.bounds)) for quantity in system.path] for phase in self.problem.phases
         ]
-        limits = [list(per_phase[phase]) for phase in self.phase_of_interval.tolist()]
+        phases: list[int] = self.phase_of_interval.tolist()
+        limits = [list(per_phase[phase]) for phase in phases]
         for phase, node in enumerate(self.first_node[1:-1]):
             limits[node] = [
                 (quantity, before.intersect(after))
@@ -200,10 +201,9 @@ class Layout:
     @cached_property
     def row_index(self) -> Indices:
         """Places of all rows besides the gaps, in the order of `flat_rows`."""
-        places = [
-            np.arange(count) + end - count
-            for end, count in zip(self._constraint_offset[1:].tolist(), self.stage_rows.tolist(), strict=True)
-        ]
+        ends: list[int] = self._constraint_offset[1:].tolist()
+        counts: list[int] = self.stage_rows.tolist()
+        places: list[Indices] = [np.arange(end - count, end) for end, count in zip(ends, counts, strict=True)]
         return np.concatenate(places)
 
     @cached_property

@@ -37,13 +37,20 @@ class IterationReport:
 
 
 @dataclass(frozen=True)
+class Notice:
+    """What the worker does besides solving, for people."""
+
+    text: str
+
+
+@dataclass(frozen=True)
 class WorkerFailure:
     """A request that could not be worked on; a bug, not a failed solve."""
 
     text: str
 
 
-Reply = IterationReport | Solution | WorkerFailure
+Reply = IterationReport | Notice | Solution | WorkerFailure
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,10 @@ of time, so one call serves a whole race.
 """
 
 from dataclasses import dataclass
-from typing import Any  # scipy's results have no types
 
 import numpy as np
-from scipy.integrate import solve_ivp  # pyright: ignore[reportUnknownVariableType] - scipy ships no types
 
+from airrace.optimal_control.integration import integrate
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.trajectory import Array
 
@@ -55,8 +54,8 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     tolerance = RELATIVE_TOLERANCE / np.sqrt(intervals)
     start = (iterate.state[:, :-1] / scale[:, None]).ravel()
     grid = np.linspace(0.0, 1.0, SAMPLES + 1)
-    flown: Any = solve_ivp(side_by_side, (0.0, 1.0), start, "DOP853", grid, rtol=max(tolerance, 1e-13), atol=tolerance)
-    state: Array = flown.y.reshape(n_x, intervals, SAMPLES + 1)
+    histories = integrate(side_by_side, start, grid, relative=max(tolerance, 1e-13), absolute=tolerance)
+    state = histories.reshape(n_x, intervals, SAMPLES + 1)
     defect = state[:, :, -1] - iterate.state[:, 1:] / scale[:, None]
     state = state * scale[:, None, None]
     return Replay(state, _path_values(problem, state, iterate.control), defect)

@@ -1,8 +1,8 @@
 """States between the nodes: one independent integration from the node before each wanted time."""
 
 import numpy as np
-from scipy.integrate import solve_ivp  # pyright: ignore[reportUnknownVariableType] - scipy ships no types
 
+from airrace.optimal_control.integration import integrate
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.trajectory import Array
 
@@ -31,5 +31,5 @@ def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Arr
         slopes = np.asarray(rates(flat.reshape(n_x, n) * scale, control, p))
         return np.asarray(slopes * lengths / scale).ravel()
 
-    flown = solve_ivp(side_by_side, (0.0, 1.0), (start / scale).ravel(), "DOP853", rtol=1e-10, atol=1e-10)
-    return np.asarray(flown.y[:, -1].reshape(n_x, n) * scale)
+    ends = integrate(side_by_side, (start / scale).ravel(), np.array([0.0, 1.0]), relative=1e-10, absolute=1e-10)
+    return ends[:, -1].reshape(n_x, n) * scale

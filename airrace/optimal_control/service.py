@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Self
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.messages import IterationReport, Reply, Sender, SolveRequest, WorkerFailure
+from airrace.optimal_control.messages import IterationReport, Notice, Reply, Sender, SolveRequest, WorkerFailure
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 
@@ -31,9 +31,18 @@ class SolverService:
         threads: threads that evaluate derivatives.
         compiled: whether kernels are compiled where possible.
         stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
+        on_notice: told what the process does besides solving.
     """
 
-    def __init__(self, *, threads: int = 1, compiled: bool = True, stall_seconds: float = 120.0) -> None:
+    def __init__(
+        self,
+        *,
+        threads: int = 1,
+        compiled: bool = True,
+        stall_seconds: float = 120.0,
+        on_notice: Callable[[str], None] | None = None,
+    ) -> None:
+        self._on_notice = on_notice
         self._threads = threads
         self._compiled = compiled
         self._stall_seconds = stall_seconds
@@ -75,7 +84,10 @@ class SolverService:
                     return reply
                 if isinstance(reply, WorkerFailure):
                     raise SolverCrash(f"the solver process failed:\n{reply.text}")
-                if on_iteration is not None:
+                if isinstance(reply, Notice):
+                    if self._on_notice is not None:
+                        self._on_notice(reply.text)
+                elif on_iteration is not None:
                     on_iteration(reply)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             status = self._process.wait() if self._process is not None else None

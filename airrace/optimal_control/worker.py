@@ -11,12 +11,13 @@ import re
 import signal
 import sys
 import traceback
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 
 from airrace.optimal_control.integrators import RungeKutta
-from airrace.optimal_control.kernels import Kernels, build_kernels
+from airrace.optimal_control.kernels import Kernels, build_kernels, in_cache
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import IterationReport, Receiver, SolveRequest, WorkerFailure
+from airrace.optimal_control.messages import IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import System
 
@@ -44,7 +45,8 @@ class ProgressReader(io.TextIOBase):
 class Workshop:
     """Solves requests; keeps kernels and prepared problems for the next request of the same structure."""
 
-    def __init__(self) -> None:
+    def __init__(self, notify: Callable[[str], None]) -> None:
+        self._notify = notify
         self._systems: list[System] = []
         self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
         self._prepared: dict[str, PreparedProblem] = {}
@@ -74,6 +76,10 @@ class Workshop:
         problem = request.problem
         key = (self._system_number(problem.system), problem.scheme, request.compiled)
         if key not in self._kernels:
+            if request.compiled and not in_cache(problem.system, problem.scheme):
+                self._notify("compiling the equations (once per model and machine)")
+            if request.compiled and not in_cache(problem.system, problem.scheme):
+                self._notify("compiling the equations (once per model and machine)")
             self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
         return self._kernels[key]
 
@@ -99,7 +105,7 @@ def main() -> None:
     replies: Connection = Connection(int(sys.argv[1]), readable=False)
     receiver = Receiver(sys.stdin.buffer)
     sys.stdout = ProgressReader(replies)
-    workshop = Workshop()
+    workshop = Workshop(lambda text: replies.send(Notice(text)))
     while (request := receiver.receive()) is not None:
         try:
             replies.send(workshop.solve(request))

@@ -29,8 +29,8 @@ class Cruise:
 
 def cruise(aircraft: Aircraft, rules: Rules) -> Cruise:
     """Three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
-    V = SHARE_OF_TOP_SPEED * top_speed(aircraft)
-    V = min(max(V, 1.1 * aircraft.envelope.V.lower), 0.95 * aircraft.envelope.V.upper)
+    envelope = aircraft.envelope.V
+    V = min(max(SHARE_OF_TOP_SPEED * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
     lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n_lift = lift / (aircraft.airframe.m * g0)
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
@@ -42,9 +42,9 @@ def top_speed(aircraft: Aircraft) -> float:
     """Speed at which full power balances the drag of level flight, m/s (ISA, sea level)."""
     propulsion, drag, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.S
     P = propulsion.eta_p * propulsion.P_max
-    V = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)
+    speed = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)
     for _ in range(20):  # a contraction: the induced drag is a small correction at top speed
-        C_L = aircraft.airframe.m * g0 / (0.5 * AIR_DENSITY * V**2 * S)
+        C_L = aircraft.airframe.m * g0 / (0.5 * AIR_DENSITY * speed**2 * S)
         C_D = drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2
-        V = (2.0 * P / (AIR_DENSITY * S * C_D)) ** (1 / 3)
-    return V
+        speed = (2.0 * P / (AIR_DENSITY * S * C_D)) ** (1 / 3)
+    return speed

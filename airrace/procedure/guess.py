@@ -60,7 +60,7 @@ def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
     state = np.hstack([state, np.vstack(list(histories[-1].join()))[:, -1:]])
     align_quaternions(state)
     steps = np.concatenate([np.asarray(fractions) * T for fractions, T in zip(mesh, durations, strict=True)])
-    return Iterate(durations, state, _controls(PointMassState.split(state), steps))
+    return Iterate(durations, state, _controls(PointMassState[Array].split(state), steps))
 
 
 def _controls(history: History, steps: Array) -> Array:
