@@ -78,8 +78,6 @@ class Workshop:
         if key not in self._kernels:
             if request.compiled and not in_cache(problem.system, problem.scheme):
                 self._notify("compiling the equations (once per model and machine)")
-            if request.compiled and not in_cache(problem.system, problem.scheme):
-                self._notify("compiling the equations (once per model and machine)")
             self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
         return self._kernels[key]
 

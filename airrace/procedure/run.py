@@ -51,7 +51,12 @@ def optimise(
     if all(stage in done for stage in wanted):
         return
     solver = settings.solver
-    with SolverService(threads=threads, compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds) as service:
+    with SolverService(
+        threads=threads,
+        compiled=solver.compile_kernels,
+        stall_seconds=solver.stall_seconds,
+        on_notice=lambda text: progress.activity(text, 0, 0),
+    ) as service:
         bench = Workbench(service, settings, progress)
         for stage in wanted:
             if stage in done:
