@@ -56,6 +56,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "race_time_s": finite(result.trajectory.race_time),
         "iterations": result.iterations,
         "solve_s": finite(result.timings.solve),
+        "derivatives_s": finite(result.timings.derivatives),
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
         "certificate": None if result.certificate is None else certificate_object(result.certificate),

@@ -1,5 +1,7 @@
 """The independent integrator: scipy's DOP853, which shares no code with the shooting schemes."""
 
+import importlib
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -8,11 +10,16 @@ import numpy as np
 from airrace.trajectory import Array
 
 
+def load_in_background() -> None:
+    """Begin to load scipy while other work is done; it takes longer than many races take to solve."""
+    threading.Thread(target=importlib.import_module, args=("scipy.integrate",), daemon=True).start()
+
+
 def integrate(
     rates: Callable[[float, Array], Array], start: Array, times: Array, *, relative: float, absolute: float
 ) -> Array:
     """States at increasing `times` (n,) from `start` (m,) at the first of them; shape (m, n)."""
-    # Imported here: scipy takes longer to load than many races take to solve. It ships no types.
+    # Imported here, see `load_in_background`; scipy ships no types.
     from scipy.integrate import solve_ivp as untyped  # pyright: ignore[reportUnknownVariableType]
 
     solve_ivp: Any = untyped  # pyright: ignore[reportUnknownVariableType]

@@ -6,6 +6,7 @@ import numpy as np
 
 from airrace.optimal_control.audit import audit
 from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.integration import load_in_background
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.kkt import kkt_error
 from airrace.optimal_control.layout import Layout
@@ -57,6 +58,7 @@ def optimise(
         stall_seconds=solver.stall_seconds,
         on_notice=lambda text: progress.activity(text, 0, 0),
     ) as service:
+        load_in_background()
         bench = Workbench(service, settings, progress)
         for stage in wanted:
             if stage in done:

@@ -1,0 +1,177 @@
+"""How long the point-mass optimum takes, measured on the real command, side by side in one run.
+
+    python scripts/benchmark_point_mass.py [--repeats 5] [--tracks tracks/rovinj_2014.yaml ...] [--laps 1 2 4 8 16]
+
+For every track and both guesses: the median wall time of `airrace optimize` with a warm kernel cache as a share of the
+race time, the shares of derivatives, solver and everything else, the peak memory of all processes; then once with an
+empty cache. Last, the wall time over the number of laps and the exponent of its growth.
+"""
+
+import argparse
+import json
+import math
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+TRACKS = ("rovinj_2014", "sixteen_phases", "half_cuban_eight")
+COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
+GOALS = {"plan": 1 / 20, "homotopy": 1 / 10}
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One run of the command: seconds of wall time in all, inside the solver, in derivatives; peak memory in MB."""
+
+    race: float
+    wall: float
+    solve: float
+    derivatives: float
+    memory: float
+    iterations: int
+
+
+def measure(track: Path, guess: str, *, overrides: tuple[str, ...] = (), cache: Path | None = None) -> Measurement:
+    """Run `airrace optimize` once in a temporary folder."""
+    environment = dict(os.environ)
+    if cache is not None:
+        environment["AIRRACE_CACHE_DIR"] = str(cache)
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            sys.executable,
+            "-m",
+            "airrace.cli.main",
+            "optimize",
+            str(track),
+            "--guess",
+            guess,
+            "--json",
+            "--quiet",
+        ]
+        command += ["--until", "point-mass", "--out", f"{folder}/run.h5"]
+        command += [part for one in overrides for part in ("--set", one)]
+        started = time.perf_counter()
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
+        peak = PeakMemory(process.pid)
+        output, errors = process.communicate()
+        wall = time.perf_counter() - started
+        memory = peak.stop()
+    if process.returncode:
+        raise SystemExit(f"{' '.join(command)}\nended with {process.returncode}:\n{errors.decode()}{output.decode()}")
+    answer = json.loads(output)
+    stages = answer["stages"]
+    return Measurement(
+        race=answer["race_time_s"],
+        wall=wall,
+        solve=sum(stage["solve_s"] for stage in stages),
+        derivatives=sum(stage["derivatives_s"] for stage in stages),
+        memory=memory,
+        iterations=sum(stage["iterations"] for stage in stages),
+    )
+
+
+class PeakMemory:
+    """Watches the resident memory of a process and its children (Linux; NaN elsewhere)."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._peak = math.nan
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> float:
+        """The largest sum seen, MB."""
+        self._done.set()
+        self._thread.join()
+        return self._peak
+
+    def _watch(self) -> None:
+        while not self._done.wait(0.02):
+            total = sum(resident(pid) for pid in (self._pid, *children(self._pid)))
+            if total and not self._peak >= total:
+                self._peak = total
+
+
+def children(pid: int) -> list[int]:
+    """Direct children of a process."""
+    try:
+        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    except OSError:
+        return []
+    return [int(child) for child in text.split()]
+
+
+def resident(pid: int) -> float:
+    """Resident memory of a process, MB; 0 where unknown."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return sum(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS"))
+
+
+def warm_table(tracks: list[Path], repeats: int) -> None:
+    """Median of several runs per track and guess."""
+    print(f"{'track':<18}{'guess':<10}{'race s':>8}{'wall s':>8}{'share':>8}{'goal':>7}", end="")
+    print(f"{'deriv.':>8}{'solver':>8}{'other':>8}{'MB':>6}{'iter.':>7}")
+    for track in tracks:
+        for guess, goal in GOALS.items():
+            runs = sorted((measure(track, guess) for _ in range(repeats)), key=lambda run: run.wall)
+            median = runs[len(runs) // 2]
+            solver = median.solve - median.derivatives
+            share = median.wall / median.race
+            print(f"{track.stem:<18}{guess:<10}{median.race:>8.3f}{median.wall:>8.2f}", end="")
+            print(f"{'1/' + format(1 / share, '.1f'):>8}{'1/' + format(1 / goal, '.0f'):>7}", end="")
+            print(f"{median.derivatives:>8.2f}{solver:>8.2f}{median.wall - median.solve:>8.2f}", end="")
+            print(f"{statistics.median(run.memory for run in runs):>6.0f}{median.iterations:>7}", flush=True)
+
+
+def cold_line(track: Path) -> None:
+    """One run with an empty kernel cache: the compiler runs, too."""
+    with tempfile.TemporaryDirectory() as cache:
+        run = measure(track, "plan", cache=Path(cache))
+    print(f"\ncold kernel cache, {track.stem}, plan: {run.wall:.1f} s")
+
+
+def laps_table(track: Path, laps: list[int]) -> None:
+    """Wall time over the number of laps, and the exponent between the fewest and the most."""
+    for guess in GOALS:
+        walls: list[float] = []
+        print(f"\nlaps of {track.stem}, {guess}")
+        for count in laps:
+            run = measure(track, guess, overrides=(f"course.laps={count}",))
+            walls.append(run.wall)
+            print(
+                f"  {count:>3} laps: wall {run.wall:>7.2f} s, race {run.race:>8.2f} s, {run.memory:>5.0f} MB",
+                flush=True,
+            )
+        if len(laps) > 1:
+            exponent = math.log(walls[-1] / walls[0]) / math.log(laps[-1] / laps[0])
+            print(f"  wall time grows with the power {exponent:.2f} of the laps")
+
+
+def main() -> None:
+    """Run the benchmark and print its tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--tracks", type=Path, nargs="+", default=[ROOT / "tracks" / f"{name}.yaml" for name in TRACKS])
+    parser.add_argument("--laps", type=int, nargs="*", default=[1, 2, 4, 8, 16])
+    arguments = parser.parse_args()
+    for track in arguments.tracks:  # fill the cache: kernels are compiled once per model and machine
+        measure(track, "plan")
+    warm_table(arguments.tracks, arguments.repeats)
+    cold_line(arguments.tracks[0])
+    if arguments.laps:
+        laps_table(ROOT / "tracks" / "sixteen_phases.yaml", arguments.laps)
+
+
+if __name__ == "__main__":
+    main()
