@@ -44,17 +44,7 @@ def measure(track: Path, guess: str, *, overrides: tuple[str, ...] = (), cache: 
     if cache is not None:
         environment["AIRRACE_CACHE_DIR"] = str(cache)
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            "-m",
-            "airrace.cli.main",
-            "optimize",
-            str(track),
-            "--guess",
-            guess,
-            "--json",
-            "--quiet",
-        ]
+        command = [*COMMAND, "optimize", str(track), "--guess", guess, "--json", "--quiet"]
         command += ["--until", "point-mass", "--out", f"{folder}/run.h5"]
         command += [part for one in overrides for part in ("--set", one)]
         started = time.perf_counter()
