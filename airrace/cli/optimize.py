@@ -42,6 +42,9 @@ def optimize(
     Stage by stage, each certified and kept in a checkpoint as soon as it is finished.
     """
     with answering(unflown(track.stem), as_json=as_json) as answer:
+        from airrace.optimal_control.spawn import start_early
+
+        start_early()
         from airrace.cli.running import ensure_free, fly, new_run, stage_named
         from airrace.cli.tables import rendered, result_tables
         from airrace.documents import load_inputs

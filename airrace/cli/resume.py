@@ -27,6 +27,10 @@ def resume(
     It goes on after the last stage that still stands, in the same file.
     """
     with answering(unflown(None), as_json=as_json) as answer:
+        from airrace.optimal_control.spawn import start_early
+
+        if not dry_run:
+            start_early()
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.continuation import continuation, describe
         from airrace.cli.running import fly, stage_named, stored_run

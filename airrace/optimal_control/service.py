@@ -5,12 +5,9 @@ in a process that can be killed. One process serves a whole run.
 """
 
 import contextlib
-import os
 import pickle
 import subprocess
-import sys
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Self
 
@@ -18,6 +15,7 @@ from airrace.errors import SolverCrash
 from airrace.optimal_control.messages import IterationReport, Notice, Reply, Sender, SolveRequest, WorkerFailure
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.spawn import take
 
 
 class Stalled(Exception):
@@ -108,17 +106,9 @@ class SolverService:
             self._process = None
 
     def _start(self) -> None:
-        reading, writing = os.pipe()
-        # A session of its own: the terminal's Ctrl-C reaches this process only, which then stops the other.
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "airrace.optimal_control.worker", str(writing)],
-            stdin=subprocess.PIPE,
-            pass_fds=(writing,),
-            start_new_session=True,
-        )
-        os.close(writing)
-        self._replies = Connection(reading, writable=False)
-        assert self._process.stdin is not None  # asked for above
+        worker = take()
+        self._process, self._replies = worker.process, worker.replies
+        assert self._process.stdin is not None  # `start` asks for it
         self._sender = Sender(self._process.stdin)
 
     def _receive(self) -> Reply:

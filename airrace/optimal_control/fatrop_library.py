@@ -1,0 +1,168 @@
+"""fatrop's C interface, as in its header `fatrop/ocp/OCPCInterface.h`, and the two blasfeo functions needed with it.
+
+casadi brings both libraries along. Its own interface to fatrop takes time quadratic in the number of stages to set up,
+so they are called directly here.
+"""
+
+import ctypes
+import sys
+from collections.abc import Callable, Sequence
+from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int, c_void_p
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from airrace.errors import SolverCrash
+from airrace.trajectory import Array
+
+
+class Dims(Structure):
+    """`FatropOcpCDims`: where stages begin in fatrop's vectors."""
+
+    _fields_ = (
+        *((name, POINTER(c_int)) for name in ("ux_offs", "g_offs", "dyn_offs", "dyn_eq_offs", "g_ineq_offs")),
+        ("ineq_offs", POINTER(c_int)),
+        *((name, c_int) for name in ("max_nu", "max_nx", "max_ng", "max_ngineq", "n_ineqs", "K")),
+        *((name, POINTER(c_int)) for name in ("nu", "nx", "ng", "ng_ineq")),
+    )
+
+
+class Stats(Structure):
+    """`FatropOcpCStats`."""
+
+    _fields_ = (
+        *((f"{name}_time", c_double) for name in ("compute_sd", "duinf", "eval_hess", "eval_jac", "eval_cv")),
+        *((name, c_double) for name in ("eval_grad_time", "eval_obj_time", "initialization_time", "time_total")),
+        *((f"eval_{name}_count", c_int) for name in ("hess", "jac", "cv", "grad", "obj")),
+        ("iterations_count", c_int),
+        ("return_flag", c_int),
+    )
+
+    iterations_count: int
+    return_flag: int
+
+
+class Vector(Structure):
+    """The beginning of `blasfeo_dvec`."""
+
+    _fields_ = (("mem", c_void_p), ("pa", c_void_p))
+
+    pa: int
+
+
+# Pointers arrive as addresses: numpy reads and writes what they point to.
+_SIZE = CFUNCTYPE(c_int, c_int, c_void_p)
+_TOTAL = CFUNCTYPE(c_int, c_void_p)
+_BOUNDS = CFUNCTYPE(c_int, c_void_p, c_void_p, c_int, c_void_p)
+_INITIAL = CFUNCTYPE(c_int, c_void_p, c_int, c_void_p)
+_HESSIAN = CFUNCTYPE(c_int, c_double, *[c_void_p] * 7)
+_JACOBIAN = CFUNCTYPE(c_int, *[c_void_p] * 8)
+_VIOLATION = CFUNCTYPE(c_int, *[c_void_p] * 6)
+_OBJECTIVE = CFUNCTYPE(c_int, c_double, *[c_void_p] * 6)
+_WRITE = CFUNCTYPE(None, c_void_p, c_int)
+
+
+_FIELDS: dict[str, Any] = {  # Any: ctypes' types have no common public base
+    **dict.fromkeys(("get_nx", "get_nu", "get_ng"), _SIZE),
+    **dict.fromkeys(("get_n_stage_params", "get_n_global_params"), c_void_p),
+    **dict.fromkeys(("get_default_stage_params", "get_default_global_params"), c_void_p),
+    "get_ng_ineq": _SIZE,
+    "get_horizon_length": _TOTAL,
+    **dict.fromkeys(("eval_BAbt", "eval_RSQrqt", "eval_Ggt", "eval_Ggt_ineq", "eval_b", "eval_g"), c_void_p),
+    **dict.fromkeys(("eval_gineq", "eval_rq", "eval_L"), c_void_p),
+    "get_bounds": _BOUNDS,
+    "get_initial_xk": _INITIAL,
+    "get_initial_uk": _INITIAL,
+    "full_eval_lag_hess": _HESSIAN,
+    "full_eval_constr_jac": _JACOBIAN,
+    "full_eval_contr_viol": _VIOLATION,
+    "full_eval_obj_grad": _OBJECTIVE,
+    "full_eval_obj": _OBJECTIVE,
+    "user_data": c_void_p,
+}
+
+
+class Interface(Structure):
+    """`FatropOcpCInterface`: the callbacks that state a problem; those not set are null.
+
+    The `full_eval_` callbacks return `EVALUATED` and leave nothing for the callbacks per stage.
+    """
+
+    _fields_ = tuple(_FIELDS.items())
+
+
+EVALUATED = 1
+
+Callback = Callable[..., int]
+
+
+def interface(callbacks: dict[str, Callback]) -> Interface:
+    """The interface with these callbacks by field name; it keeps them alive."""
+    result = Interface()
+    for name, callback in callbacks.items():
+        setattr(result, name, _FIELDS[name](callback))
+    return result
+
+
+class Output:
+    """Where fatrop prints: it has one stream per process, which therefore lives as long as the process.
+
+    What Python raises while printing cannot pass through fatrop; it waits in `error`.
+    """
+
+    def __init__(self) -> None:
+        self.error: BaseException | None = None
+        self.callback = _WRITE(self._write)
+
+    def _write(self, address: int, count: int) -> None:
+        try:
+            sys.stdout.write(ctypes.string_at(address, count).decode(errors="replace"))
+        except BaseException as error:
+            self.error = error
+
+
+OUTPUT = Output()
+
+
+@cache
+def fatrop() -> ctypes.CDLL:
+    """The library with fatrop's and (by way of its dependency) blasfeo's functions.
+
+    Raises:
+        SolverCrash: casadi was installed without it.
+    """
+    folder = Path(ca.__file__).parent
+    for name in ("libfatrop.so", "libfatrop.dylib"):
+        if (folder / name).exists():
+            return _with_prototypes(ctypes.CDLL(str(folder / name)))
+    raise SolverCrash(f"the solver fatrop is not part of the casadi in {folder}")
+
+
+def _with_prototypes(library: ctypes.CDLL) -> ctypes.CDLL:
+    prototypes: Sequence[tuple[str, Any, tuple[Any, ...]]] = (  # Any: as above
+        ("fatrop_ocp_c_create", c_void_p, (POINTER(Interface), _WRITE, c_void_p)),
+        ("fatrop_ocp_c_solve", c_int, (c_void_p,)),
+        ("fatrop_ocp_c_set_option_double", c_int, (c_void_p, c_char_p, c_double)),
+        ("fatrop_ocp_c_set_option_int", c_int, (c_void_p, c_char_p, c_int)),
+        ("fatrop_ocp_c_get_primal", POINTER(Vector), (c_void_p,)),
+        ("fatrop_ocp_c_get_dual", POINTER(Vector), (c_void_p,)),
+        ("fatrop_ocp_c_get_dims", POINTER(Dims), (c_void_p,)),
+        ("fatrop_ocp_c_get_stats", POINTER(Stats), (c_void_p,)),
+        ("fatrop_ocp_c_destroy", None, (c_void_p,)),
+        ("blasfeo_memsize_dmat", c_int, (c_int, c_int)),
+        ("blasfeo_create_dmat", None, (c_int, c_int, c_void_p, c_void_p)),
+        ("blasfeo_pack_dmat", None, (c_int, c_int, c_void_p, c_int, c_void_p, c_int, c_int)),
+    )
+    for name, result, arguments in prototypes:
+        function = library[name]
+        function.restype, function.argtypes = result, arguments
+        setattr(library, name, function)
+    return library
+
+
+def doubles_at(address: int, count: int) -> Array:
+    """The numbers at an address, not copied; valid as long as the memory is."""
+    return np.ctypeslib.as_array((c_double * count).from_address(address))

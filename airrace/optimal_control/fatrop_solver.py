@@ -1,0 +1,295 @@
+"""Solving a transcribed problem with fatrop (Vanroye et al.), called through its C interface.
+
+All is set up in time linear in the number of stages, and anew for every solve: fatrop keeps no options or bounds then
+that belong to another one.
+"""
+
+import ctypes
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.optimal_control.fatrop_functions import Functions
+from airrace.optimal_control.fatrop_library import (
+    EVALUATED,
+    OUTPUT,
+    Callback,
+    doubles_at,
+    fatrop,
+    interface,
+)
+from airrace.optimal_control.fatrop_matrices import Destination, MatrixFamily, destination
+from airrace.optimal_control.fatrop_stages import Bounds, Rows, Stages
+from airrace.optimal_control.layout import Indices, Layout
+from airrace.optimal_control.transcription import NonlinearProgram
+from airrace.trajectory import Array
+
+# `IpSolverReturnFlag`, in its order
+STATUS = (
+    "solved",
+    "more iterations than allowed",
+    "stopped at a point that is nearly optimal",
+    "locally infeasible",
+    "neither the line search nor the restoration of feasibility found a better point",
+    "no step could be computed",
+    "stopped for an unknown reason",
+)
+EXCEPTION = "-1: fatrop failed within"
+NOT_FINITE = "the derivatives are not finite at an iterate"
+_DOUBLE = 8
+
+
+@dataclass(frozen=True)
+class FatropResult:
+    """What fatrop returned.
+
+    Attributes:
+        w: the last unknowns (n_w,).
+        lam_g, lam_w: multipliers of the constraints (n_g,) and of the simple bounds (n_w,).
+        objective: at w.
+        status: for people.
+        success: whether it claims an optimum.
+        iterations: number of iterations.
+        derivative_seconds: spent in the program's functions.
+    """
+
+    w: Array
+    lam_g: Array
+    lam_w: Array
+    objective: float
+    status: str
+    success: bool
+    iterations: int
+    derivative_seconds: float
+
+
+class FatropSolver:
+    """Solves one program with changing bounds, parameters and guesses.
+
+    Args:
+        options: of fatrop, by its names; integers and floats are told apart.
+    """
+
+    def __init__(self, program: NonlinearProgram, layout: Layout, options: Mapping[str, float | int]) -> None:
+        self._stages = Stages(layout, program.jac_g.sparsity_out(1), program.hess_l.sparsity_out(1))
+        self._functions = Functions(program)
+        self._options = dict(options)
+
+    def solve(self, guess: Array, bounds: Bounds, p: Array) -> FatropResult:
+        """Solve from a guess.
+
+        Raises:
+            SolverCrash: the library is not what it should be.
+            BaseException: what was raised in a function or while printing, such as KeyboardInterrupt.
+        """
+        self._functions.p[:] = p
+        self._functions.forget()
+        return _Run(self._stages, Rows(self._stages, bounds), self._functions, guess, self._options).result()
+
+
+class _Run:
+    """One solve: the callbacks and the memory they share with fatrop."""
+
+    def __init__(
+        self, stages: Stages, rows: Rows, functions: Functions, guess: Array, options: Mapping[str, float | int]
+    ) -> None:
+        self._stages, self._rows, self._functions = stages, rows, functions
+        self._error: BaseException | None = None
+        self._not_finite = False
+        self._initial = guess.copy()
+        self._destinations: dict[bytes, Destination] = {}
+        self._values = np.empty(stages.constraints + stages.unknowns)
+        self._jacobian = np.zeros(len(functions.jacobian) + len(rows.items) + 2)
+        self._jacobian[-2] = 1.0
+        self._hessian = np.zeros(len(functions.hessian) + stages.unknowns + 1)
+        self._options = options
+        self._solver = 0
+
+    def result(self) -> FatropResult:
+        """Solve, once."""
+        library, problem = fatrop(), interface(self._callbacks())
+        OUTPUT.error = None
+        self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
+        try:
+            for name, value in self._options.items():
+                self._set_option(name, value)
+            flag: int = library.fatrop_ocp_c_solve(self._solver)
+            if error := self._error or OUTPUT.error:
+                raise error
+            w = self._unknowns(library.fatrop_ocp_c_get_primal(self._solver).contents.pa).copy()
+            dual = doubles_at(library.fatrop_ocp_c_get_dual(self._solver).contents.pa, len(self._rows.items))
+            multipliers = self._multipliers(dual)
+            stats = library.fatrop_ocp_c_get_stats(self._solver).contents
+            iterations, reason = int(stats.iterations_count), int(stats.return_flag)
+        finally:
+            library.fatrop_ocp_c_destroy(self._solver)
+        self._functions.w[:] = w
+        self._functions.values()
+        status = EXCEPTION if flag < 0 else f"{reason}: {STATUS[reason]}"
+        return FatropResult(
+            w=w,
+            lam_g=multipliers[: self._stages.constraints],
+            lam_w=multipliers[self._stages.constraints :],
+            objective=float(self._functions.f[0]),
+            status=NOT_FINITE if self._not_finite else status,
+            success=flag == 0 and not self._not_finite,
+            iterations=iterations,
+            derivative_seconds=self._functions.seconds,
+        )
+
+    def _set_option(self, name: str, value: float | int) -> None:
+        library = fatrop()
+        set_option = library.fatrop_ocp_c_set_option_double
+        if isinstance(value, int):
+            set_option = library.fatrop_ocp_c_set_option_int
+        set_option(self._solver, name.encode(), value)
+
+    def _stop(self) -> None:
+        """Let fatrop end after this iteration: it knows no other way to be told."""
+        self._set_option("max_iter", 0)
+
+    # what fatrop asks for; pointers are addresses, see the header
+
+    def _callbacks(self) -> dict[str, Callback]:
+        stages, rows = self._stages, self._rows
+        n_x, n_u, first = stages.n_x.tolist(), stages.n_u.tolist(), stages.first.tolist()
+        inequalities, first_inequality = rows.inequalities.tolist(), rows.first_inequality.tolist()
+
+        def horizon(_: object) -> int:
+            return stages.count
+
+        def bounds(lower: int, upper: int, k: int, _: object) -> int:
+            offset, size = _DOUBLE * first_inequality[k], _DOUBLE * inequalities[k]
+            ctypes.memmove(lower, rows.lower.ctypes.data + offset, size)
+            ctypes.memmove(upper, rows.upper.ctypes.data + offset, size)
+            return 0
+
+        def initial_states(states: int, k: int, _: object) -> int:
+            ctypes.memmove(states, self._initial.ctypes.data + _DOUBLE * first[k], _DOUBLE * n_x[k])
+            return 0
+
+        def initial_controls(controls: int, k: int, _: object) -> int:
+            ctypes.memmove(controls, self._initial.ctypes.data + _DOUBLE * (first[k] + n_x[k]), _DOUBLE * n_u[k])
+            return 0
+
+        return {
+            "get_nx": _number_of_stage(stages.n_x),
+            "get_nu": _number_of_stage(stages.n_u),
+            "get_ng": _number_of_stage(rows.equalities),
+            "get_ng_ineq": _number_of_stage(rows.inequalities),
+            "get_horizon_length": horizon,
+            "get_bounds": bounds,
+            "get_initial_xk": initial_states,
+            "get_initial_uk": initial_controls,
+            "full_eval_obj": self._guarded(self._evaluate_objective),
+            "full_eval_obj_grad": self._guarded(self._evaluate_gradient),
+            "full_eval_contr_viol": self._guarded(self._evaluate_violation),
+            "full_eval_constr_jac": self._guarded(self._evaluate_jacobian),
+            "full_eval_lag_hess": self._guarded(self._evaluate_hessian),
+        }
+
+    def _guarded(self, evaluate: Callable[..., None]) -> Callback:
+        """The callback, of which no exception escapes into fatrop: it is raised after the solve, which ends early."""
+
+        def callback(*arguments: float) -> int:
+            try:
+                evaluate(*arguments)
+                if OUTPUT.error is not None:
+                    self._stop()
+            except BaseException as error:  # an interrupt, too, must not unwind through fatrop
+                self._error = self._error or error
+                self._stop()
+            return EVALUATED
+
+        return callback
+
+    def _evaluate_objective(self, factor: float, unknowns: int, _p: int, _q: int, result: int, *_: int) -> None:
+        self._functions.w[:] = self._unknowns(unknowns)
+        self._functions.values()
+        doubles_at(result, 1)[0] = factor * _infinite(self._functions.f)[0]
+
+    def _evaluate_gradient(self, factor: float, unknowns: int, _p: int, _q: int, result: int, *_: int) -> None:
+        self._functions.w[:] = self._unknowns(unknowns)
+        self._functions.objective_gradient()
+        doubles_at(result, self._stages.unknowns)[self._stages.place] = factor * self._functions.f_gradient
+
+    def _evaluate_violation(self, unknowns: int, _p: int, _q: int, result: int, *_: int) -> None:
+        self._functions.w[:] = self._unknowns(unknowns)
+        self._functions.values()
+        doubles_at(result, len(self._rows.items))[:] = self._residuals()
+
+    def _evaluate_jacobian(
+        self, unknowns: int, _p: int, _q: int, dynamics: int, equalities: int, inequalities: int, *_: int
+    ) -> None:
+        functions, count = self._functions, len(self._functions.jacobian)
+        functions.w[:] = self._unknowns(unknowns)
+        functions.linearise()
+        np.multiply(functions.jacobian, self._rows.jacobian_signs, out=self._jacobian[:count])
+        self._jacobian[count:-2] = self._residuals()
+        if not np.isfinite(self._jacobian).all():  # at a point that will not be accepted; fatrop's loops need numbers
+            np.nan_to_num(self._jacobian, copy=False, posinf=0.0, neginf=0.0)
+        target = self._destination(self._rows.families, (dynamics, equalities, inequalities))
+        target.write(self._jacobian[self._rows.jacobian_sources])
+
+    def _evaluate_hessian(
+        self, factor: float, unknowns: int, multipliers: int, _p: int, _q: int, matrices: int, *_: int
+    ) -> None:
+        functions, stages = self._functions, self._stages
+        functions.w[:] = self._unknowns(unknowns)
+        functions.lam_f[0] = factor
+        both = self._multipliers(doubles_at(multipliers, len(self._rows.items)))
+        functions.lam_g[:] = both[: stages.constraints]
+        functions.curve()
+        gradient = functions.gradient + both[stages.constraints :]
+        gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
+        count = len(functions.hessian)
+        self._hessian[:count] = functions.hessian
+        self._hessian[count:-1] = gradient
+        target = self._destination((stages.hessian,), (matrices,))
+        if np.isfinite(self._hessian).all():
+            target.write(self._hessian[stages.hessian_sources])
+        else:  # fatrop would add to the diagonal for ever
+            self._not_finite = True
+            target.write(stages.hessian_identity)
+            self._stop()
+
+    def _unknowns(self, address: int) -> Array:
+        return doubles_at(address, self._stages.unknowns)[self._stages.place]
+
+    def _residuals(self) -> Array:
+        """fatrop's constraints, infinite where they are not numbers, which its line search knows how to refuse."""
+        self._values[: self._stages.constraints] = self._functions.g
+        self._values[self._stages.constraints :] = self._functions.w
+        return _infinite(self._rows.signs * self._values[self._rows.items] + self._rows.shifts)
+
+    def _multipliers(self, dual: Array) -> Array:
+        """Multipliers of (g, w) from fatrop's; zero for what is not bounded."""
+        both = np.zeros(self._stages.constraints + self._stages.unknowns)
+        both[self._rows.items] = self._rows.signs * dual
+        return both
+
+    def _destination(self, families: tuple[MatrixFamily, ...], structs: tuple[int, ...]) -> Destination:
+        """Where the entries of all matrices lie: fatrop has a few sets of matrices and takes turns."""
+        key = b"".join(family.addresses(address).tobytes() for family, address in zip(families, structs, strict=True))
+        if key not in self._destinations:
+            addresses: list[Indices] = [
+                family.entry_addresses(address) for family, address in zip(families, structs, strict=True)
+            ]
+            self._destinations[key] = destination(np.concatenate(addresses))
+        return self._destinations[key]
+
+
+def _infinite(values: Array) -> Array:
+    """The values, infinity in place of NaN."""
+    return np.where(np.isnan(values), np.inf, values)
+
+
+def _number_of_stage(numbers: Indices) -> Callback:
+    """A callback that looks up the number of stage k."""
+    found: list[int] = numbers.tolist()
+
+    def callback(k: int, _: object) -> int:
+        return found[k]
+
+    return callback

@@ -1,0 +1,187 @@
+"""How the nonlinear program maps to fatrop's stages.
+
+fatrop orders the unknowns of a stage `u, x` (the program: `x, u`) and knows three kinds of constraints: equalities and
+inequalities of one stage, and the dynamics `F(x, u) - x_next = 0` (the program's gaps with the other sign). Simple
+bounds are constraints like others. Its vectors of constraints and multipliers hold all equalities, then the dynamics,
+then all inequalities.
+
+Matrices are laid down as their entries column by column, stage by stage, drawn from one vector of numbers each:
+
+    BAbt = [B A b]^T, Ggt = [G g]^T of equalities and of inequalities, from (nonzeros of the Jacobian, residuals, 1, 0)
+    RSQrqt = [R S^T; S Q; r^T q^T], from (nonzeros of the Hessian, gradient, 0)
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.optimal_control.fatrop_matrices import MatrixFamily
+from airrace.optimal_control.layout import Indices, Layout
+from airrace.trajectory import Array
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Of the scaled unknowns, each (n_w,), and constraints, each (n_g,)."""
+
+    lower: Array
+    upper: Array
+    g_lower: Array
+    g_upper: Array
+
+
+class Stages:
+    """What depends on the structure of a program alone (K stages)."""
+
+    def __init__(self, layout: Layout, jacobian: ca.Sparsity, hessian: ca.Sparsity) -> None:
+        self.n_x, self.n_u = layout.stage_states, layout.stage_controls
+        self.sizes: Indices = self.n_x + self.n_u
+        self.unknowns, self.constraints = layout.unknowns, layout.constraints
+        self.count = len(self.sizes)
+        self.first: Indices = np.cumsum(self.sizes) - self.sizes
+        self.stage_of_unknown = np.repeat(np.arange(self.count), self.sizes)
+        within = np.arange(self.unknowns) - self.first[self.stage_of_unknown]
+        states, controls = self.n_x[self.stage_of_unknown], self.n_u[self.stage_of_unknown]
+        self.place_in_stage: Indices = np.where(within < states, within + controls, within - states)
+        self.place: Indices = self.first[self.stage_of_unknown] + self.place_in_stage
+        self.gaps: Indices = layout.gap_index.ravel()
+        next_states: Indices = self.first[1:, None] + np.arange(layout.gap_index.shape[1])
+        self.next_states = next_states.ravel()
+        self.rows = layout.row_index
+        self.stage_of_row = np.repeat(np.arange(self.count), layout.stage_rows)
+        self.jacobian_nonzeros = _nonzeros(jacobian)
+        self._hessian_nonzeros = _nonzeros(hessian)
+        self.dynamics = MatrixFamily(self.sizes[:-1] + 1, self.n_x[1:])
+        self.hessian = MatrixFamily(self.sizes + 1, self.sizes)
+
+    @cached_property
+    def hessian_sources(self) -> Indices:
+        """For every entry of the matrices RSQrqt, its place in (nonzeros, gradient, 0)."""
+        rows, columns = self._hessian_nonzeros
+        sources = np.full(self.hessian.entries, len(rows) + self.unknowns)
+        stage = self.stage_of_unknown
+        starts = self.hessian.starts[:-1]
+        column_start = starts[stage] + self.place_in_stage * (self.sizes[stage] + 1)
+        sources[column_start[columns] + self.place_in_stage[rows]] = np.arange(len(rows))
+        sources[column_start + self.sizes[stage]] = len(rows) + np.arange(self.unknowns)
+        return sources
+
+    @cached_property
+    def hessian_identity(self) -> Array:
+        """Entries of RSQrqt with an identity as Hessian and no gradient."""
+        entries = np.zeros(self.hessian.entries)
+        stage = self.stage_of_unknown
+        entries[self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 2)] = 1.0
+        return entries
+
+
+class Rows:
+    """What depends on the bounds' kinds as well: which constraints are equalities, which inequalities.
+
+    Values v are those of the constraints, then those of the unknowns, (g, w); so are multipliers.
+
+    Attributes:
+        items: the places in v of fatrop's constraints, in its order.
+        signs: fatrop's constraints are `signs * v[items] + shifts`.
+        equalities: number of equalities per stage, shape (K,).
+        inequalities: number of inequalities per stage, shape (K,).
+        lower, upper: bounds of the inequalities.
+    """
+
+    def __init__(self, stages: Stages, bounds: Bounds) -> None:
+        self.stages = stages
+        lower = np.concatenate([bounds.g_lower, bounds.lower])
+        upper = np.concatenate([bounds.g_upper, bounds.upper])
+        # Within a stage the constraints come before the simple bounds.
+        candidates = np.concatenate([stages.rows, stages.constraints + np.arange(stages.unknowns)])
+        stage = np.concatenate([stages.stage_of_row, stages.stage_of_unknown])
+        order = np.argsort(stage, kind="stable")
+        candidates, stage = candidates[order], stage[order]
+        equal = lower[candidates] == upper[candidates]
+        between = ~equal & (np.isfinite(lower[candidates]) | np.isfinite(upper[candidates]))
+        self.equalities: Indices = np.bincount(stage[equal], minlength=stages.count)
+        self.inequalities: Indices = np.bincount(stage[between], minlength=stages.count)
+        fixed, ranged = candidates[equal], candidates[between]
+        self.items: Indices = np.concatenate([fixed, stages.gaps, ranged])
+        self.signs = np.ones(len(self.items))
+        self.signs[len(fixed) : len(fixed) + len(stages.gaps)] = -1.0
+        self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], np.zeros(len(ranged))])
+        self.lower, self.upper = lower[ranged], upper[ranged]
+        self.first_inequality = np.cumsum(self.inequalities) - self.inequalities
+        self.families = (
+            stages.dynamics,
+            MatrixFamily(stages.sizes + 1, self.equalities),
+            MatrixFamily(stages.sizes + 1, self.inequalities),
+        )
+
+    @cached_property
+    def jacobian_signs(self) -> Array:
+        """Factors from the Jacobian's nonzeros to fatrop's: those of the dynamics have the other sign."""
+        signs = np.ones(self.stages.constraints)
+        signs[self.stages.gaps] = -1.0
+        return signs[self.stages.jacobian_nonzeros[0]]
+
+    @cached_property
+    def jacobian_sources(self) -> Indices:
+        """For every entry of the matrices BAbt, Ggt, Ggt of the inequalities, its place in (nonzeros, residuals, 1, 0).
+
+        Raises:
+            ValueError: a constraint reaches into another stage, other than a gap to the next states.
+        """
+        stages = self.stages
+        rows, columns = stages.jacobian_nonzeros
+        column_start, stage_of_row = self._columns()
+        one = len(rows) + len(self.items)
+        sources = np.full(sum(family.entries for family in self.families), one + 1)
+        ahead = stages.stage_of_unknown[columns] == stage_of_row[rows] + 1
+        next_state = np.full(stages.constraints, -1)
+        next_state[stages.gaps] = stages.next_states
+        if (
+            not np.array_equal(next_state[rows[ahead]], columns[ahead])
+            or (stages.stage_of_unknown[columns[~ahead]] != stage_of_row[rows[~ahead]]).any()
+        ):
+            raise ValueError("a constraint reaches into another stage")
+        used = np.flatnonzero(~ahead & (column_start[rows] >= 0))
+        sources[column_start[rows[used]] + stages.place_in_stage[columns[used]]] = used
+        bounded = self.items[self.items >= stages.constraints]
+        sources[column_start[bounded] + stages.place_in_stage[bounded - stages.constraints]] = one
+        last = stages.sizes[self._stage_of_item()]
+        sources[column_start[self.items] + last] = len(rows) + np.arange(len(self.items))
+        return sources
+
+    def _stage_of_item(self) -> Indices:
+        of_gap = np.repeat(np.arange(self.stages.count - 1), self.stages.n_x[1:])
+        kinds = [np.repeat(np.arange(self.stages.count), count) for count in (self.equalities, self.inequalities)]
+        return np.concatenate([kinds[0], of_gap, kinds[1]])
+
+    def _columns(self) -> tuple[Indices, NDArray[np.int64]]:
+        """For every entry of v: where its column begins among the matrices' entries, -1 for none; of g: its stage."""
+        stages = self.stages
+        dynamics, equal, between = self.families
+        height = stages.sizes + 1
+        starts = [
+            equal.starts[:-1] + dynamics.entries,
+            dynamics.starts[:-1],
+            between.starts[:-1] + dynamics.entries + equal.entries,
+        ]
+        counts = [self.equalities, stages.n_x[1:], self.inequalities]
+        begin: list[Indices] = []
+        for start, count in zip(starts, counts, strict=True):
+            stage = np.repeat(np.arange(len(count)), count)
+            within = np.arange(len(stage)) - (np.cumsum(count) - count)[stage]
+            begin.append(start[stage] + within * height[stage])
+        column_start = np.full(stages.constraints + stages.unknowns, -1)
+        column_start[self.items] = np.concatenate(begin)
+        stage_of_row = np.empty(stages.constraints, dtype=np.int64)
+        stage_of_row[stages.rows] = stages.stage_of_row
+        stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
+        return column_start, stage_of_row
+
+
+def _nonzeros(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
+    """Rows and columns of the nonzeros in casadi's order."""
+    row, colind = np.array(sparsity.row(), dtype=np.int64), np.array(sparsity.colind(), dtype=np.int64)
+    return row, np.repeat(np.arange(len(colind) - 1), np.diff(colind))
