@@ -48,7 +48,7 @@ class Stages:
         self.place_in_stage: Indices = np.where(within < states, within + controls, within - states)
         self.place: Indices = self.first[self.stage_of_unknown] + self.place_in_stage
         self.gaps: Indices = layout.gap_index.ravel()
-        next_states: Indices = self.first[1:, None] + np.arange(layout.gap_index.shape[1])
+        next_states: Indices = self.first[1:, None] + np.arange(int(layout.gap_index.shape[1]))
         self.next_states = next_states.ravel()
         self.rows = layout.row_index
         self.stage_of_row = np.repeat(np.arange(self.count), layout.stage_rows)
