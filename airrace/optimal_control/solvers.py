@@ -7,11 +7,13 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
+from airrace.optimal_control.fatrop_solver import FatropSolver
+from airrace.optimal_control.fatrop_stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
@@ -70,14 +72,35 @@ class Solution:
     derivative_seconds: float
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a solver says: the last unknowns w (n_w,), the multipliers of the constraints (n_g,), and how it went."""
+
+    w: Array
+    lam_g: Array
+    objective: float
+    status: str
+    success: bool
+    iterations: int
+    derivative_seconds: float
+
+
+class ReadySolver(Protocol):
+    """A solver set up for one program."""
+
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
+        """Solve for these numbers; multipliers are a guess too."""
+        ...
+
+
 class Solver(ABC):
     """A solver for nonlinear programs, set up once per structure."""
 
     name: str
 
     @abstractmethod
-    def options(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> Mapping[str, Any]:
-        """Options of casadi's `nlpsol`."""  # Any: casadi's option dictionaries are heterogeneous
+    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
+        """Set up for a program."""
 
     def infeasible(self, status: str) -> bool:
         """Whether a status claims local infeasibility."""
@@ -89,8 +112,34 @@ class Fatrop(Solver):
 
     name = "fatrop"
 
-    def options(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> Mapping[str, Any]:
-        return {
+    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
+        return _ReadyFatrop(FatropSolver(program, layout, fatrop_options(options)))
+
+
+@dataclass(frozen=True)
+class _ReadyFatrop:
+    solver: FatropSolver
+
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
+        result = self.solver.solve(guess, bounds, p)  # fatrop makes its own first multipliers
+        return Answer(
+            w=result.w,
+            lam_g=result.lam_g,
+            objective=result.objective,
+            status=result.status,
+            success=result.success,
+            iterations=result.iterations,
+            derivative_seconds=result.derivative_seconds,
+        )
+
+
+class FatropByCasadi(Solver):
+    """The same through casadi's interface, set up in quadratic time: what `Fatrop` is compared with."""
+
+    name = "fatrop-casadi"
+
+    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
+        settings = {
             "structure_detection": "manual",
             "N": layout.intervals,
             "nx": layout.stage_states.tolist(),
@@ -102,8 +151,14 @@ class Fatrop(Solver):
                 "nlp_jac_g": program.jac_g,
                 "nlp_hess_l": program.hess_l,
             },
-            "fatrop": {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier},
+            "fatrop": fatrop_options(options),
         }
+        return _ReadyCasadi("fatrop", program.nlp, settings)
+
+
+def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
+    """By fatrop's own names."""
+    return {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier}
 
 
 class Ipopt(Solver):
@@ -111,8 +166,8 @@ class Ipopt(Solver):
 
     name = "ipopt"
 
-    def options(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> Mapping[str, Any]:
-        return {
+    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
+        settings = {
             "cache": {
                 "nlp_grad_f": program.f_and_grad,
                 "nlp_grad": program.grad,
@@ -126,9 +181,52 @@ class Ipopt(Solver):
                 "sb": "yes",
             },
         }
+        return _ReadyCasadi("ipopt", program.nlp, settings)
 
 
-SOLVERS: Mapping[str, Solver] = {solver.name: solver for solver in (Fatrop(), Ipopt())}
+class _ReadyCasadi:
+    """One of casadi's solvers."""
+
+    def __init__(self, plugin: str, nlp: ca.Function, settings: Mapping[str, Any]) -> None:  # Any: as casadi's own
+        self._plugin = plugin
+        self._nlp = nlp
+        self._settings = {"print_time": False, "calc_lam_p": False, **settings}
+        self._nlpsols: dict[bytes, ca.Function] = {}
+
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
+        arguments: dict[str, Array] = {"x0": guess, "p": p, "lbx": bounds.lower, "ubx": bounds.upper}
+        arguments |= {"lbg": bounds.g_lower, "ubg": bounds.g_upper}
+        if multipliers is not None:
+            arguments |= {"lam_g0": multipliers.constraints, "lam_x0": multipliers.bounds}
+        nlpsol = self._nlpsol(bounds)
+        result = nlpsol(**arguments)
+        stats = nlpsol.stats()
+        return Answer(
+            w=np.asarray(result["x"]).ravel(),
+            lam_g=np.asarray(result["lam_g"]).ravel(),
+            objective=float(result["f"]),
+            status=str(stats["return_status"]),
+            success=bool(stats["success"]),
+            iterations=int(stats.get("iter_count", 0)),
+            derivative_seconds=sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_")),
+        )
+
+    def _nlpsol(self, bounds: Bounds) -> ca.Function:
+        """The solver for bounds of these kinds.
+
+        Where an equality turns into a range, or a range is left away, casadi 3.8.2 sets fatrop up anew without its
+        options: default tolerance, iterations and barrier from then on.
+        """
+        kinds = b"".join(
+            np.concatenate([np.isfinite(lower), np.isfinite(upper), lower == upper]).tobytes()
+            for lower, upper in ((bounds.lower, bounds.upper), (bounds.g_lower, bounds.g_upper))
+        )
+        if kinds not in self._nlpsols:
+            self._nlpsols[kinds] = ca.nlpsol("solve", self._plugin, self._nlp, dict(self._settings))
+        return self._nlpsols[kinds]
+
+
+SOLVERS: Mapping[str, Solver] = {solver.name: solver for solver in (Fatrop(), Ipopt(), FatropByCasadi())}
 
 
 class PreparedProblem:
@@ -137,70 +235,41 @@ class PreparedProblem:
     def __init__(self, layout: Layout, kernels: Kernels, solver: Solver, options: SolverOptions, threads: int) -> None:
         self._program = transcribe(layout, kernels, threads)
         self._solver = solver
-        self._settings = {
-            "print_time": False,
-            "calc_lam_p": False,
-            **solver.options(layout, self._program, options),
-        }
-        self._nlpsols: dict[bytes, ca.Function] = {}
+        self._ready = solver.ready(layout, self._program, options)
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
         """Solve with the values of `layout.problem`, which must have the structure this was prepared for."""
-        lower, upper = layout.unknown_bounds()
-        g_lower, g_upper = layout.constraint_bounds()
+        bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
         p = layout.parameter_values()
-        arguments: dict[str, Array] = {"x0": np.clip(layout.pack(guess), lower, upper), "p": p}
-        arguments |= {"lbx": lower, "ubx": upper, "lbg": g_lower, "ubg": g_upper}
-        if multipliers is not None:
-            arguments |= {"lam_g0": multipliers.constraints, "lam_x0": multipliers.bounds}
+        start = np.clip(layout.pack(guess), bounds.lower, bounds.upper)
         seconds = 0.0
-        if refusal := self._refusal(arguments):
-            lam_g = np.zeros(layout.constraints)
-            result: Mapping[str, Any] = {"x": arguments["x0"], "lam_g": lam_g, "f": np.nan}  # Any: as casadi's own
-            stats: Mapping[str, Any] = {"return_status": refusal, "success": False}
+        if refusal := self._refusal(start, bounds, p):
+            answer = Answer(start, np.zeros(layout.constraints), np.nan, refusal, False, 0, 0.0)
         else:
-            nlpsol = self._nlpsol(arguments)
             started = time.perf_counter()
-            result = nlpsol(**arguments)
+            answer = self._ready.solve(start, bounds, p, multipliers)
             seconds = time.perf_counter() - started
-            stats = nlpsol.stats()
-        w = np.asarray(result["x"]).ravel()
-        lam_g = np.asarray(result["lam_g"]).ravel()
-        error, lam_x, worst = kkt_error(self._program, layout, w, p, lam_g)
+        error, lam_x, worst = kkt_error(self._program, layout, answer.w, p, answer.lam_g)
         return Solution(
             solver=self._solver.name,
-            status=str(stats["return_status"]),
-            success=bool(stats["success"]),
-            infeasible=self._solver.infeasible(str(stats["return_status"])),
-            iterate=layout.unpack(w),
-            multipliers=Multipliers(lam_g, lam_x),
-            objective=float(result["f"]),
+            status=answer.status,
+            success=answer.success,
+            infeasible=self._solver.infeasible(answer.status),
+            iterate=layout.unpack(answer.w),
+            multipliers=Multipliers(answer.lam_g, lam_x),
+            objective=answer.objective,
             kkt=error,
             worst=layout.describe(worst),
-            iterations=int(stats.get("iter_count", 0)),
+            iterations=answer.iterations,
             seconds=seconds,
-            derivative_seconds=sum(value for key, value in stats.items() if key.startswith("t_wall_nlp_")),
+            derivative_seconds=answer.derivative_seconds,
         )
 
-    def _nlpsol(self, arguments: Mapping[str, Array]) -> ca.Function:
-        """The solver for bounds of these kinds.
-
-        Where an equality turns into a range, or a range is left away, casadi 3.8.2 sets fatrop up anew without its
-        options: default tolerance, iterations and barrier from then on.
-        """
-        kinds = b"".join(
-            np.concatenate([np.isfinite(lower), np.isfinite(upper), lower == upper]).tobytes()
-            for lower, upper in ((arguments["lbx"], arguments["ubx"]), (arguments["lbg"], arguments["ubg"]))
-        )
-        if kinds not in self._nlpsols:
-            self._nlpsols[kinds] = ca.nlpsol("solve", self._solver.name, self._program.nlp, dict(self._settings))
-        return self._nlpsols[kinds]
-
-    def _refusal(self, arguments: Mapping[str, Array]) -> str:
-        """Why no solver is to be asked: casadi raises for crossed bounds, fatrop never returns from NaN; else empty."""
-        if (arguments["lbx"] > arguments["ubx"]).any() or (arguments["lbg"] > arguments["ubg"]).any():
+    def _refusal(self, start: Array, bounds: Bounds, p: Array) -> str:
+        """Why no solver is to be asked, empty if there is no reason: crossed bounds, or a guess without numbers."""
+        if (bounds.lower > bounds.upper).any() or (bounds.g_lower > bounds.g_upper).any():
             return "infeasible: bounds contradict one another"
-        values = self._program.nlp(arguments["x0"], arguments["p"])
+        values = self._program.nlp(start, p)
         if not all(np.isfinite(np.asarray(one)).all() for one in values):
             return "the guess has no finite objective and constraints"
         return ""
