@@ -1,0 +1,204 @@
+"""fatrop called directly does what casadi's interface to it does, faster to set up and with better manners."""
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+from small_problems import PROBLEMS, random_iterate
+
+from airrace.optimal_control.fatrop_functions import Functions
+from airrace.optimal_control.fatrop_solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
+from airrace.optimal_control.fatrop_stages import Bounds
+from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.transcription import NonlinearProgram, transcribe
+from airrace.quantities import Interval, Quantity
+from airrace.system import System
+
+exactly = Interval.exactly
+OPTIONS = SolverOptions(tolerance=1e-9, iterations_max=100)
+
+
+def prepared(problem: Problem, solver: str, options: SolverOptions = OPTIONS) -> PreparedProblem:
+    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
+    return PreparedProblem(Layout(problem), kernels, SOLVERS[solver], options, threads=1)
+
+
+def optimum(problem: Problem, guess: Iterate, solver: str = "fatrop", options: SolverOptions = OPTIONS) -> Solution:
+    return prepared(problem, solver, options).solve(Layout(problem), guess)
+
+
+def bounded(start: Interval, load: Interval) -> Problem:
+    """The problem with everything, other kinds of bounds."""
+    everything = PROBLEMS["everything"]
+    first, *others = everything.phases
+    first = replace(first, bounds={"load": load})
+    fixed = replace(others[-1], duration=exactly(0.4), end=replace(others[-1].end, bounds={"clearance": exactly(0.1)}))
+    begin = replace(everything.start, bounds={"a": start, "lean": Interval(-6.0, 6.0)})
+    return replace(everything, start=begin, phases=(first, *others[:-1], fixed))
+
+
+VARIANTS: Mapping[str, Problem] = {
+    "fixed start": bounded(exactly(0.4), Interval(-2.0, 7.0)),
+    "free start": bounded(Interval(), Interval(-2.0, 7.0)),
+    "one-sided": bounded(Interval(upper=1.0), Interval(lower=-2.0)),
+}
+
+
+@pytest.mark.parametrize("name", [*PROBLEMS, *VARIANTS])
+def test_iterations_and_optimum_are_those_of_casadis_interface(name: str) -> None:
+    problem = {**PROBLEMS, **VARIANTS}[name]
+    guess = random_iterate(problem, 1)
+    one, other = (optimum(problem, guess, solver) for solver in ("fatrop", "fatrop-casadi"))
+    assert one.success
+    assert other.success
+    assert one.iterations == other.iterations
+    assert one.objective == pytest.approx(other.objective, rel=1e-9)
+    assert one.multipliers.constraints == pytest.approx(other.multipliers.constraints, abs=1e-7)
+
+
+def test_iterates_are_those_of_casadis_interface(capsys: pytest.CaptureFixture[str]) -> None:
+    printed: list[list[str]] = []
+    for solver in ("fatrop", "fatrop-casadi"):
+        solution = optimum(PROBLEMS["everything"], random_iterate(PROBLEMS["everything"], 1), solver)
+        lines = capsys.readouterr().out.splitlines()
+        begin = next(number for number, line in enumerate(lines) if line.startswith("iter"))
+        printed.append(lines[begin + 1 : begin + 2 + solution.iterations])
+        assert printed[-1][-1].split()[0] == str(solution.iterations)
+    assert printed[0] == printed[1]
+
+
+def direct(problem: Problem, guess: Iterate) -> tuple[FatropResult, NonlinearProgram]:
+    """The binding's own result, at its own risk."""
+    layout = Layout(problem)
+    program = transcribe(layout, build_kernels(problem.system, problem.scheme, compiled=False))
+    solver = FatropSolver(program, layout, {"tol": 1e-9, "max_iter": 100})
+    bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
+    return solver.solve(layout.pack(guess), bounds, layout.parameter_values()), program
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_multipliers_of_bounds_balance_the_gradient(name: str) -> None:
+    problem = VARIANTS[name]
+    result, program = direct(problem, random_iterate(problem, 1))
+    gradient = program.hess_l(result.w, Layout(problem).parameter_values(), 1.0, result.lam_g)[0]
+    assert result.success
+    assert np.abs(result.lam_w).max() > 0.01
+    assert result.lam_w == pytest.approx(-np.asarray(gradient).ravel(), abs=1e-6)
+
+
+def test_one_solver_serves_bounds_of_changing_kinds() -> None:
+    ready = prepared(VARIANTS["fixed start"], "fatrop")
+    for name in ("fixed start", "free start", "fixed start"):
+        guess = random_iterate(VARIANTS[name], 1)
+        again, fresh = ready.solve(Layout(VARIANTS[name]), guess), optimum(VARIANTS[name], guess)
+        assert again.objective == fresh.objective
+        assert (again.iterate.state == fresh.iterate.state).all()
+
+
+def coasting(
+    rate: Callable[[ca.SX, ca.SX], ca.SX], path: Callable[[ca.SX], ca.SX], start: float, lowest: float
+) -> Problem:
+    """Come as low as possible within a second, with little control."""
+    x, u, p = ca.SX.sym("x", 1), ca.SX.sym("u", 1), ca.SX.sym("p", 0)
+    system = System(
+        name="coasting",
+        states=(Quantity("x", "m"),),
+        controls=(Quantity("u", "m/s", 1.0, -3.0, 3.0),),
+        parameters=(),
+        rates=ca.Function("rates", [x, u, p], [rate(x, u)]),
+        path=(Quantity("c", "1", 1.0, lowest),),
+        path_values=ca.Function("path", [x, u, p], [path(x)]),
+    )
+    phase = Phase("all", uniform(4), exactly(1.0))
+    objective = Objective(time=0.0, terminal={"x": 1.0}, regularisation={"u": 1e-3})
+    return Problem(system, (), Boundary("start", {"x": exactly(start)}), (phase,), objective)
+
+
+def level(problem: Problem, height: float) -> Iterate:
+    return interpolated(problem, [1.0], np.array([[height, height]]), [0.0])
+
+
+def test_steps_to_where_a_constraint_has_no_value_are_taken_back() -> None:
+    """ln x >= -2: the first steps lead to negative x."""
+    problem = coasting(lambda _, u: u, ca.log, start=1.0, lowest=-2.0)
+    solution = optimum(problem, level(problem, 1.0))
+    assert solution.success, solution.status
+    assert solution.iterate.state[0, -1] == pytest.approx(np.exp(-2.0), rel=1e-6)
+
+
+def test_derivatives_that_are_not_finite_end_the_solve() -> None:
+    """sqrt(x) has a value at x = 0 but no slope."""
+    problem = coasting(lambda x, u: u - ca.sqrt(x), lambda x: x, start=0.0, lowest=-1.0)
+    solution = optimum(problem, level(problem, 0.0))
+    assert not solution.success
+    assert solution.status == NOT_FINITE
+
+
+def test_a_guess_without_numbers_ends_the_solve() -> None:
+    problem = coasting(lambda _, u: u, ca.log, start=1.0, lowest=-2.0)
+    result, _ = direct(problem, level(problem, -1.0))
+    assert not result.success
+    assert result.iterations < 100
+
+
+def test_a_limit_of_iterations_is_told() -> None:
+    problem = PROBLEMS["everything"]
+    solution = optimum(problem, random_iterate(problem, 1), options=SolverOptions(iterations_max=2))
+    assert not solution.success
+    assert solution.status == f"1: {STATUS[1]}"
+
+
+class Interrupting:
+    """A standard output at which someone presses Ctrl-C after some lines."""
+
+    def __init__(self, lines: int) -> None:
+        self.lines = lines
+
+    def write(self, text: str) -> int:
+        self.lines -= text.count("\n")
+        if self.lines < 0:
+            raise KeyboardInterrupt
+        return len(text)
+
+
+def test_an_interrupt_while_printing_ends_the_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = PROBLEMS["everything"]
+    guess = random_iterate(problem, 1)
+    ready = prepared(problem, "fatrop")
+    with monkeypatch.context() as patched:
+        patched.setattr(sys, "stdout", Interrupting(5))
+        with pytest.raises(KeyboardInterrupt):
+            ready.solve(Layout(problem), guess)
+    assert ready.solve(Layout(problem), guess).objective == optimum(problem, guess).objective
+
+
+@pytest.mark.parametrize("calls", [0, 1, 7])
+def test_an_error_in_a_function_ends_the_solve_and_is_raised(monkeypatch: pytest.MonkeyPatch, calls: int) -> None:
+    problem = PROBLEMS["everything"]
+    guess = random_iterate(problem, 1)
+    ready = prepared(problem, "fatrop")
+    remaining, working = [calls], Functions.values
+
+    def failing(functions: Functions) -> None:
+        remaining[0] -= 1
+        if remaining[0] < 0:
+            raise ZeroDivisionError("as planned")
+        working(functions)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Functions, "values", failing)
+        with pytest.raises(ZeroDivisionError, match="as planned"):
+            ready.solve(Layout(problem), guess)
+    assert ready.solve(Layout(problem), guess).success
+
+
+def test_time_in_functions_is_part_of_the_time() -> None:
+    problem = PROBLEMS["everything"]
+    solution = optimum(problem, random_iterate(problem, 1))
+    assert 0.0 < solution.derivative_seconds < solution.seconds
