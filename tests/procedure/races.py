@@ -71,6 +71,8 @@ SMALL = Race(
     Air(),
 )
 
+RACES = {**SHIPPED, "four_gates": SMALL}
+
 
 def mirrored(race: Race) -> Race:
     """The race seen in a mirror that exchanges east and west."""

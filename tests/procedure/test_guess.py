@@ -1,0 +1,167 @@
+"""The guess: histories along the plan that a point mass could nearly fly."""
+
+import math
+
+import numpy as np
+import pytest
+from races import RACES, mirrored, planned, prepared
+
+from airrace.dynamics.point_mass import PointMassControl, PointMassState
+from airrace.frames import angles, rotation
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.guess import COUNT_STEP, first_mesh, guess, leg_seconds
+from airrace.procedure.settings import MeshSettings
+from airrace.trajectory import Array
+
+MESH = MeshSettings()
+every_race = pytest.mark.parametrize("name", RACES)
+MIRRORED_STATES = ("y", "q1", "q3", "n_y", "p_Kbar")
+MIRRORED_CONTROLS = ("n_y_dot", "p_Kbar_dot")
+
+
+def guessed(name: str) -> Iterate:
+    plan = planned(RACES[name])
+    return guess(plan, first_mesh(plan, MESH))
+
+
+def ends(name: str) -> list[int]:
+    """Nodes at the waypoints."""
+    return np.cumsum([0, *(len(fractions) for fractions in first_mesh(planned(RACES[name]), MESH))]).tolist()
+
+
+@every_race
+def test_mesh_divides_every_phase_into_enough_equal_intervals(name: str) -> None:
+    plan = planned(RACES[name])
+    for fractions, seconds in zip(first_mesh(plan, MESH), leg_seconds(plan), strict=True):
+        assert sum(fractions) == pytest.approx(1.0)
+        assert len(set(fractions)) == 1
+        assert len(fractions) >= MESH.intervals_min
+        assert seconds / len(fractions) <= MESH.interval
+        assert len(fractions) % COUNT_STEP == 0
+
+
+@every_race
+def test_every_number_is_finite_and_every_duration_positive(name: str) -> None:
+    made = guessed(name)
+    assert all(np.isfinite(values).all() for values in (made.durations, made.state, made.control))
+    assert (made.durations > 0.0).all()
+
+
+@every_race
+def test_attitudes_are_unit_quaternions_without_jumps_of_sign(name: str) -> None:
+    state = PointMassState[Array].split(guessed(name).state)
+    q = np.array(state.q)
+    assert np.allclose((q * q).sum(axis=0), 1.0, atol=1e-9)
+    assert ((q[:, 1:] * q[:, :-1]).sum(axis=0) > 0.5).all()
+
+
+@every_race
+def test_flight_leads_through_the_waypoints(name: str) -> None:
+    state = PointMassState[Array].split(guessed(name).state)
+    for waypoint, node in zip(planned(RACES[name]).waypoints, ends(name), strict=True):
+        if waypoint.position is not None:
+            north, east, height = waypoint.position
+            assert [state.x[node], state.y[node], -state.z[node]] == pytest.approx([north, east, height], abs=1e-6)
+
+
+@every_race
+def test_flight_crosses_the_waypoints_in_their_attitude(name: str) -> None:
+    state = PointMassState[Array].split(guessed(name).state)
+    for waypoint, node in zip(planned(RACES[name]).waypoints, ends(name), strict=True):
+        R = rotation([float(one[node]) for one in state.q])
+        expected = rotation(waypoint.q)
+        assert np.allclose([row[0] for row in R], [row[0] for row in expected], atol=1e-6)
+        if waypoint.bank is not None:
+            assert np.allclose(R, expected, atol=1e-6)
+
+
+@every_race
+def test_controls_are_the_rates_of_the_commands(name: str) -> None:
+    made, plan = guessed(name), planned(RACES[name])
+    state, control = PointMassState[Array].split(made.state), PointMassControl[Array].split(made.control)
+    steps = np.concatenate(
+        [np.asarray(part) * T for part, T in zip(first_mesh(plan, MESH), made.durations, strict=True)]
+    )
+    for values, rate in (
+        (state.n_z, control.n_z_dot),
+        (state.n_y, control.n_y_dot),
+        (state.p_Kbar, control.p_Kbar_dot),
+    ):
+        assert np.allclose(values[:-1] + rate * steps, values[1:], atol=1e-9)
+    assert (control.delta_T_cmd == 1.0).all()
+
+
+@every_race
+def test_path_moves_in_the_direction_of_its_attitude(name: str) -> None:
+    """Between two nodes the flight goes where the attitudes at both ends point, at about the planned speed."""
+    made, plan = guessed(name), planned(RACES[name])
+    state = PointMassState[Array].split(made.state)
+    R = rotation([np.asarray(one) for one in state.q])
+    direction = np.array([R[0][0], R[1][0], R[2][0]])
+    moved = np.diff(np.array([state.x, state.y, state.z]), axis=1)
+    for leg, first, last in zip(plan.legs, ends(name), ends(name)[1:], strict=False):
+        middle = direction[:, first:last] + direction[:, first + 1 : last + 1]
+        cosine = (middle * moved[:, first:last]).sum(axis=0)
+        cosine /= np.linalg.norm(middle, axis=0) * np.linalg.norm(moved[:, first:last], axis=0)
+        # Between free positions the path is sheared so that it ends where it must: up to 30 degrees off at its worst.
+        assert cosine.min() > (0.999 if leg.path is not None else 0.85)
+
+
+@every_race
+def test_load_factor_bends_the_path_as_much_as_it_turns(name: str) -> None:
+    """On level legs the bank and load factor are those of a coordinated turn: n_z cos(mu) = 1 away from gates."""
+    made, plan = guessed(name), planned(RACES[name])
+    state = PointMassState[Array].split(made.state)
+    for leg, first, last in zip(plan.legs, ends(name), ends(name)[1:], strict=False):
+        if leg.path is None:
+            continue
+        reach = math.ceil(0.35 * (last - first))  # the prescribed bank of a gate holds at both ends
+        for node in range(first + reach, last - reach):
+            bank = angles(rotation([float(one[node]) for one in state.q]))[2]
+            assert state.n_z[node] * math.cos(bank) == pytest.approx(1.0, abs=0.05)
+
+
+@every_race
+def test_mirrored_course_has_the_mirrored_guess(name: str) -> None:
+    made = guessed(name)
+    plan = planned(mirrored(RACES[name]))
+    image = guess(plan, first_mesh(plan, MESH))
+    assert np.allclose(image.durations, made.durations, rtol=1e-12)
+    assert np.allclose(in_mirror(image.state, PointMassState.names(), MIRRORED_STATES), made.state, atol=1e-6)
+    assert np.allclose(in_mirror(image.control, PointMassControl.names(), MIRRORED_CONTROLS), made.control, atol=1e-5)
+
+
+def in_mirror(histories: Array, names: tuple[str, ...], turned: tuple[str, ...]) -> Array:
+    """Histories with the rows named in `turned` negated."""
+    return histories * np.array([-1.0 if name in turned else 1.0 for name in names])[:, None]
+
+
+@pytest.mark.parametrize("name", ["rovinj_2014", "sixteen_phases", "four_gates"])
+def test_mesh_of_another_density_samples_the_same_path(name: str) -> None:
+    plan = planned(RACES[name])
+    coarse = first_mesh(plan, MESH)
+    fine = [tuple(part / 2 for part in fractions for _ in range(2)) for fractions in coarse]
+    sparse, dense = guess(plan, coarse), guess(plan, fine)
+    assert np.allclose(dense.durations, sparse.durations)
+    path = [PointMassState.names().index(one) for one in ("x", "y", "z", "V_K", "q0", "q1", "q2", "q3", "n_z")]
+    assert np.allclose(dense.state[path, ::2], sparse.state[path], atol=1e-6)
+
+
+@every_race
+def test_guess_fits_its_problem(name: str) -> None:
+    plan = planned(RACES[name])
+    problem, made = prepared(RACES[name]).problem(first_mesh(plan, MESH)), guessed(name)
+    assert made.durations.shape == (len(problem.phases),)
+    assert made.state.shape == (len(problem.system.states), problem.intervals + 1)
+    assert made.control.shape == (len(problem.system.controls), problem.intervals)
+
+
+def test_free_manoeuvres_follow_one_another_without_gaps() -> None:
+    name = "half_cuban_eight"
+    made, plan = guessed(name), planned(RACES[name])
+    assert any(waypoint.position is None for waypoint in plan.waypoints)
+    state = PointMassState[Array].split(made.state)
+    step = np.linalg.norm(np.diff(np.array([state.x, state.y, state.z]), axis=1), axis=0)
+    counts = [len(part) for part in first_mesh(plan, MESH)]
+    flown = np.concatenate([[T / n * plan.cruise.V] * n for T, n in zip(made.durations.tolist(), counts, strict=True)])
+    assert (step < 2.0 * flown).all()
