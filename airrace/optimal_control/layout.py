@@ -41,6 +41,19 @@ class Layout:
 
     problem: Problem
 
+    def __post_init__(self) -> None:
+        """Refuse bounds of what does not exist: a misspelt name would silently drop a condition."""
+        system = self.problem.system
+        along = {quantity.name for quantity in (*system.states, *system.controls, *system.path)}
+        at_ends = {quantity.name for quantity in system.states}
+        for phase in self.problem.phases:
+            if unknown := phase.bounds.keys() - along:
+                raise ValueError(f"phase {phase.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
+        for _, boundary in self.boundaries:
+            seen = boundary.observation.quantities if boundary.observation is not None else ()
+            if unknown := boundary.bounds.keys() - at_ends - {quantity.name for quantity in seen}:
+                raise ValueError(f"boundary {boundary.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
+
     @cached_property
     def n_x(self) -> int:
         return len(self.problem.system.states)

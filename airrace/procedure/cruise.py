@@ -11,6 +11,7 @@ AIR_DENSITY = 1.225  # kg/m3, ISA at sea level; a plan need not know the day
 SHARE_OF_TOP_SPEED = 0.76
 LOAD_FACTOR = 6.0
 SHARE_OF_LIMIT = 0.6
+LEAST_LOAD_FACTOR = 2.5  # below it planned turns become so wide that the plan misses the point
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ def cruise(aircraft: Aircraft, rules: Rules) -> Cruise:
     lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n_lift = lift / (aircraft.airframe.m * g0)
     n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
-    n = max(min(LOAD_FACTOR, SHARE_OF_LIMIT * n_limit, 0.8 * n_lift), 1.2)
+    n = max(min(LOAD_FACTOR, SHARE_OF_LIMIT * n_limit, 0.8 * n_lift), LEAST_LOAD_FACTOR)
     return Cruise(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
 
 

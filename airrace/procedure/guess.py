@@ -19,6 +19,7 @@ from airrace.trajectory import Array
 
 SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged
 GATE_REACH = 0.15  # s of flight over which the prescribed bank of a gate holds in the guess
+COUNT_MAX = 120  # intervals in a phase to begin with; where that is too coarse, the mesh is refined
 SHORTEST_LEG = 0.3  # s
 COUNT_STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
 
@@ -38,7 +39,7 @@ def leg_seconds(plan: Plan) -> list[float]:
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:
     """Equal intervals in each phase, about `settings.interval` seconds long."""
     counts = [max(settings.intervals_min, math.ceil(s / settings.interval)) for s in leg_seconds(plan)]
-    counts = [COUNT_STEP * math.ceil(count / COUNT_STEP) for count in counts]
+    counts = [min(COUNT_STEP * math.ceil(count / COUNT_STEP), COUNT_MAX) for count in counts]
     return [(1.0 / count,) * count for count in counts]
 
 

@@ -7,6 +7,7 @@ from airrace.optimal_control.refinement import bisect
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers import Solution
 from airrace.procedure.conclusion import conclude
+from airrace.procedure.diagnosis import diagnose
 from airrace.procedure.flight import PointMassFlight
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import CertificateLimits
@@ -83,11 +84,13 @@ def _unsolved(
     if solution is None:
         outcome, message = Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
     elif solution.infeasible:
-        outcome = Outcome.INFEASIBLE
-        message = f"no flight satisfies all limits; the solver gave up at {solution.worst}"
+        outcome, message = Outcome.INFEASIBLE, diagnose(bench, problem, solution.iterate, guess)
     else:
         outcome = Outcome.NOT_CONVERGED
-        message = f"{solution.solver} stopped with status {solution.status!r}; most violated: {solution.worst}"
+        message = (
+            f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}; "
+            "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
+        )
     return conclude(
         flight,
         bench,

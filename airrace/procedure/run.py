@@ -85,7 +85,10 @@ def _run_stage(
         return fly_homotopy(flight, bench)
     if (pieces := done.get(Stage.HOMOTOPY)) is not None:
         problem = flight.problem(mesh_of(pieces.trajectory))
-        return optimise_point_mass(flight, bench, problem, iterate_of(pieces.trajectory), barrier=WARM_BARRIER)
+        result = optimise_point_mass(flight, bench, problem, iterate_of(pieces.trajectory), barrier=WARM_BARRIER)
+        if result.outcome is Outcome.SOLVED:
+            return result
+        bench.progress.activity("the homotopy's flight led nowhere; starting from the plan", 0, 0)
     mesh = first_mesh(flight.plan, bench.settings.mesh)
     return optimise_point_mass(flight, bench, flight.problem(mesh), guess(flight.plan, mesh), barrier=COLD_BARRIER)
 
