@@ -86,7 +86,7 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
         values = observed(problem, boundary, iterate.state[:, node])
         for quantity, bounds, value in values:
             violation = float(outside(np.asarray(value), bounds.lower, bounds.upper))
-            if violation >= worst[kind[quantity.unit]][0]:
+            if np.isnan(violation) or violation >= worst[kind[quantity.unit]][0]:  # NaN is the worst, and stays it
                 worst[kind[quantity.unit]] = (violation, f"{boundary.name}, {quantity.name}")
     return [
         Item(f"gate_{one.name}", worst[one.name][0], one.boundary, one.units[0], worst[one.name][1])

@@ -1,0 +1,165 @@
+"""What the nodes hide is measured: its size, where it is, and which intervals are too coarse for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_flights import FREQUENCY, LENS, SYSTEM, exact, flight, problem
+
+from airrace.optimal_control.audit import Audit, Tolerance, audit, outside
+from airrace.optimal_control.certificate import Item
+from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.replay import replay
+from airrace.quantities import Interval
+
+TOLERANCES = (
+    Tolerance("length", ("m",), 0.05, 0.01),
+    Tolerance("speed", ("m/s",), 0.1, 0.1),
+    Tolerance("power", ("W/kg",), 0.2, 0.2),
+)
+HALF = 0.6 / FREQUENCY  # s from the top to the nodes on either side of it
+
+
+def swing(amplitude: float = 1.0) -> Iterate:
+    """Free oscillation whose top lies half way between the nodes 1 and 2 of four intervals in two phases."""
+    start = np.array([amplitude * np.cos(3.0 * 0.6), amplitude * FREQUENCY * np.sin(3.0 * 0.6)])
+    times = 2.0 * HALF * np.arange(5)
+    return Iterate(np.array([4.0, 4.0]) * HALF, exact(start, 0.0, times), np.zeros((1, 4)))
+
+
+def limited(**bounds: Interval) -> Problem:
+    """Four equal intervals in two phases; the first phase has limits of its own."""
+    stated = problem((0.5, 0.5), (0.5, 0.5))
+    first, second = stated.phases
+    return replace(stated, phases=(replace(first, bounds=bounds), second))
+
+
+def audited(stated: Problem, iterate: Iterate, defect_limit: float = 1e-4) -> Audit:
+    return audit(stated, iterate, replay(stated, iterate), tolerances=TOLERANCES, defect_limit=defect_limit)
+
+
+def item(measured: Audit, name: str) -> Item:
+    (found,) = [one for one in measured.items if one.name == name]
+    return found
+
+
+def test_exact_flight_within_its_limits_has_nothing_to_report() -> None:
+    measured = audited(problem(), flight(problem()))
+    assert all(one.holds for one in measured.items)
+    assert not measured.coarse.any()
+    assert item(measured, "path_length").value == 0.0
+
+
+@pytest.mark.parametrize("name", ["x", "elongation"])
+def test_violation_between_nodes_is_measured_with_its_size_and_named(name: str) -> None:
+    stated, flown = limited(**{name: Interval(upper=0.9)}), swing()
+    assert flown.state[0, :3].max() < 0.9  # no node of the phase shows it
+    measured = audited(stated, flown)
+    found = item(measured, "path_length")
+    assert found.value == pytest.approx(0.1, abs=1e-6)
+    assert found.where == f"up, {name}"
+    assert (found.unit, found.limit) == ("m", 0.05)
+    assert not found.holds
+    assert measured.coarse.tolist() == [False, True, False, False]
+
+
+def test_lower_bounds_count_like_upper_ones() -> None:
+    stated = limited(x=Interval(lower=-0.9))
+    assert item(audited(stated, swing(-1.0)), "path_length").value == pytest.approx(0.1, abs=1e-6)
+
+
+def test_violation_within_its_tolerance_holds_and_refines_nothing() -> None:
+    measured = audited(limited(x=Interval(upper=0.96)), swing())
+    assert item(measured, "path_length").value == pytest.approx(0.04, abs=1e-6)
+    assert item(measured, "path_length").holds
+    assert not measured.coarse.any()
+
+
+def test_limit_of_one_phase_does_not_count_in_another() -> None:
+    stated = limited()
+    first, second = stated.phases
+    stated = replace(stated, phases=(first, replace(second, bounds={"x": Interval(upper=0.9)})))
+    assert item(audited(stated, swing()), "path_length").value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_limits_of_the_system_hold_in_every_phase() -> None:
+    x, v = SYSTEM.states
+    stated = replace(limited(), system=replace(SYSTEM, states=(replace(x, upper=0.9), v)))
+    assert item(audited(stated, swing()), "path_length").value == pytest.approx(0.1, abs=1e-6)
+
+
+def test_defect_is_named_and_marks_its_interval() -> None:
+    stated, flown = problem(), flight(problem())
+    state = flown.state.copy()
+    state[1, -1] += 0.5
+    measured = audited(stated, replace(flown, state=state), 1e-3)
+    found = item(measured, "replay_defect")
+    assert found.value == pytest.approx(0.5 / SYSTEM.states[1].scale, abs=1e-6)
+    assert found.where == "down, v"
+    assert measured.coarse.tolist() == [False] * 4 + [True]
+
+
+def watched(**bounds: Interval) -> Problem:
+    """The end of the first phase is observed."""
+    stated = problem()
+    first, second = stated.phases
+    return replace(stated, phases=(replace(first, end=Boundary("gate", bounds, LENS, (0.3,))), second))
+
+
+def test_gate_missed_is_measured_and_named() -> None:
+    stated, flown = watched(distance=Interval(-9.0, 9.0)), flight(problem())
+    missed = float(flown.state[0, 3]) - 0.3
+    stated = watched(distance=Interval(upper=missed - 0.25))
+    found = item(audited(stated, flown), "gate_length")
+    assert found.value == pytest.approx(0.25)
+    assert found.where == "gate, distance"
+    assert found.limit == 0.01
+    assert not found.holds
+
+
+def test_state_bounded_at_a_gate_counts_with_its_own_unit() -> None:
+    flown = flight(problem())
+    speed = float(flown.state[1, 3])
+    found = item(audited(watched(v=Interval.exactly(speed + 0.3)), flown), "gate_speed")
+    assert found.value == pytest.approx(0.3)
+    assert found.where == "gate, v"
+
+
+def test_worst_gate_speaks_for_all() -> None:
+    flown = flight(problem())
+    stated = watched(x=Interval.exactly(float(flown.state[0, 3]) + 0.1))
+    first, second = stated.phases
+    end = Boundary("finish", {"x": Interval.exactly(float(flown.state[0, -1]) - 0.4)})
+    stated = replace(stated, phases=(first, replace(second, end=end)))
+    found = item(audited(stated, flown), "gate_length")
+    assert (found.value, found.where) == (pytest.approx(0.4), "finish, x")
+
+
+def test_unbounded_gates_have_no_items() -> None:
+    assert not [one for one in audited(problem(), flight(problem())).items if one.name.startswith("gate")]
+
+
+def test_every_item_of_a_flight_that_is_not_a_number_fails() -> None:
+    stated, flown = problem(), flight(problem())
+    seen = replay(stated, flown)
+    broken = replace(seen, defect=np.full_like(seen.defect, np.nan))
+    measured = audit(stated, flown, broken, tolerances=TOLERANCES, defect_limit=1e-4)
+    assert not item(measured, "replay_defect").holds
+
+
+def test_gate_whose_values_are_not_numbers_is_not_passed() -> None:
+    flown = flight(problem())
+    state = flown.state.copy()
+    state[0, 3] = np.nan
+    end = Boundary("finish", {"x": Interval(-9.0, 9.0)})
+    stated = watched(x=Interval(-9.0, 9.0))
+    stated = replace(stated, phases=(stated.phases[0], replace(stated.phases[1], end=end)))
+    seen = replay(problem(), flown)
+    broken = replace(flown, state=state)
+    measured = audit(stated, broken, seen, tolerances=TOLERANCES, defect_limit=1e-4)
+    assert not item(measured, "gate_length").holds
+
+
+def test_distance_outside_a_range_is_zero_within_it() -> None:
+    values = np.array([-2.0, -1.0, 0.0, 3.0, 5.0])
+    assert outside(values, -1.0, 3.0).tolist() == [1.0, 0.0, 0.0, 0.0, 2.0]
