@@ -1,0 +1,259 @@
+"""The solver process: it answers, it can be stopped, it leaves nothing behind."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_flights import oscillator, rest_to_rest
+
+from airrace.errors import SolverCrash
+from airrace.optimal_control.messages import IterationReport, Receiver, Sender, SolveRequest
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.service import SolverService, Stalled
+from airrace.optimal_control.solvers import Solution, SolverOptions
+
+linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
+TESTS = Path(__file__).parent
+
+
+def solve(
+    service: SolverService,
+    stated: tuple[Problem, Iterate] | None = None,
+    *,
+    solver: str = "fatrop",
+    on_iteration: Callable[[IterationReport], None] | None = None,
+) -> Solution:
+    problem, guess = stated or rest_to_rest()
+    options = SolverOptions()
+    return service.solve(problem, guess, solver=solver, options=options, on_iteration=on_iteration)
+
+
+def children(of: int | None = None) -> set[int]:
+    """Processes started by this one, or by another."""
+    parent = of or os.getpid()
+    found: set[int] = set()
+    for task in Path(f"/proc/{parent}/task").iterdir():
+        found |= {int(child) for child in (task / "children").read_text().split()}
+    return found
+
+
+def worker_of(service_started_after: set[int]) -> int:
+    (worker,) = children() - service_started_after
+    return worker
+
+
+def gone(process: int, within: float = 5.0) -> bool:
+    """Whether a process ends in time; one that waits to be buried has ended."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            return True
+        if state in "ZX":
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
+def test_solution_and_iterations_come_back(solver: str) -> None:
+    reports: list[IterationReport] = []
+    with SolverService(compiled=False) as service:
+        solution = solve(service, solver=solver, on_iteration=reports.append)
+    assert solution.success
+    assert solution.solver == solver
+    assert solution.kkt.largest < 1e-6
+    numbers = [report.number for report in reports]
+    assert numbers == sorted(numbers)
+    assert numbers[-1] == solution.iterations > 1
+    assert reports[-1].infeasibility < 1e-6 < reports[0].infeasibility
+
+
+def test_second_solve_in_the_same_process_gives_the_same_solution() -> None:
+    with SolverService(compiled=False) as service:
+        first, second = solve(service), solve(service)
+    assert (second.iterate.state == first.iterate.state).all()
+    assert second.objective == first.objective
+    assert second.iterations == first.iterations
+
+
+def test_problems_of_another_structure_are_solved_in_between() -> None:
+    with SolverService(compiled=False) as service:
+        coarse, fine = solve(service, rest_to_rest(12)), solve(service, rest_to_rest(24))
+        again = solve(service, rest_to_rest(12))
+    assert (again.iterate.state == coarse.iterate.state).all()
+    assert fine.iterate.control.shape == (1, 24)
+
+
+@linux_only
+def test_one_process_serves_all_solves() -> None:
+    before = children()
+    with SolverService(compiled=False) as service:
+        worker = worker_of(before)
+        solve(service)
+        solve(service)
+        assert worker_of(before) == worker
+
+
+@linux_only
+def test_killed_worker_is_a_solver_crash() -> None:
+    before = children()
+    with SolverService(compiled=False) as service:
+        os.kill(worker_of(before), signal.SIGKILL)
+        with pytest.raises(SolverCrash, match="died"):
+            solve(service)
+
+
+@linux_only
+def test_worker_killed_in_mid_solve_is_a_solver_crash_and_the_next_solve_has_a_new_one() -> None:
+    before = children()
+    with SolverService(compiled=False) as service:
+        first = worker_of(before)
+        with pytest.raises(SolverCrash, match="-9"):
+            solve(service, on_iteration=lambda _: os.kill(first, signal.SIGKILL))
+        assert gone(first)
+        assert solve(service).success
+        assert worker_of(before) != first
+
+
+@linux_only
+def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
+    before = children()
+    with SolverService(compiled=False, stall_seconds=4.0) as service:
+        solve(service)  # by now everything is loaded
+        first = worker_of(before)
+        started = time.monotonic()
+        with pytest.raises(Stalled, match="no iteration finished within 4 s"):
+            solve(service, on_iteration=lambda _: os.kill(first, signal.SIGSTOP))
+        assert time.monotonic() - started < 8.0
+        assert gone(first)
+        assert solve(service).success
+
+
+def test_stall_is_noticed_although_the_worker_is_busy() -> None:
+    with SolverService(compiled=False, stall_seconds=0.01) as service, pytest.raises(Stalled):
+        solve(service, rest_to_rest(400))
+
+
+@linux_only
+def test_leaving_the_context_leaves_no_process() -> None:
+    before = children()
+    with SolverService(compiled=False) as service:
+        worker = worker_of(before)
+        solve(service)
+    assert gone(worker)
+    assert children() == before
+
+
+@linux_only
+def test_interrupt_in_mid_solve_leaves_no_process() -> None:
+    def interrupt(_: IterationReport) -> None:
+        raise KeyboardInterrupt
+
+    before = children()
+    service = SolverService(compiled=False)
+    worker = worker_of(before)
+    with pytest.raises(KeyboardInterrupt):
+        solve(service, on_iteration=interrupt)
+    assert gone(worker)
+    assert children() == before
+
+
+def test_request_that_cannot_be_worked_on_is_a_solver_crash_that_says_why() -> None:
+    with SolverService(compiled=False) as service:
+        with pytest.raises(SolverCrash, match="no such solver"):
+            solve(service, solver="no such solver")
+        assert solve(service).success
+
+
+def test_contradicting_bounds_are_an_answer() -> None:
+    problem, guess = rest_to_rest()
+    (phase,) = problem.phases
+    narrow = replace(problem, phases=(replace(phase, duration=replace(phase.duration, lower=9.5)),))
+    with SolverService(compiled=False) as service:
+        solution = solve(service, (narrow, guess))
+    assert not solution.success
+    assert solution.infeasible
+
+
+@linux_only
+def test_worker_dies_with_its_parent() -> None:
+    program = f"""
+        import sys
+        sys.path.insert(0, {str(TESTS)!r})
+        from known_flights import rest_to_rest
+        from airrace.optimal_control.service import SolverService
+        from airrace.optimal_control.solvers import SolverOptions
+        service = SolverService(compiled=False)
+        problem, guess = rest_to_rest()
+        service.solve(problem, guess, solver="fatrop", options=SolverOptions())
+        print("ready", flush=True)
+        while True:
+            service.solve(problem, guess, solver="fatrop", options=SolverOptions())
+    """
+    command = [sys.executable, "-c", textwrap.dedent(program)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == "ready\n"
+        (worker,) = children(parent.pid)
+        parent.kill()
+    assert gone(worker)
+
+
+# messages
+
+
+def request(problem: Problem, guess: Iterate) -> SolveRequest:
+    return SolveRequest(problem, guess, None, "fatrop", SolverOptions(), False, 1)
+
+
+def test_request_arrives_as_it_was_sent() -> None:
+    problem, guess = rest_to_rest()
+    stream = io.BytesIO()
+    Sender(stream).send(request(problem, guess))
+    stream.seek(0)
+    receiver = Receiver(stream)
+    received = receiver.receive()
+    assert received is not None
+    assert replace(received.problem, system=problem.system) == problem
+    assert received.problem.system.states == problem.system.states
+    assert (received.guess.state == guess.state).all()
+    x, u, p = np.array([0.3, -1.0]), np.array([2.0]), np.array(problem.parameters)
+    assert (np.asarray(received.problem.system.rates(x, u, p)) == np.asarray(problem.system.rates(x, u, p))).all()
+    assert receiver.receive() is None
+
+
+def test_systems_are_sent_once() -> None:
+    problem, guess = rest_to_rest()
+    stream = io.BytesIO()
+    sender = Sender(stream)
+    sizes = []
+    for _ in range(3):
+        before = stream.tell()
+        sender.send(request(problem, guess))
+        sizes.append(stream.tell() - before)
+    assert sizes[0] > sizes[1] + 1000
+    assert sizes[1] == sizes[2]
+
+
+def test_equal_systems_arrive_as_one_object() -> None:
+    problem, guess = rest_to_rest()
+    stream = io.BytesIO()
+    sender = Sender(stream)
+    for system in (problem.system, oscillator(), problem.system):
+        sender.send(request(replace(problem, system=system), guess))
+    stream.seek(0)
+    receiver = Receiver(stream)
+    systems = [received.problem.system for _ in range(3) if (received := receiver.receive()) is not None]
+    assert len(systems) == 3
+    assert systems[0] is systems[1] is systems[2]
