@@ -7,6 +7,7 @@ are kept ready per problem structure, so that a homotopy pays for its set-up onc
 
 import ctypes
 import io
+import logging
 import re
 import signal
 import sys
@@ -40,6 +41,17 @@ class ProgressReader(io.TextIOBase):
                 report = IterationReport(int(match[1]), float(match[2]), float(match[3]))
                 self._replies.send(report)
         return len(text)
+
+
+class NoticeHandler(logging.Handler):
+    """Sends what the library logs in this process to the other one, whose business it is to show it."""
+
+    def __init__(self, replies: Connection) -> None:
+        super().__init__(logging.WARNING)
+        self._replies = replies
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._replies.send(Notice(record.getMessage()))
 
 
 class Workshop:
@@ -101,6 +113,7 @@ def main() -> None:
     """Serve requests from standard input until it closes."""
     die_with_parent()
     replies: Connection = Connection(int(sys.argv[1]), readable=False)
+    logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     receiver = Receiver(sys.stdin.buffer)
     sys.stdout = ProgressReader(replies)
     workshop = Workshop(lambda text: replies.send(Notice(text)))
