@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.optimal_control.fatrop_functions import Functions
+from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
 from airrace.optimal_control.fatrop_library import (
     EVALUATED,
     OUTPUT,
@@ -64,6 +65,17 @@ class FatropResult:
     derivative_seconds: float
 
 
+@dataclass(frozen=True)
+class _Outcome:
+    """What fatrop leaves behind: its return value, why it ended (`STATUS`), and its vectors."""
+
+    flag: int
+    reason: int
+    iterations: int
+    w: Array
+    dual: Array
+
+
 class FatropSolver:
     """Solves one program with changing bounds, parameters and guesses.
 
@@ -105,38 +117,52 @@ class _Run:
         self._hessian = np.zeros(len(functions.hessian) + stages.unknowns + 1)
         self._options = options
         self._solver = 0
+        self._stopped = False
 
     def result(self) -> FatropResult:
         """Solve, once."""
+        with interrupts_held_back(self._stop):
+            outcome = self._outcome()
+        if error := self._error or OUTPUT.error:
+            raise error
+        self._functions.w[:] = outcome.w
+        self._functions.values()
+        status = EXCEPTION if outcome.flag < 0 else f"{outcome.reason}: {STATUS[outcome.reason]}"
+        multipliers = self._multipliers(outcome.dual)
+        return FatropResult(
+            w=outcome.w,
+            lam_g=multipliers[: self._stages.constraints],
+            lam_w=multipliers[self._stages.constraints :],
+            objective=float(self._functions.f[0]),
+            status=NOT_FINITE if self._not_finite else status,
+            success=outcome.flag == 0 and not self._not_finite,
+            iterations=outcome.iterations,
+            derivative_seconds=self._functions.seconds,
+        )
+
+    def _outcome(self) -> _Outcome:
+        """Create fatrop's solver, ask it, destroy it."""
         library, problem = fatrop(), interface(self._callbacks())
         OUTPUT.error = None
         self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
         try:
             for name, value in self._options.items():
                 self._set_option(name, value)
+            if self._stopped:
+                self._stop()
             flag: int = library.fatrop_ocp_c_solve(self._solver)
-            if error := self._error or OUTPUT.error:
-                raise error
-            w = self._unknowns(library.fatrop_ocp_c_get_primal(self._solver).contents.pa).copy()
-            dual = doubles_at(library.fatrop_ocp_c_get_dual(self._solver).contents.pa, len(self._rows.items))
-            multipliers = self._multipliers(dual)
             stats = library.fatrop_ocp_c_get_stats(self._solver).contents
-            iterations, reason = int(stats.iterations_count), int(stats.return_flag)
+            dual = library.fatrop_ocp_c_get_dual(self._solver).contents.pa
+            return _Outcome(
+                flag=flag,
+                reason=int(stats.return_flag),
+                iterations=int(stats.iterations_count),
+                w=self._unknowns(library.fatrop_ocp_c_get_primal(self._solver).contents.pa),
+                dual=doubles_at(dual, len(self._rows.items)).copy(),
+            )
         finally:
             library.fatrop_ocp_c_destroy(self._solver)
-        self._functions.w[:] = w
-        self._functions.values()
-        status = EXCEPTION if flag < 0 else f"{reason}: {STATUS[reason]}"
-        return FatropResult(
-            w=w,
-            lam_g=multipliers[: self._stages.constraints],
-            lam_w=multipliers[self._stages.constraints :],
-            objective=float(self._functions.f[0]),
-            status=NOT_FINITE if self._not_finite else status,
-            success=flag == 0 and not self._not_finite,
-            iterations=iterations,
-            derivative_seconds=self._functions.seconds,
-        )
+            self._solver = 0
 
     def _set_option(self, name: str, value: float | int) -> None:
         library = fatrop()
@@ -147,7 +173,9 @@ class _Run:
 
     def _stop(self) -> None:
         """Let fatrop end after this iteration: it knows no other way to be told."""
-        self._set_option("max_iter", 0)
+        self._stopped = True
+        if self._solver:
+            self._set_option("max_iter", 0)
 
     # what fatrop asks for; pointers are addresses, see the header
 
@@ -197,7 +225,7 @@ class _Run:
                 evaluate(*arguments)
                 if OUTPUT.error is not None:
                     self._stop()
-            except BaseException as error:  # an interrupt, too, must not unwind through fatrop
+            except BaseException as error:  # nothing may unwind through fatrop
                 self._error = self._error or error
                 self._stop()
             return EVALUATED

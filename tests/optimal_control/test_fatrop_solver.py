@@ -1,6 +1,9 @@
 """fatrop called directly does what casadi's interface to it does, faster to set up and with better manners."""
 
+import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -154,8 +157,41 @@ def test_a_limit_of_iterations_is_told() -> None:
     assert solution.status == f"1: {STATUS[1]}"
 
 
-class Interrupting:
-    """A standard output at which someone presses Ctrl-C after some lines."""
+def test_ctrl_c_ends_the_solve_and_is_raised_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = PROBLEMS["everything"]
+    guess = random_iterate(problem, 1)
+    ready = prepared(problem, "fatrop")
+    calls, working, handler = [0], Functions.values, signal.getsignal(signal.SIGINT)
+
+    def pressing(functions: Functions) -> None:
+        calls[0] += 1
+        if calls[0] == 5:
+            signal.raise_signal(signal.SIGINT)
+        working(functions)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Functions, "values", pressing)
+        with pytest.raises(KeyboardInterrupt):
+            ready.solve(Layout(problem), guess)
+    assert calls[0] < 25  # an iteration was finished, hardly more
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert ready.solve(Layout(problem), guess).success
+
+
+def test_ctrl_c_at_any_moment_is_not_lost() -> None:
+    problem = PROBLEMS["everything"]
+    guess = random_iterate(problem, 1)
+    ready = prepared(problem, "fatrop")
+    for milliseconds in range(1, 9):
+        timer = threading.Timer(1e-3 * milliseconds, os.kill, (os.getpid(), signal.SIGINT))
+        with pytest.raises(KeyboardInterrupt):  # noqa: PT012 (it comes at any time)
+            timer.start()
+            for _ in range(100):
+                ready.solve(Layout(problem), guess)
+
+
+class Failing:
+    """A standard output that cannot be written to after some lines."""
 
     def __init__(self, lines: int) -> None:
         self.lines = lines
@@ -163,17 +199,17 @@ class Interrupting:
     def write(self, text: str) -> int:
         self.lines -= text.count("\n")
         if self.lines < 0:
-            raise KeyboardInterrupt
+            raise BrokenPipeError
         return len(text)
 
 
-def test_an_interrupt_while_printing_ends_the_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_while_printing_ends_the_solve_and_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = PROBLEMS["everything"]
     guess = random_iterate(problem, 1)
     ready = prepared(problem, "fatrop")
     with monkeypatch.context() as patched:
-        patched.setattr(sys, "stdout", Interrupting(5))
-        with pytest.raises(KeyboardInterrupt):
+        patched.setattr(sys, "stdout", Failing(5))
+        with pytest.raises(BrokenPipeError):
             ready.solve(Layout(problem), guess)
     assert ready.solve(Layout(problem), guess).objective == optimum(problem, guess).objective
 
