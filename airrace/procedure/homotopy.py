@@ -30,7 +30,7 @@ from airrace.trajectory import Array
 HORIZON = 2  # phases solved together
 LONGEST_HORIZON = 8  # phases solved together where fewer fail
 SMALLEST_STEP = 1.0 / 16.0
-DETOUR, DETOUR_SECONDS = 1.25, 0.5  # longest duration of a piece: factor on the plan and s on top
+DETOUR, DETOUR_SECONDS = 1.25, 1.0  # longest duration of a window: factor on the plan and s on top
 TOLERANCE, ITERATIONS_MAX = 1e-3, 100  # of a piece: it is only a guess
 STEP_BARRIER = 1e-2  # of a solve that starts from the neighbouring solution
 
@@ -53,11 +53,14 @@ class _Homotopy:
 
     def fly(self) -> StageResult:
         skipped: list[str] = []
-        for index, phase in enumerate(self.race.phases):
-            total = len(self.mesh)
-            self.bench.progress.activity(f"phase {index + 1} of {total}: {phase.name}", index, total)
-            if not self._add_phase(index):
-                skipped.append(phase.name)
+        total = len(self.mesh)
+        for group in self._groups():
+            *open_ended, index = group
+            name = self.race.phases[index].name
+            self.bench.progress.activity(f"phase {index + 1} of {total}: {name}", index, total)
+            self.pieces += [phase_piece(self.planned, self.race, one) for one in open_ended]
+            if not self._add_phase(index, HORIZON + len(open_ended)):
+                skipped += [self.race.phases[one].name for one in group]
                 self.pieces.append(phase_piece(self.planned, self.race, index))
         return conclude(
             self.flight,
@@ -69,9 +72,20 @@ class _Homotopy:
             message=f"left as planned: {', '.join(skipped)}" if skipped else "",
         )
 
-    def _add_phase(self, index: int) -> bool:
+    def _groups(self) -> list[list[int]]:
+        """Phases to be added together: one by one, but those that end anywhere with the next that ends somewhere.
+
+        The fastest way to a bare attitude is to take it at once, wherever; that tells nothing of a good flight.
+        """
+        groups: list[list[int]] = [[]]
+        for index in range(len(self.mesh)):
+            groups[-1].append(index)
+            if self.flight.plan.waypoints[index + 1].position is not None:
+                groups.append([])
+        return [group for group in groups if group]
+
+    def _add_phase(self, index: int, horizon: int) -> bool:
         """Add a phase; where it cannot be flown from what is kept before it, more of that is opened to change."""
-        horizon = HORIZON
         while not self._follow(index, max(0, index - horizon + 1)):
             if horizon > min(index, LONGEST_HORIZON - 1):
                 return False
@@ -120,7 +134,7 @@ class _Homotopy:
     def _astray(self, found: Iterate, first: int, start: Iterate) -> bool:
         """Whether a solution has left the family: it takes much longer than planned, for it flies a needless loop."""
         planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
-        return bool((found.durations > DETOUR * planned + DETOUR_SECONDS).any())
+        return bool(found.durations.sum() > DETOUR * planned.sum() + DETOUR_SECONDS)
 
     def _problem(self, first: int, index: int, family: PhaseFamily, part: float) -> Problem:
         target = piece_boundary(family.target(part), self.flight.observation)
