@@ -1,7 +1,7 @@
 """The other end of the solver process: starts it, hands it problems, watches it, stops it.
 
-The solvers cannot be interrupted from within (one ignores signals and may never return from a bad guess), so they live
-in a process that can be killed. One process serves a whole run.
+A solver may spend minutes in one call, or never come back from a bad guess, so it lives in a process that can be killed
+at any moment. One process serves a whole run.
 """
 
 import contextlib

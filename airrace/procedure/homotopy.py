@@ -31,7 +31,7 @@ HORIZON = 2  # phases solved together
 LONGEST_HORIZON = 8  # phases solved together where fewer fail
 SMALLEST_STEP = 1.0 / 16.0
 DETOUR, DETOUR_SECONDS = 1.25, 1.0  # longest duration of a window: factor on the plan and s on top
-TOLERANCE, ITERATIONS_MAX = 1e-3, 100  # of a piece: it is only a guess
+TOLERANCE, ITERATIONS_MAX = 1e-2, 100  # of a piece: it is only a guess
 STEP_BARRIER = 1e-2  # of a solve that starts from the neighbouring solution
 
 
