@@ -16,6 +16,7 @@ from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
 DURATION = Interval(0.1, 120.0)  # s, of a phase
 TIME_SCALE = 3.0  # s
 PIECE_ANGLE = math.radians(10.0)  # how far a piece of the homotopy may leave the planned course and climb
+WIDE = math.radians(89.9)  # beyond this the tangent of a tolerance is too large to compute with
 VERTICAL = 1e-6  # a climb angle this close to +-pi/2 is vertical
 POSITIVE = Interval(lower=0.0)
 NOT_POSITIVE = Interval(upper=0.0)
@@ -115,7 +116,10 @@ def _gate(gate: Gate, allowed: Tolerances) -> dict[str, Interval]:
     reach = gate.width / 2 - allowed.clearance
     between = Interval(-reach, reach)
     bounds |= {"right_wing": between, "left_wing": between, "height": allowed.height}
-    bounds |= {"bank_excess_right": NOT_POSITIVE, "bank_excess_left": NOT_POSITIVE}
+    if allowed.bank > WIDE:
+        bounds["bank_cosine"] = POSITIVE
+    else:
+        bounds |= {"bank_excess_right": NOT_POSITIVE, "bank_excess_left": NOT_POSITIVE}
     return bounds | _climb(allowed.climb)
 
 
@@ -161,7 +165,6 @@ def _manoeuvre(element: Manoeuvre) -> dict[str, Interval]:
 
 def _place(waypoint: Waypoint, span: float) -> CrossingParameters[float]:
     element = waypoint.passage.element
-    at_pylon = isinstance(element, Pylon)
     centre = (0.0, 0.0) if isinstance(element, Manoeuvre) else (element.north, element.east)
     tolerances = None if isinstance(element, Manoeuvre) else element.tolerances
     exact = not isinstance(element, Manoeuvre) and element.passing is Passing.POINT
@@ -173,7 +176,7 @@ def _place(waypoint: Waypoint, span: float) -> CrossingParameters[float]:
         axis_east=math.sin(waypoint.axis),
         bank_cos=math.cos(bank),
         bank_sin=math.sin(bank),
-        bank_tan=math.tan(tolerances.bank) if tolerances is not None and not at_pylon else 0.0,
+        bank_tan=math.tan(tolerances.bank) if tolerances is not None and tolerances.bank <= WIDE else 0.0,
         crossing_tan=math.tan(tolerances.crossing) if tolerances is not None else 0.0,
         half_span=0.0 if exact else span / 2,
     )

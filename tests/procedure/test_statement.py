@@ -158,6 +158,16 @@ def test_gate_flown_exactly_fixes_position_and_bank_alone() -> None:
     assert violated(gate, problem, state(heading=61.0)) == {"course_excess_right"}
 
 
+@pytest.mark.parametrize(("tolerance", "allowed"), [(85.0, 84.9), (89.8, 89.7), (90.0, 89.9)])
+def test_bank_tolerance_may_be_as_wide_as_a_right_angle(tolerance: float, allowed: float) -> None:
+    wide = dataclasses.replace(WINDOW, bank=tolerance * DEGREE)
+    problem, gate = passing(dataclasses.replace(level("gate", 0.0, 0.0, 0.0), tolerances=wide))
+    for side in (-1.0, 1.0):
+        assert violated(gate, problem, state(bank=side * allowed)) == set()
+        assert violated(gate, problem, state(bank=side * (tolerance + 0.1))) != set()
+    assert max(abs(value) for value in gate.values) < 1000.0  # a tangent of 1e16 is nothing to compute with
+
+
 # knife-edge gates
 
 
