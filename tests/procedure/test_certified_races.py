@@ -1,0 +1,157 @@
+"""Every shipped race, from every guess, in any wind, with and without a compiler, ends in a certificate that holds."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+from races import RACES, SMALL, blown, flown, optimum, planned, settings
+
+from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.run import recertify, sampler
+from airrace.procedure.settings import GuessKind, Settings
+from airrace.quantities import Interval
+from airrace.track.gates import Gate, Passing, Pylon
+
+GUESSES = tuple(GuessKind)
+WIND = 8.0  # m/s
+DIRECTIONS = (0, 90, 180, 270)
+QUICK = ("half_cuban_eight", "four_gates")
+LONG = ("rovinj_2014", "sixteen_phases")
+REPRESENTATIVES = {("rovinj_2014", GuessKind.PLAN, 90), ("sixteen_phases", GuessKind.HOMOTOPY, 270)}
+
+
+def windy_cases() -> list[object]:
+    """All races, guesses and directions; of the long races all but the representatives are slow."""
+    cases: list[object] = []
+    for name, guess, direction in itertools.product((*QUICK, *LONG), GUESSES, DIRECTIONS):
+        quick = name in QUICK or (name, guess, direction) in REPRESENTATIVES
+        marks = [] if quick else [pytest.mark.slow]
+        cases.append(pytest.param(name, guess, direction, marks=marks, id=f"{name}-{guess.value}-{direction}"))
+    return cases
+
+
+every_race_and_guess = pytest.mark.parametrize(
+    ("name", "guess"),
+    [
+        pytest.param(name, guess, id=f"{name}-{guess.value}")
+        for name, guess in itertools.product((*QUICK, *LONG), GUESSES)
+    ],
+)
+
+
+def assert_certified(result: StageResult) -> None:
+    assert result.outcome is Outcome.SOLVED, result.message
+    assert result.certificate is not None
+    assert result.certified, [dataclasses.astuple(item) for item in result.certificate.failed]
+
+
+@every_race_and_guess
+def test_race_is_certified_in_still_air(name: str, guess: GuessKind) -> None:
+    assert_certified(optimum(RACES[name], settings(guess)))
+
+
+@pytest.mark.parametrize(("name", "guess", "direction"), windy_cases())
+def test_race_is_certified_in_wind(name: str, guess: GuessKind, direction: int) -> None:
+    assert_certified(optimum(blown(RACES[name], direction, WIND), settings(guess)))
+
+
+@pytest.mark.parametrize(
+    ("name", "guess"),
+    [
+        pytest.param(name, guess, marks=[] if name in QUICK else [pytest.mark.slow], id=f"{name}-{guess.value}")
+        for name, guess in itertools.product((*QUICK, *LONG), GUESSES)
+    ],
+)
+def test_race_is_certified_without_a_compiler_and_takes_the_same_time(name: str, guess: GuessKind) -> None:
+    without = optimum(RACES[name], settings(guess, compiled=False))
+    assert_certified(without)
+    compiled = optimum(RACES[name], settings(guess))
+    assert without.trajectory.race_time == pytest.approx(compiled.trajectory.race_time, rel=1e-6)
+
+
+@every_race_and_guess
+def test_certificate_holds_when_measured_again_from_the_result_alone(name: str, guess: GuessKind) -> None:
+    result = optimum(RACES[name], settings(guess))
+    assert result.certificate is not None
+    again = recertify(RACES[name], settings(guess), result)
+    assert again.certified
+    assert [item.name for item in again.items] == [item.name for item in result.certificate.items]
+    for one, other in zip(again.items, result.certificate.items, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-3, abs=1e-7)
+
+
+@every_race_and_guess
+def test_homotopy_comes_first_and_only_where_it_is_asked_for(name: str, guess: GuessKind) -> None:
+    stages = [result.stage for result in flown(RACES[name], settings(guess))]
+    expected = {GuessKind.HOMOTOPY: [Stage.HOMOTOPY, Stage.POINT_MASS], GuessKind.PLAN: [Stage.POINT_MASS]}
+    assert stages == expected[guess]
+
+
+@pytest.mark.parametrize("name", [*QUICK, *LONG])
+def test_homotopy_flies_every_phase_of_a_shipped_race(name: str) -> None:
+    pieces = flown(RACES[name], settings(GuessKind.HOMOTOPY))[0]
+    assert pieces.message == ""
+    assert pieces.certificate is None
+    assert not pieces.certified
+    assert len(pieces.trajectory.phases) == len(RACES[name].course.passages) - 1
+
+
+@pytest.mark.parametrize("name", [*QUICK, *LONG])
+def test_joint_optimum_saves_time_over_the_plan(name: str) -> None:
+    race_time = optimum(RACES[name], settings(GuessKind.PLAN)).trajectory.race_time
+    seconds = planned(RACES[name]).seconds
+    assert 0.8 * seconds < race_time < seconds
+
+
+@pytest.mark.parametrize("name", [*QUICK, *LONG])
+def test_both_guesses_lead_to_about_the_same_time(name: str) -> None:
+    """Optima are local; two guesses may end in two, but neither in a needless loop."""
+    times = [optimum(RACES[name], settings(guess)).trajectory.race_time for guess in GUESSES]
+    assert max(times) < 1.005 * min(times)
+
+
+@every_race_and_guess
+def test_splits_are_the_passages_as_they_were_flown(name: str, guess: GuessKind) -> None:
+    result, passages = optimum(RACES[name], settings(guess)), RACES[name].course.passages
+    assert [split.name for split in result.splits] == [passage.name for passage in passages]
+    times = [split.time for split in result.splits]
+    assert times[0] == 0.0
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx(result.trajectory.race_time, rel=1e-12)
+    assert np.diff(times) == pytest.approx(result.trajectory.durations, rel=1e-9)
+    tolerance = Settings().certificate
+    for split, passage in zip(result.splits, passages, strict=True):
+        element = passage.element
+        assert split.V_K - passage.speed.upper <= tolerance.speed
+        if isinstance(element, Gate):
+            assert abs(math.remainder(split.bank - element.bank, math.tau)) < element.tolerances.bank + 0.01
+        if isinstance(element, Gate | Pylon):
+            exact = element.passing is Passing.POINT
+            legal = Interval.exactly(element.height) if exact else element.tolerances.height
+            assert legal.lower - tolerance.gate_length <= split.height <= legal.upper + tolerance.gate_length
+
+
+@every_race_and_guess
+def test_limits_hold_wherever_the_flight_is_sampled(name: str, guess: GuessKind) -> None:
+    """Load factor, floor and speed between the nodes, at times that no mesh knows of."""
+    race, result = RACES[name], optimum(RACES[name], settings(guess))
+    limits, rules, envelope = Settings().certificate, race.course.rules, race.aircraft.envelope
+    times = np.linspace(0.0, result.trajectory.race_time, 1234)
+    at = sampler(race, settings(guess), result)(times)
+    assert at["n_z"].max() <= rules.n_z.upper + limits.load_factor
+    assert at["n_z"].min() >= rules.n_z.lower - limits.load_factor
+    assert (-at["z"]).min() >= rules.height.lower - limits.length
+    assert at["V_K"].max() <= envelope.V.upper + limits.speed
+    assert at["V_K"].min() >= envelope.V.lower - limits.speed
+    assert np.abs(at["p_Kbar"]).max() <= race.aircraft.point_mass.p + limits.angle
+
+
+def test_race_is_flown_alike_every_time() -> None:
+    chosen = settings(GuessKind.HOMOTOPY)
+    first = optimum(SMALL, chosen)
+    flown.cache_clear()
+    again = optimum(SMALL, chosen)
+    assert (again.trajectory.state == first.trajectory.state).all()
+    assert again.trajectory.race_time == first.trajectory.race_time
