@@ -28,10 +28,15 @@ GOALS = {"plan": 1 / 20, "homotopy": 1 / 10}
 
 @dataclass(frozen=True)
 class Measurement:
-    """One run of the command: seconds of wall time in all, inside the solver, in derivatives; peak memory in MB."""
+    """One run of the command.
+
+    Seconds: `wall` of the whole command with all its loading, `run` of what the command reports (from the inputs read to
+    the checkpoint written), `solve` inside the solver, `derivatives` of that in functions. `memory` is the peak in MB.
+    """
 
     race: float
     wall: float
+    run: float
     solve: float
     derivatives: float
     memory: float
@@ -60,6 +65,7 @@ def measure(track: Path, guess: str, *, overrides: tuple[str, ...] = (), cache: 
     return Measurement(
         race=answer["race_time_s"],
         wall=wall,
+        run=answer["wall_s"],
         solve=sum(stage["solve_s"] for stage in stages),
         derivatives=sum(stage["derivatives_s"] for stage in stages),
         memory=memory,
@@ -110,18 +116,26 @@ def resident(pid: int) -> float:
 
 def warm_table(tracks: list[Path], repeats: int) -> None:
     """Median of several runs per track and guess."""
-    print(f"{'track':<18}{'guess':<10}{'race s':>8}{'wall s':>8}{'share':>8}{'goal':>7}", end="")
-    print(f"{'deriv.':>8}{'solver':>8}{'other':>8}{'MB':>6}{'iter.':>7}")
+    print(
+        f"{'track':<18}{'guess':<10}{'race s':>8}{'run s':>7}{'share':>8}{'command s':>11}{'share':>8}{'goal':>7}",
+        end="",
+    )
+    print(f"{'deriv.':>8}{'solver':>8}{'other':>7}{'MB':>6}{'iter.':>7}")
     for track in tracks:
         for guess, goal in GOALS.items():
             runs = sorted((measure(track, guess) for _ in range(repeats)), key=lambda run: run.wall)
             median = runs[len(runs) // 2]
-            solver = median.solve - median.derivatives
-            share = median.wall / median.race
-            print(f"{track.stem:<18}{guess:<10}{median.race:>8.3f}{median.wall:>8.2f}", end="")
-            print(f"{'1/' + format(1 / share, '.1f'):>8}{'1/' + format(1 / goal, '.0f'):>7}", end="")
-            print(f"{median.derivatives:>8.2f}{solver:>8.2f}{median.wall - median.solve:>8.2f}", end="")
-            print(f"{statistics.median(run.memory for run in runs):>6.0f}{median.iterations:>7}", flush=True)
+            print(f"{track.stem:<18}{guess:<10}{median.race:>8.3f}{median.run:>7.2f}", end="")
+            print(f"{fraction(median.run / median.race):>8}{median.wall:>11.2f}", end="")
+            print(f"{fraction(median.wall / median.race):>8}{fraction(goal):>7}", end="")
+            print(f"{median.derivatives:>8.2f}{median.solve - median.derivatives:>8.2f}", end="")
+            print(f"{median.run - median.solve:>7.2f}{statistics.median(run.memory for run in runs):>6.0f}", end="")
+            print(f"{median.iterations:>7}", flush=True)
+
+
+def fraction(share: float) -> str:
+    """A share as one over a number."""
+    return f"1/{1 / share:.1f}"
 
 
 def cold_line(track: Path) -> None:

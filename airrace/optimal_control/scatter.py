@@ -1,7 +1,5 @@
 """Sparse matrices whose nonzeros are weighted sums of entries of casadi expressions."""
 
-from enum import Enum
-
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -9,23 +7,15 @@ from numpy.typing import NDArray
 Indices = NDArray[np.int64]
 
 
-class Symmetry(Enum):
-    """Which part of a matrix is kept."""
-
-    NONE = "not symmetric"
-    UPPER = "the upper triangle"
-    FULL = "both triangles"
-
-
 class Scatter:
     """Collects contributions `weight * expression[source]` at (row, column), then builds the matrix at once.
 
-    `symmetry` says how a symmetric matrix is kept of which each pair (i, j), (j, i) is contributed to once.
+    Of a `symmetric` matrix each pair (i, j), (j, i) is contributed to once and both are kept.
     """
 
-    def __init__(self, rows: int, columns: int, symmetry: Symmetry = Symmetry.NONE) -> None:
+    def __init__(self, rows: int, columns: int, *, symmetric: bool = False) -> None:
         self._shape = (rows, columns)
-        self._symmetry = symmetry
+        self._symmetric = symmetric
         self._expressions: list[ca.MX] = []
         self._offset = 0
         self._entries: list[tuple[Indices, Indices, NDArray[np.float64], Indices]] = []
@@ -37,10 +27,8 @@ class Scatter:
 
     def add(self, rows: Indices, columns: Indices, weights: NDArray[np.float64], sources: Indices) -> None:
         """Add contributions; those that meet at one place add up. All shapes (n,)."""
-        if self._symmetry is Symmetry.UPPER:
-            rows, columns = np.minimum(rows, columns), np.maximum(rows, columns)
         self._entries.append((rows, columns, weights, sources + self._offset))
-        if self._symmetry is Symmetry.FULL:
+        if self._symmetric:
             off = rows != columns
             self._entries.append((columns[off], rows[off], weights[off], sources[off] + self._offset))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Indices, Layout, Row
-from airrace.optimal_control.scatter import Scatter, Symmetry
+from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
 MAP_IN_THREADS = 64  # fewer calls than this are not worth a thread
@@ -93,10 +93,9 @@ class _Transcription:
         linear = [self._evaluate(calls, calls.kernel.jacobian) for calls in self.calls]
         curved = [self._evaluate(calls, calls.kernel.hessian, self._multipliers(calls)) for calls in self.calls]
         gradient = lam_f * grad_f + self._adjoint([gradient for gradient, _ in curved])
-        hessians = [hessian for _, hessian in curved]
         arguments, inputs = [w, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
         outputs = ["grad_gamma_x", "hess_gamma_x_x"]
-        full, upper = self._hessian(hessians, Symmetry.FULL), self._hessian(hessians, Symmetry.UPPER)
+        hessian = self._hessian([hessian for _, hessian in curved])
         g = self._constraints(values)
         g_and_jacobian = [self._constraints([value for value, _ in linear]), self._jacobian([j for _, j in linear])]
         return NonlinearProgram(
@@ -104,8 +103,8 @@ class _Transcription:
             grad_f=ca.Function("nlp_grad_f", [w, p], [grad_f], ["x", "p"], ["grad_f_x"]),
             f_and_grad=ca.Function("nlp_grad_f", [w, p], [f, grad_f], ["x", "p"], ["f", "grad_f_x"]),
             jac_g=ca.Function("nlp_jac_g", [w, p], g_and_jacobian, ["x", "p"], ["g", "jac_g_x"]),
-            hess_l=ca.Function("nlp_hess_l", arguments, [gradient, full], inputs, outputs),
-            hess_l_upper=ca.Function("nlp_hess_l", arguments, [upper], inputs, outputs[1:]),
+            hess_l=ca.Function("nlp_hess_l", arguments, [gradient, hessian], inputs, outputs),
+            hess_l_upper=ca.Function("nlp_hess_l", arguments, [ca.triu(hessian)], inputs, outputs[1:]),
             grad=ca.Function("nlp_grad", arguments, [f, g, gradient, ca.MX(0, 1)]),
         )
 
@@ -259,9 +258,9 @@ class _Transcription:
             adjoint.add(unknown, np.zeros_like(unknown), np.full(len(gap), sign), gap)
         return ca.densify(adjoint.matrix())
 
-    def _hessian(self, hessians: list[ca.MX], symmetry: Symmetry) -> ca.MX:
+    def _hessian(self, hessians: list[ca.MX]) -> ca.MX:
         layout = self.layout
-        matrix = Scatter(layout.unknowns, layout.unknowns, symmetry)
+        matrix = Scatter(layout.unknowns, layout.unknowns, symmetric=True)
         for calls, nonzeros in zip(self.calls, hessians, strict=True):
             matrix.draw_from(nonzeros)
             row, column = _pattern(calls.kernel.hessian.sparsity_out(1))
