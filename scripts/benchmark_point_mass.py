@@ -30,7 +30,7 @@ GOALS = {"plan": 1 / 20, "homotopy": 1 / 10}
 class Measurement:
     """One run of the command.
 
-    Seconds: `wall` of the whole command with all its loading, `run` of what the command reports (from the inputs read to
+    Seconds: `wall` of the whole command with all its loading, `run` of what the command reports (from inputs read to
     the checkpoint written), `solve` inside the solver, `derivatives` of that in functions. `memory` is the peak in MB.
     """
 
@@ -90,7 +90,7 @@ class PeakMemory:
         return self._peak
 
     def _watch(self) -> None:
-        while not self._done.wait(0.02):
+        while not self._done.wait(0.05):
             total = sum(resident(pid) for pid in (self._pid, *children(self._pid)))
             if total and not self._peak >= total:
                 self._peak = total
@@ -106,12 +106,12 @@ def children(pid: int) -> list[int]:
 
 
 def resident(pid: int) -> float:
-    """Resident memory of a process, MB; 0 where unknown."""
+    """Resident memory of a process, pages shared with others counted in part (PSS), MB; 0 where unknown."""
     try:
-        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except OSError:
         return 0.0
-    return sum(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS"))
+    return sum(int(line.split()[1]) / 1024 for line in lines if line.startswith("Pss:"))
 
 
 def warm_table(tracks: list[Path], repeats: int) -> None:
