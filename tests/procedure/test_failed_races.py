@@ -1,0 +1,148 @@
+"""A race that cannot be flown, or not in time, is an answer: an outcome, a sentence, and no exception."""
+
+import dataclasses
+import time
+
+import pytest
+from races import RACES, SMALL, flown, optimum, prepared, settings
+
+from airrace.errors import InputError
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.progress import Iteration, Progress, Silent
+from airrace.procedure.race import Race
+from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.run import optimise
+from airrace.procedure.settings import GuessKind, Settings, SolverSettings
+from airrace.quantities import Interval
+
+every_guess = pytest.mark.parametrize(
+    "guess_kind", [GuessKind.PLAN, pytest.param(GuessKind.HOMOTOPY, marks=pytest.mark.slow)]
+)
+
+
+def limited(race: Race, **limits: Interval) -> Race:
+    """The race under other rules."""
+    return dataclasses.replace(
+        race, course=dataclasses.replace(race.course, rules=dataclasses.replace(race.course.rules, **limits))
+    )
+
+
+# No half Cuban eight can be flown below a ceiling 20 m above its entry.
+CEILING = limited(RACES["half_cuban_eight"], height=Interval(10.0, 100.0))
+
+
+@every_guess
+def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_limit(guess_kind: GuessKind) -> None:
+    result = optimum(CEILING, settings(guess_kind))
+    assert result.outcome is Outcome.INFEASIBLE
+    assert not result.certified
+    assert result.certificate is None
+    assert any(phase in result.message for phase in result.trajectory.phases)
+    assert "height between floor and ceiling (10 to 100 m)" in result.message
+
+
+def test_both_solvers_were_asked_before_a_course_is_called_infeasible() -> None:
+    joint = [one for one in optimum(CEILING, settings(GuessKind.PLAN)).attempts if one.purpose.startswith("all")]
+    assert [one.solver for one in joint] == ["fatrop", "ipopt"]
+    assert not any(one.success for one in joint)
+
+
+@pytest.mark.parametrize("n_z_max", [1.5, 2.5])
+def test_tight_load_factor_makes_a_slower_race_not_an_impossible_one(n_z_max: float) -> None:
+    result = optimum(limited(SMALL, n_z=Interval(-1.0, n_z_max)), settings(GuessKind.PLAN))
+    assert result.certified
+    assert result.trajectory.race_time > optimum(SMALL, settings(GuessKind.PLAN)).trajectory.race_time
+
+
+def hurried(**changes: float) -> Settings:
+    """From the plan, with other settings of the solver."""
+    return dataclasses.replace(settings(GuessKind.PLAN), solver=dataclasses.replace(SolverSettings(), **changes))
+
+
+def test_too_few_iterations_are_not_converged() -> None:
+    result = optimum(SMALL, hurried(iterations_max=4))
+    assert result.outcome is Outcome.NOT_CONVERGED
+    assert result.certificate is None
+    assert [one.solver for one in result.attempts] == ["fatrop", "ipopt"]
+    assert all(one.iterations <= 6 for one in result.attempts)
+
+
+def test_solver_that_never_comes_back_is_a_timeout() -> None:
+    started = time.monotonic()
+    result = optimum(SMALL, hurried(stall_seconds=0.02))
+    assert time.monotonic() - started < 10.0
+    assert result.outcome is Outcome.TIMEOUT
+    assert "too long" in result.message
+    assert [one.status for one in result.attempts] == ["no iteration finished within 0.02 s"] * 2
+
+
+def test_failed_race_still_shows_the_flight_it_ended_with() -> None:
+    result = optimum(SMALL, hurried(stall_seconds=0.02))
+    flight = prepared(SMALL)
+    made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
+    assert (result.trajectory.state == made.state).all()
+    assert len(result.splits) == len(SMALL.course.passages)
+
+
+def test_rules_that_contradict_the_aircraft_are_invalid_input() -> None:
+    with pytest.raises(InputError, match="n_z"):
+        flown(limited(SMALL, n_z=Interval(13.0, 14.0)), settings(GuessKind.PLAN))
+
+
+# the run itself
+
+
+class Recorder(Progress):
+    """Writes down what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+        self.iterations: list[Iteration] = []
+
+    def stage_started(self, stage: Stage) -> None:
+        self.told.append(f"start {stage.value}")
+
+    def activity(self, text: str, done: int, total: int) -> None:
+        self.told.append(text)
+
+    def iteration(self, iteration: Iteration) -> None:
+        self.iterations.append(iteration)
+
+    def stage_finished(self, result: StageResult) -> None:
+        self.told.append(f"finish {result.stage.value}")
+
+
+def test_watcher_is_told_of_stages_phases_and_iterations() -> None:
+    watcher = Recorder()
+    list(optimise(SMALL, settings(GuessKind.HOMOTOPY), until=Stage.POINT_MASS, threads=1, progress=watcher))
+    marks = [text for text in watcher.told if text.startswith(("start", "finish"))]
+    assert marks == ["start homotopy", "finish homotopy", "start point-mass", "finish point-mass"]
+    for a, b in (("first", "pylon"), ("pylon", "edge"), ("edge", "last")):
+        assert any(f"{a} -> {b}" in text for text in watcher.told)
+    assert len(watcher.iterations) > 10
+    assert watcher.iterations[-1].objective == pytest.approx(8.89, abs=0.1)
+
+
+def test_run_until_the_homotopy_ends_there() -> None:
+    until = optimise(SMALL, settings(GuessKind.HOMOTOPY), until=Stage.HOMOTOPY, threads=1, progress=Silent())
+    assert [result.stage for result in until] == [Stage.HOMOTOPY]
+
+
+def test_finished_stages_are_not_run_again_and_lead_to_the_same_optimum() -> None:
+    chosen = settings(GuessKind.HOMOTOPY)
+    pieces, joint = flown(SMALL, chosen)
+    (again,) = optimise(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=(pieces,), progress=Silent())
+    assert again.stage is Stage.POINT_MASS
+    assert again.trajectory.race_time == pytest.approx(joint.trajectory.race_time, rel=1e-9)
+
+
+def test_finished_run_solves_nothing() -> None:
+    chosen = settings(GuessKind.HOMOTOPY)
+    done = flown(SMALL, chosen)
+    assert list(optimise(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=done, progress=Silent())) == []
+
+
+def test_more_threads_fly_the_same_race() -> None:
+    chosen = settings(GuessKind.PLAN)
+    (result,) = optimise(SMALL, chosen, until=Stage.POINT_MASS, threads=2, progress=Silent())
+    assert (result.trajectory.state == optimum(SMALL, chosen).trajectory.state).all()

@@ -1,0 +1,192 @@
+"""The solver cascade and the homotopy, with solvers that fail on purpose."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from races import RACES, SMALL, planned, prepared
+
+from airrace.optimal_control.kkt import KktError
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.messages import IterationReport
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.service import SolverService, Stalled
+from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.homotopy import SMALLEST_STEP, fly_homotopy, held
+from airrace.procedure.pieces import phase_piece
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome
+from airrace.procedure.settings import Settings
+from airrace.procedure.solving import Workbench
+
+STALLED = "stalled"
+
+
+class Canned(SolverService):
+    """Answers without solving: each solve returns its guess with the next verdict, the last one from then on."""
+
+    def __init__(self, *verdicts: str) -> None:
+        self.verdicts = list(verdicts)
+        self.asked: list[tuple[str, SolverOptions, Problem]] = []
+
+    def solve(
+        self,
+        problem: Problem,
+        guess: Iterate,
+        *,
+        solver: str,
+        options: SolverOptions,
+        multipliers: Multipliers | None = None,
+        on_iteration: Callable[[IterationReport], None] | None = None,
+    ) -> Solution:
+        self.asked.append((solver, options, problem))
+        verdict = self.verdicts.pop(0) if len(self.verdicts) > 1 else self.verdicts[0]
+        if verdict == STALLED:
+            raise Stalled("no iteration finished within 1 s")
+        layout = Layout(problem)
+        return Solution(
+            solver=solver,
+            status=verdict,
+            success=verdict == "solved",
+            infeasible=verdict == "infeasible",
+            iterate=guess,
+            multipliers=Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns)),
+            objective=0.0,
+            kkt=KktError(0.0, 0.0, 0.0),
+            worst="nothing",
+            iterations=3,
+            seconds=0.5,
+            derivative_seconds=0.25,
+        )
+
+
+def bench(*verdicts: str) -> Workbench:
+    return Workbench(Canned(*verdicts), Settings(), Silent())
+
+
+def asked(of: Workbench) -> Sequence[tuple[str, SolverOptions, Problem]]:
+    assert isinstance(of.service, Canned)
+    return of.service.asked
+
+
+def small() -> tuple[Problem, Iterate]:
+    mesh = first_mesh(planned(SMALL), Settings().mesh)
+    return prepared(SMALL).problem(mesh), guess(planned(SMALL), mesh)
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "solvers"),
+    [
+        (["solved"], ["fatrop"]),
+        (["stuck", "solved"], ["fatrop", "ipopt"]),
+        ([STALLED, "solved"], ["fatrop", "ipopt"]),
+    ],
+)
+def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[str], solvers: list[str]) -> None:
+    used = bench(*verdicts)
+    problem, made = small()
+    solution = used.solve(problem, made, "all phases", barrier=0.1)
+    assert solution is not None
+    assert solution.success
+    assert [one.solver for one in used.attempts] == solvers
+    assert used.attempts[-1].success
+    assert not any(one.success for one in used.attempts[:-1])
+
+
+def test_last_answer_is_returned_where_nobody_succeeds() -> None:
+    problem, made = small()
+    solution = bench("stuck", "infeasible").solve(problem, made, "all phases", barrier=0.1)
+    assert solution is not None
+    assert (solution.solver, solution.status) == ("ipopt", "infeasible")
+    alone = bench("stuck", STALLED).solve(problem, made, "all phases", barrier=0.1)
+    assert alone is not None
+    assert alone.solver == "fatrop"
+
+
+def test_solvers_that_never_come_back_leave_no_solution_but_a_record() -> None:
+    used = bench(STALLED)
+    problem, made = small()
+    assert used.solve(problem, made, "all phases", barrier=0.1) is None
+    assert [one.status for one in used.attempts] == ["no iteration finished within 1 s"] * 2
+
+
+def test_settings_reach_the_solver() -> None:
+    used = bench("stuck")
+    chosen = dataclasses.replace(Settings().solver, tolerance=1e-5, iterations_max=7, primary="ipopt")
+    used.settings = dataclasses.replace(Settings(), solver=chosen)
+    problem, made = small()
+    used.solve(problem, made, "all phases", barrier=0.3)
+    # The fallback is the primary solver here: it is asked once.
+    assert [(name, options) for name, options, _ in asked(used)] == [("ipopt", SolverOptions(1e-5, 7, 0.3))]
+
+
+def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
+    used = bench("stuck", "solved")
+    problem, made = small()
+    used.solve(problem, made, "all phases", barrier=0.1)
+    timings = used.timings()
+    assert (timings.solve, timings.derivatives) == (1.0, 0.5)
+    used.begin()
+    assert used.attempts == []
+    assert used.timings().solve == used.timings().derivatives == 0.0
+
+
+# the homotopy
+
+
+@pytest.mark.parametrize("name", RACES)
+def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(name: str) -> None:
+    flight, used = prepared(RACES[name]), bench("stuck")
+    result = fly_homotopy(flight, used)
+    made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
+    assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
+    assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
+    phases = result.trajectory.phases
+    assert result.message == f"left as planned: {', '.join(phases)}"
+    assert not any(attempt.success for attempt in result.attempts)
+
+
+def test_homotopy_tries_the_whole_way_first() -> None:
+    flight, used = prepared(SMALL), bench("solved")
+    result = fly_homotopy(flight, used)
+    parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
+    assert parts == ["0", "1"] * 3
+    assert result.message == ""
+
+
+def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
+    flight = prepared(SMALL)
+    used = bench("solved", *["stuck"] * 5, "solved")
+    result = fly_homotopy(flight, used)
+    first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
+    parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
+    assert parts[:6] == [0.0, 1.0, 0.5, 0.25, 0.125, 0.0625]
+    assert min(part for part in parts if part) >= SMALLEST_STEP
+
+
+def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
+    flight = prepared(SMALL)
+    used = bench("solved", "stuck", "stuck", "solved")
+    result = fly_homotopy(flight, used)
+    first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
+    parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
+    assert parts == [0.0, 1.0, 0.5, 0.25, 0.75, 1.0]
+    assert result.message == ""
+
+
+def test_short_horizon_of_phases_is_solved_together() -> None:
+    flight, used = prepared(RACES["rovinj_2014"]), bench("solved")
+    fly_homotopy(flight, used)
+    counts = [len(problem.phases) for _, _, problem in asked(used)]
+    assert counts == [1, 1, *[2] * (len(counts) - 2)]
+
+
+def test_piece_begins_exactly_where_the_one_before_ended() -> None:
+    problem, made = small()
+    state = phase_piece(made, problem, 1).state[:, 0]
+    start = held(prepared(SMALL), state)
+    assert [bounds.lower for bounds in start.bounds.values()] == state.tolist()
+    assert all(bounds.lower == bounds.upper for bounds in start.bounds.values())
+    assert list(start.bounds) == [quantity.name for quantity in problem.system.states]
