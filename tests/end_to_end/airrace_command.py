@@ -1,0 +1,108 @@
+"""`airrace` as users call it: the installed command in a process of its own."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+HALF_CUBAN = ROOT / "tracks" / "half_cuban_eight.yaml"
+SIXTEEN = ROOT / "tracks" / "sixteen_phases.yaml"
+AIRCRAFT = ROOT / "configs" / "edge540.yaml"
+COMMAND = str(Path(sys.executable).parent / "airrace")
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A command that has ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def answer(self) -> dict[str, object]:
+        """The one object on stdout."""
+        assert self.out.count("\n") == 1, self.out
+        return json.loads(self.out)
+
+    @property
+    def race_time(self) -> float:
+        value = self.answer["race_time_s"]
+        assert isinstance(value, float)
+        return value
+
+    @property
+    def stages(self) -> list[str]:
+        """Names of the stages in the answer."""
+        stages = self.answer["stages"]
+        assert isinstance(stages, list)
+        return [stage["stage"] for stage in stages]
+
+
+def airrace(
+    *arguments: str | Path,
+    cwd: Path,
+    environment: Mapping[str, str] | None = None,
+    before: Callable[[], None] | None = None,
+) -> Ran:
+    """Run the command to its end; `before` runs in the new process just before it."""
+    ran = subprocess.run(
+        [COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        env={**os.environ, **(environment or {})},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300.0,
+        preexec_fn=before,
+    )
+    assert "Traceback" not in ran.stderr, ran.stderr
+    return Ran(ran.returncode, ran.stdout, ran.stderr)
+
+
+def start(*arguments: str | Path, cwd: Path) -> subprocess.Popen[str]:
+    """Start the command and return at once."""
+    return subprocess.Popen(
+        [COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(running: subprocess.Popen[str], text: str) -> None:
+    """Read the progress until a line holds the text."""
+    assert running.stderr is not None
+    for line in running.stderr:
+        if text in line:
+            return
+    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
+
+
+def children(of: int) -> list[int]:
+    """Processes that a process has started (Linux)."""
+    found: list[int] = []
+    for task in Path(f"/proc/{of}/task").iterdir():
+        found += [int(child) for child in (task / "children").read_text().split()]
+    return found
+
+
+def gone(process: int, within: float = 5.0) -> bool:
+    """Whether a process ends in time; one that waits to be buried has ended."""
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        try:
+            if Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "ZX":
+                return True
+        except OSError:
+            return True
+        time.sleep(0.02)
+    return False

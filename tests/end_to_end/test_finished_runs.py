@@ -1,0 +1,246 @@
+"""A whole run through the real command: optimise, look, verify, export."""
+
+import csv
+import io
+import itertools
+import json
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+from airrace_command import HALF_CUBAN, ROOT, Ran, airrace
+
+CERTIFICATE = {
+    "solver",
+    "kkt_error",
+    "replay_defect",
+    "path_load_factor",
+    "path_length",
+    "path_angle",
+    "path_angular_rate",
+    "path_speed",
+    "gate_load_factor",
+    "gate_length",
+    "gate_speed",
+}
+KNOT = 1852.0 / 3600.0
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("finished")
+
+
+@pytest.fixture(scope="module")
+def optimised(run_folder: Path) -> Ran:
+    """`airrace optimize` of the half Cuban eight from the plan, in still air."""
+    return airrace("optimize", HALF_CUBAN, "--guess", "plan", "--until", "point-mass", "--json", cwd=run_folder)
+
+
+@pytest.fixture
+def run_file(optimised: Ran, run_folder: Path, tmp_path: Path) -> Path:
+    """A copy of its checkpoint."""
+    assert optimised.code == 0
+    return Path(shutil.copy(run_folder / "half_cuban_eight.h5", tmp_path / "run.h5"))
+
+
+def test_run_is_certified_and_says_so_in_one_object(optimised: Ran) -> None:
+    assert optimised.code == 0
+    answer = optimised.answer
+    assert list(answer) == ["track", "certified", "race_time_s", "wall_s", "stages"]
+    assert answer["certified"] is True
+    assert optimised.stages == ["point-mass"]
+    assert 8.0 < optimised.race_time < 9.5
+    stages = answer["stages"]
+    assert isinstance(stages, list)
+    (stage,) = stages
+    assert stage["certified"]
+    assert {item["name"] for item in stage["certificate"]["items"]} == CERTIFICATE
+    assert all(item["holds"] for item in stage["certificate"]["items"])
+
+
+def test_progress_goes_to_stderr_in_plain_lines(optimised: Ran) -> None:
+    assert "point-mass: started" in optimised.err
+    assert "point-mass: solved, certified" in optimised.err
+    assert "\x1b" not in optimised.err
+
+
+def test_default_run_flies_the_homotopy_first(tmp_path: Path) -> None:
+    ran = airrace("optimize", HALF_CUBAN, "--json", "--quiet", cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.err == ""
+    assert ran.stages == ["homotopy", "point-mass"]
+    assert (tmp_path / "half_cuban_eight.h5").exists()
+
+
+def test_run_without_a_compiler_and_without_ready_kernels_is_certified(optimised: Ran, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    nothing = {"CC": "", "AIRRACE_CACHE_DIR": str(cache)}
+    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", "--json", cwd=tmp_path, environment=nothing)
+    assert ran.code == 0
+    assert ran.answer["certified"] is True
+    assert ran.race_time == pytest.approx(optimised.race_time, rel=1e-6)
+    assert not list(cache.glob("*.so"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("guess", ["plan", "homotopy"])
+@pytest.mark.parametrize("track", ["rovinj_2014", "sixteen_phases"])
+def test_long_run_without_a_compiler_is_certified(track: str, guess: str, tmp_path: Path) -> None:
+    nothing = {"CC": "", "AIRRACE_CACHE_DIR": str(tmp_path / "cache")}
+    path = ROOT / "tracks" / f"{track}.yaml"
+    ran = airrace("optimize", path, "--guess", guess, "--json", "--quiet", cwd=tmp_path, environment=nothing)
+    assert (ran.code, ran.answer["certified"]) == (0, True)
+
+
+@pytest.mark.parametrize("track", ["rovinj_2014", "sixteen_phases"])
+def test_long_run_is_certified(track: str, tmp_path: Path) -> None:
+    path = ROOT / "tracks" / f"{track}.yaml"
+    ran = airrace("optimize", path, "--guess", "plan", "--until", "point-mass", "--json", "--quiet", cwd=tmp_path)
+    assert (ran.code, ran.answer["certified"]) == (0, True)
+    again = airrace("verify", tmp_path / f"{track}.h5", "--json", cwd=tmp_path)
+    assert (again.code, again.answer["verified"]) == (0, True)
+
+
+def test_wind_is_set_on_the_command_line(optimised: Ran, tmp_path: Path) -> None:
+    wind = ("--set", "environment.wind.from_deg=180", "--set", "environment.wind.speed_m_s=8")
+    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", *wind, "--json", cwd=tmp_path)
+    assert (ran.code, ran.answer["certified"]) == (0, True)
+    assert ran.race_time != pytest.approx(optimised.race_time, abs=1e-3)
+
+
+def test_show_tells_what_was_stored(optimised: Ran, run_file: Path, tmp_path: Path) -> None:
+    ran = airrace("show", run_file, "--json", cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.race_time == optimised.race_time
+    assert ran.answer["stages"] == optimised.answer["stages"]
+    said = airrace("show", run_file, cwd=tmp_path)
+    assert said.code == 0
+    for name in ("0:entry", "1:vertical", "1:down_line", "1:upright", "1:exit", *CERTIFICATE):
+        assert name in said.out
+
+
+def test_verify_measures_the_stored_flight_again(optimised: Ran, run_file: Path, tmp_path: Path) -> None:
+    ran = airrace("verify", run_file, "--json", cwd=tmp_path)
+    assert ran.code == 0
+    assert ran.answer["verified"] is True
+    stages = ran.answer["stages"]
+    assert isinstance(stages, list)
+    (stage,) = stages
+    stored = {item["name"]: item["value"] for item in stage["stored"]["items"]}
+    again = {item["name"]: item["value"] for item in stage["certificate"]["items"]}
+    assert again == pytest.approx(stored, rel=1e-3, abs=1e-7)
+
+
+@pytest.mark.parametrize("command", [("verify",), ("show",), ("resume",), ("export", "csv")])
+@pytest.mark.parametrize("damage", ["flipped", "cut short", "emptied", "replaced"])
+def test_damaged_checkpoint_is_told_from_a_good_one(command: tuple[str, ...], damage: str, run_file: Path) -> None:
+    content = run_file.read_bytes()
+    middle = len(content) // 2
+    flipped = content[:middle] + bytes([content[middle] ^ 0x10]) + content[middle + 1 :]
+    damaged = {"flipped": flipped, "cut short": content[:-100], "emptied": b"", "replaced": b"not a checkpoint\n"}
+    run_file.write_bytes(damaged[damage])
+    ran = airrace(*command, run_file, cwd=run_file.parent)
+    assert ran.code == 7
+    assert ran.out == ""
+    assert ran.err.startswith("airrace: ")
+    assert run_file.read_bytes() == damaged[damage]
+
+
+def test_finished_run_is_not_flown_again(run_file: Path, optimised: Ran) -> None:
+    ran = airrace("resume", run_file, "--json", cwd=run_file.parent)
+    assert ran.code == 0
+    assert ran.race_time == optimised.race_time
+    assert "started" not in ran.err
+
+
+def test_run_can_be_flown_again_from_a_stage_on(run_file: Path, optimised: Ran) -> None:
+    ran = airrace("resume", run_file, "--from", "point-mass", "--json", cwd=run_file.parent)
+    assert ran.code == 0
+    assert "point-mass: started" in ran.err
+    assert ran.race_time == pytest.approx(optimised.race_time, rel=1e-9)
+
+
+def test_existing_output_is_refused_and_kept(run_file: Path) -> None:
+    before = run_file.read_bytes()
+    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", "--out", run_file, "--json", cwd=run_file.parent)
+    assert ran.code == 2
+    assert "--force" in str(ran.answer["error"])
+    assert run_file.read_bytes() == before
+
+
+# export
+
+
+def table(text: str) -> tuple[list[str], list[dict[str, str]]]:
+    """Comment lines and rows of an exported table."""
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    return comments, list(csv.DictReader(io.StringIO("\n".join(rows))))
+
+
+def numbers(rows: list[dict[str, str]], column: str) -> list[float]:
+    return [float(row[column]) for row in rows]
+
+
+def test_exported_mesh_is_the_flight_at_its_nodes(optimised: Ran, run_file: Path) -> None:
+    ran = airrace("export", "csv", run_file, cwd=run_file.parent)
+    assert ran.code == 0
+    comments, rows = table(ran.out)
+    assert "# certified: yes" in comments
+    time = numbers(rows, "time_s")
+    assert time[0] == 0.0
+    assert time[-1] == pytest.approx(optimised.race_time, rel=1e-9)
+    assert time == sorted(set(time))
+    assert (rows[0]["x_m"], rows[0]["height_m"]) == ("0", "80")
+    assert numbers(rows, "V_K_kt") == pytest.approx([one / KNOT for one in numbers(rows, "V_K_m_s")], rel=1e-8)
+    assert all(math.isfinite(float(row[key])) for row in rows[:-1] for key in row if key != "phase")
+
+
+@pytest.mark.parametrize("rate", [7.5, 100.0])
+def test_exported_rate_begins_and_ends_with_the_race(optimised: Ran, run_file: Path, rate: float) -> None:
+    ran = airrace("export", "csv", run_file, "--rate", str(rate), cwd=run_file.parent)
+    assert ran.code == 0
+    _, rows = table(ran.out)
+    time = numbers(rows, "time_s")
+    assert time[:-1] == pytest.approx([index / rate for index in range(len(time) - 1)], abs=1e-9)
+    assert time[-1] == pytest.approx(optimised.race_time, rel=1e-9)
+    assert len(time) == math.floor(optimised.race_time * rate) + 2
+    speed, height = numbers(rows, "V_K_m_s"), numbers(rows, "height_m")
+    assert all(abs(b - a) <= max(speed) / rate for a, b in itertools.pairwise(height))
+
+
+def test_exported_rate_meets_the_exported_mesh(run_file: Path) -> None:
+    """Where a node and a sample are close in time, they are close in space."""
+    _, mesh = table(airrace("export", "csv", run_file, cwd=run_file.parent).out)
+    _, rate = table(airrace("export", "csv", run_file, "--rate", "1000", cwd=run_file.parent).out)
+    samples = {round(float(row["time_s"]) * 1000): row for row in rate[:-1]}
+    for row in mesh[:-1]:
+        node = float(row["time_s"])
+        nearest = samples[round(node * 1000)]
+        late = float(nearest["time_s"]) - node
+        rates = float(row["V_K_m_s"]) * abs(late)
+        for axis in ("x_m", "y_m", "z_m"):
+            assert abs(float(nearest[axis]) - float(row[axis])) <= rates + 1e-3
+
+
+def test_exported_file_has_its_gate_splits_beside_it(optimised: Ran, run_file: Path) -> None:
+    output = run_file.with_name("flight.csv")
+    ran = airrace("export", "csv", run_file, "--output", output, cwd=run_file.parent)
+    assert (ran.code, ran.out) == (0, "")
+    _, rows = table(output.read_text(encoding="utf-8"))
+    _, splits = table(output.with_name("flight.splits.csv").read_text(encoding="utf-8"))
+    assert [row["passage"] for row in splits] == ["0:entry", "1:vertical", "1:down_line", "1:upright", "1:exit"]
+    assert float(splits[-1]["time_s"]) == float(rows[-1]["time_s"]) == pytest.approx(optimised.race_time, rel=1e-9)
+    assert sum(numbers(splits, "leg_s")) == pytest.approx(optimised.race_time, rel=1e-9)
+    before = output.read_bytes()
+    assert airrace("export", "csv", run_file, "--output", output, cwd=run_file.parent).code == 2
+    assert output.read_bytes() == before
+
+
+def test_checked_course_needs_no_flight(tmp_path: Path) -> None:
+    ran = airrace("check", HALF_CUBAN, "--json", cwd=tmp_path)
+    assert ran.code == 0
+    assert json.loads(ran.out)
+    assert not list(tmp_path.iterdir())
