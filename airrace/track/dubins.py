@@ -15,6 +15,7 @@ WORDS: tuple[tuple[int, int, int], ...] = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (
 """Signs of the curvature along the three pieces of every kind of path."""
 
 _TURN = 2.0 * np.pi
+NO_TURN = 1e-9  # rad
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,12 @@ def _arc(north: float, east: float, heading: float, curvature: float, s: Array) 
     return north + chord * np.cos(heading + half), east + chord * np.sin(heading + half), turned
 
 
+def _turn(angle: Array) -> Array:
+    """An angle as a turn in [0, 2 pi); what rounding has put just below a full circle is none."""
+    wrapped = np.mod(angle, _TURN)
+    return np.where(wrapped > _TURN - NO_TURN, 0.0, wrapped)
+
+
 def lengths(start: Array, heading: Array, end: Array, end_heading: Array, radius: float) -> Array:
     """Lengths of the pieces of all six kinds of path, in radii; infinite where a kind does not exist.
 
@@ -76,7 +83,7 @@ def lengths(start: Array, heading: Array, end: Array, end_heading: Array, radius
     offset = (np.asarray(end) - np.asarray(start)) / radius
     d = np.hypot(offset[..., 0], offset[..., 1])
     bearing = np.arctan2(offset[..., 1], offset[..., 0])
-    d, a, b = np.broadcast_arrays(d, np.mod(heading - bearing, _TURN), np.mod(end_heading - bearing, _TURN))
+    d, a, b = np.broadcast_arrays(d, _turn(heading - bearing), _turn(end_heading - bearing))
     pieces = np.stack([
         _same_side(d, a, b),
         _same_side(d, -a, -b),
@@ -92,7 +99,7 @@ def _same_side(d: Array, a: Array, b: Array) -> Array:
     """Turn, straight, turn to the same side (written for positive turns)."""
     straight = np.sqrt(np.maximum(2 + d * d - 2 * np.cos(a - b) + 2 * d * (np.sin(a) - np.sin(b)), 0.0))
     towards = np.arctan2(np.cos(b) - np.cos(a), d + np.sin(a) - np.sin(b))
-    return np.stack([np.mod(towards - a, _TURN), straight, np.mod(b - towards, _TURN)])
+    return np.stack([_turn(towards - a), straight, _turn(b - towards)])
 
 
 def _crossing(d: Array, a: Array, b: Array) -> Array:
@@ -100,16 +107,16 @@ def _crossing(d: Array, a: Array, b: Array) -> Array:
     with np.errstate(invalid="ignore"):
         straight = np.sqrt(-2 + d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(a) + np.sin(b)))
     towards = np.arctan2(-np.cos(a) - np.cos(b), d + np.sin(a) + np.sin(b)) - np.arctan2(-2.0, straight)
-    return np.stack([np.mod(towards - a, _TURN), straight, np.mod(towards - b, _TURN)])
+    return np.stack([_turn(towards - a), straight, _turn(towards - b)])
 
 
 def _three_turns(d: Array, a: Array, b: Array) -> Array:
     """Three turns to alternating sides (written for a positive first turn)."""
     with np.errstate(invalid="ignore"):
-        middle = np.mod(-np.arccos((6 - d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(b) - np.sin(a))) / 8), _TURN)
+        middle = _turn(-np.arccos((6 - d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(b) - np.sin(a))) / 8))
     towards = np.arctan2(np.cos(a) - np.cos(b), d + np.sin(a) - np.sin(b))
-    first = np.mod(-a - towards + middle / 2, _TURN)
-    return np.stack([first, middle, np.mod(b - a - first + middle, _TURN)])
+    first = _turn(-a - towards + middle / 2)
+    return np.stack([first, middle, _turn(b - a - first + middle)])
 
 
 def shortest(start: Array, heading: float, end: Array, end_heading: float, radius: float) -> DubinsPath:
