@@ -99,6 +99,14 @@ def test_defect_is_named_and_marks_its_interval() -> None:
     assert measured.coarse.tolist() == [False] * 4 + [True]
 
 
+@pytest.mark.parametrize(("interval", "phase"), [(0, "up"), (2, "up"), (3, "down"), (4, "down")])
+def test_phase_is_named_from_its_first_interval_to_its_last(interval: int, phase: str) -> None:
+    stated, flown = problem(), flight(problem())
+    control = flown.control.copy()
+    control[0, interval] += 0.5
+    assert item(audited(stated, replace(flown, control=control)), "replay_defect").where.startswith(f"{phase}, ")
+
+
 def watched(**bounds: Interval) -> Problem:
     """The end of the first phase is observed."""
     stated = problem()
