@@ -3,10 +3,11 @@
 The modules of the commands import nothing heavy; each command imports what it needs when it is called.
 """
 
+import json
 import signal
 import sys
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
@@ -34,6 +35,9 @@ app.command()(show)
 app.command()(verify)
 app.command()(check)
 
+# The base of all errors in the way a command was called. It is click's; where that lies depends on typer's version.
+_CallError = cast(type[typer.BadParameter], typer.BadParameter.__base__)
+
 
 def _print_version(wanted: bool) -> None:
     if wanted:
@@ -57,9 +61,20 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     signal.signal(signal.SIGINT, _interrupt)
     try:
-        app()
-    except KeyboardInterrupt:  # before or after a command's own body
+        code = app(standalone_mode=False)
+    except _CallError as error:
+        _refuse(error, as_json="--json" in sys.argv)
+        sys.exit(int(ExitCode.USAGE))
+    except (KeyboardInterrupt, typer.Abort):  # before or after a command's own body
         sys.exit(int(ExitCode.INTERRUPTED))
+    sys.exit(code)
+
+
+def _refuse(error: typer.BadParameter, *, as_json: bool) -> None:
+    """Say why no command was run; a script that reads stdout learns it, too."""
+    if as_json:
+        print(json.dumps({"error": error.format_message(), "findings": []}))
+    error.show()
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
