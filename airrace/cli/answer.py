@@ -23,7 +23,7 @@ class Answer:
         code: the exit code.
         error: one sentence on what went wrong; empty if nothing did.
         findings: what is wrong with the input files.
-        texts: what is printed on stdout without `--json`, in order.
+        texts: what is printed on stdout without `--json`, in order, an empty line between two.
     """
 
     fields: dict[str, object] = field(default_factory=dict[str, object])
@@ -96,8 +96,8 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         answer.fields["findings"] = [asdict(finding) for finding in answer.findings]
     texts = [json.dumps(answer.fields, allow_nan=False)] if as_json else answer.texts
     try:
-        for text in texts:
-            print(text.removesuffix("\n"))
+        if texts:
+            print("\n\n".join(text.removesuffix("\n") for text in texts))
         sys.stdout.flush()
     except BrokenPipeError:  # a reader that has seen enough needs no telling
         answer.code = worst((answer.code, ExitCode.SYSTEM))

@@ -9,12 +9,14 @@ from airrace.cli.answer import answering
 
 
 def check(
-    track: Annotated[Path, typer.Argument(metavar="TRACK.yaml", help="The course to check.")],
+    track: Annotated[Path, typer.Argument(metavar="TRACK.yaml", readable=False, help="The course to check.")],
     aircraft: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Use this aircraft instead of the one the track names."),
+        typer.Option(metavar="FILE", readable=False, help="Use this aircraft instead of the one the track names."),
     ] = None,
-    settings: Annotated[Path | None, typer.Option(metavar="FILE", help="Settings other than the defaults.")] = None,
+    settings: Annotated[
+        Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")
+    ] = None,
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one value, as for optimize.")
     ] = None,
@@ -28,4 +30,4 @@ def check(
 
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course_object(inputs.race))
-        answer.texts.append(rendered(*course_tables(inputs.race)))
+        answer.texts.extend(rendered(table) for table in course_tables(inputs.race))

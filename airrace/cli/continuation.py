@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from airrace.checkpoint import inputs_hash, stale_stages
 from airrace.cli.running import Run
+from airrace.errors import UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, Stage, StageResult
 
@@ -35,9 +36,14 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
     Args:
         run: as stored, its inputs understood anew.
         from_stage: computed again although it may still stand; None for none.
+
+    Raises:
+        UsageError: `from_stage` comes after `until`.
     """
     stale = dict(stale_stages(run.checkpoint, inputs_hash(run.checkpoint.inputs.resolved)))
     stages = tuple(procedure.STAGES)
+    if from_stage is not None and stages.index(from_stage) > stages.index(until):
+        raise UsageError(f"--from {from_stage.value} comes after --until {until.value}: nothing would run")
     steps: list[Step] = []
     kept: list[StageResult] = []
     for stage in stages[: stages.index(until) + 1]:

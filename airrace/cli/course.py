@@ -68,12 +68,11 @@ def course_object(race: Race) -> dict[str, object]:
 
 def course_tables(race: Race) -> list[Table]:
     """The same for people."""
-    numbers = ("lap", "north m", "east m", "height m", "heading deg", "climb deg", "bank deg", "leg m", "turn deg")
+    numbers = ("north\nm", "east\nm", "height\nm", "heading\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
     cells = [
         [
             row.passage.name,
             row.kind,
-            str(row.passage.lap),
             *(_cell(value, "free", digits=1) for value in (row.north, row.east, row.height)),
             *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
             *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),
@@ -126,11 +125,11 @@ def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[f
 
 
 def _kind(passage: Passage) -> tuple[str, float | None]:
-    """The type in words, and the bank it prescribes, rad."""
+    """The type as a track file names it, and the bank it prescribes, rad."""
     match passage.element:
         case Gate(bank=bank, either_bank=either):
             level = math.isclose(bank, 0.0, abs_tol=1e-9)
-            return ("level gate" if level else "knife-edge gate"), None if either else bank
+            return ("level" if level else "knife-edge"), None if either else bank
         case Pylon():
             return "pylon", None
         case Manoeuvre(bank=bank):
@@ -189,7 +188,7 @@ def _bounds(interval: Interval) -> list[float | None]:
 
 
 def _cell(value: float | None, otherwise: str, digits: int = 0) -> str:
-    return otherwise if value is None else f"{value:.{digits}f}"
+    return otherwise if value is None else f"{value:z.{digits}f}"
 
 
 def _range(interval: Interval, unit: str) -> str:

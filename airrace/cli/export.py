@@ -17,7 +17,7 @@ def formats() -> None:
 
 @export.command("csv")
 def csv_table(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to export from.")],
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to export from.")],
     stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Which stage; by default the last one.")] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
@@ -34,7 +34,10 @@ def csv_table(
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.csv_tables import flight_text, splits_text, stored_result
         from airrace.cli.running import ensure_free, stored_run, write_text
+        from airrace.errors import UsageError
 
+        if splits and rate is not None:
+            raise UsageError("gate splits have no rate; leave out --splits or --rate")
         beside = [] if splits or output is None else [output.with_suffix(f".splits{output.suffix}")]
         for path in [*([] if output is None else [output]), *beside]:
             ensure_free(path, force=force)

@@ -16,8 +16,9 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.answer import debugging
+from airrace.cli.summary import is_flight
 from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import Outcome, Stage, StageResult
 
 # Seconds between two plain lines about iterations: enough to see that it lives, few enough for a log.
 LINE_INTERVAL = 2.0
@@ -41,12 +42,11 @@ def watching(title: str, *, quiet: bool) -> Generator[Progress, None, None]:
 def outcome_line(result: StageResult) -> str:
     """A finished stage in one line."""
     seconds = f"{result.timings.wall:.1f} s"
-    certified = "certified" if result.certified else "a guess" if result.certificate is None else "NOT certified"
-    verdict = f"{result.outcome.value}, {certified}" if result.outcome.value != "not certified" else certified
-    return (
-        f"{result.stage.value}: {verdict}, race time {result.trajectory.race_time:.3f} s, "
-        f"{result.iterations} iterations, {seconds}"
-    )
+    guess = result.certificate is None and result.outcome is Outcome.SOLVED
+    certified = "certified" if result.certified else "a guess" if guess else "NOT certified"
+    verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
+    race_time = f"race time {result.trajectory.race_time:.3f} s, " if is_flight(result) else ""
+    return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
 
 
 class PlainLines(Progress):

@@ -11,11 +11,14 @@ from airrace.procedure.settings import GuessKind
 
 
 def optimize(
-    track: Annotated[Path, typer.Argument(metavar="TRACK.yaml", help="The course to fly.")],
+    track: Annotated[Path, typer.Argument(metavar="TRACK.yaml", readable=False, help="The course to fly.")],
     aircraft: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Fly this aircraft instead of the one the track names.")
+        Path | None,
+        typer.Option(metavar="FILE", readable=False, help="Fly this aircraft instead of the one the track names."),
     ] = None,
-    settings: Annotated[Path | None, typer.Option(metavar="FILE", help="Settings other than the defaults.")] = None,
+    settings: Annotated[
+        Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")
+    ] = None,
     guess: Annotated[
         GuessKind | None, typer.Option(help="Where the point mass starts from; the settings say homotopy by default.")
     ] = None,
@@ -56,4 +59,4 @@ def optimize(
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
         results = fly(answer, new_run(inputs, path), finished=(), until=last, threads=threads, quiet=quiet)
         if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-            answer.texts.append(rendered(*result_tables(results[-1])))
+            answer.texts.extend(rendered(table) for table in result_tables(results[-1]))

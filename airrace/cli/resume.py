@@ -10,7 +10,7 @@ from airrace.cli.exit_codes import ExitCode
 
 
 def resume(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to go on with.")],
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to go on with.")],
     until: Annotated[
         str | None, typer.Option(metavar="STAGE", help="Last stage to run; by default the last available one.")
     ] = None,
@@ -44,8 +44,8 @@ def resume(
         )
         if dry_run:
             answer.fields = {"track": run.name, "steps": [step.as_object() for step in plan.steps]}
-            answer.texts.extend(() if quiet else describe(plan))
+            answer.texts.extend(() if quiet else ["\n".join(describe(plan))])
             return
         results = fly(answer, run, finished=plan.kept, until=plan.until, threads=threads, quiet=quiet)
         if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-            answer.texts.append(rendered(*result_tables(results[-1])))
+            answer.texts.extend(rendered(table) for table in result_tables(results[-1]))

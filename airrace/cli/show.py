@@ -9,7 +9,7 @@ from airrace.cli.answer import answering
 
 
 def show(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to look into.")],
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to look into.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Show stages, times and certificates."""
@@ -23,5 +23,6 @@ def show(
         wall = sum(result.timings.wall for result in results)
         track = Path(checkpoint.inputs.track.path).stem
         answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
-        tables = [stages_table(results), *(table for result in results for table in result_tables(result))]
-        answer.texts.append(rendered(*tables))
+        answer.texts.append(rendered(stages_table(results)) if results else "no stage is finished yet")
+        answer.texts.extend(f"{result.stage.value}: {result.message}" for result in results if result.message)
+        answer.texts.extend(rendered(table) for result in results for table in result_tables(result))

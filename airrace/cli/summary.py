@@ -31,13 +31,18 @@ def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: 
             answer.fail(code, f"{result.stage.value}: {_verdict(result)}")
 
 
+def is_flight(result: StageResult) -> bool:
+    """Whether a stage found a flight at all; otherwise its trajectory is only where the solver gave up."""
+    return result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+
+
 def is_certified(results: Sequence[StageResult]) -> bool:
     """Whether a run may call itself certified: its last stage is, and none before it failed."""
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
 
 
 def run_object(track: str | None, results: Iterable[StageResult], wall: float, *, certified: bool) -> dict[str, object]:
-    """The object of a run; `race_time_s` is that of its last stage."""
+    """The object of a run; `race_time_s` is that of its last stage, null where that found no flight."""
     stages = [stage_object(result) for result in results]
     return {
         "track": track,
@@ -53,7 +58,8 @@ def stage_object(result: StageResult) -> dict[str, object]:
     return {
         "stage": result.stage.value,
         "status": result.outcome.value,
-        "race_time_s": finite(result.trajectory.race_time),
+        "message": result.message,
+        "race_time_s": finite(result.trajectory.race_time) if is_flight(result) else None,
         "iterations": result.iterations,
         "solve_s": finite(result.timings.solve),
         "derivatives_s": finite(result.timings.derivatives),

@@ -10,16 +10,22 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from airrace.cli.summary import is_flight
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Outcome, StageResult
 
 # Wide enough for every table where nobody's terminal sets a limit.
 UNLIMITED_WIDTH = 200
 
+_DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
-def rendered(*tables: Table) -> str:
-    """The tables as text for stdout; without a terminal as plain text, whatever the environment says of colours."""
+
+def rendered(table: Table) -> str:
+    """A table as text for stdout; without a terminal as plain text, whatever the environment says of colours.
+
+    A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
+    """
     terminal = sys.stdout.isatty()
     text = io.StringIO()
     console = Console(
@@ -29,21 +35,22 @@ def rendered(*tables: Table) -> str:
         width=None if terminal else UNLIMITED_WIDTH,
         highlight=False,
     )
-    for table in tables:
-        console.print(table)
+    narrowest = console.measure(table, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
+    console.width = max(console.width, narrowest)
+    console.print(table)
     return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
 
 def result_tables(result: StageResult) -> list[Table]:
-    """What a finished stage shows: its gate splits and its certificate."""
-    tables = [splits_table(result)] if result.splits else []
+    """What a finished stage shows: its gate splits and its certificate; without a flight nothing."""
+    tables = [splits_table(result)] if result.splits and is_flight(result) else []
     return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
 
 
 def splits_table(result: StageResult) -> Table:
     """One row per passing; `leg` is the time since the passing before."""
     table = _table(f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s", "gate")
-    _numbers(table, "time s", "leg s", "speed m/s", "speed kt", "height m", "load factor g", "bank deg", "climb deg")
+    _numbers(table, "time\ns", "leg\ns", "speed\nm/s", "speed\nkt", "height\nm", "load\ng", "bank\ndeg", "climb\ndeg")
     before = result.splits[0].time if result.splits else 0.0
     for split in result.splits:
         table.add_row(
@@ -53,7 +60,7 @@ def splits_table(result: StageResult) -> Table:
             f"{split.V_K:.1f}",
             f"{split.V_K / KNOT:.1f}",
             f"{split.height:.1f}",
-            f"{split.n_z:.2f}",
+            f"{split.n_z:z.2f}",
             _degrees(split.bank),
             _degrees(split.climb),
         )
@@ -62,30 +69,32 @@ def splits_table(result: StageResult) -> Table:
 
 
 def certificate_table(certificate: Certificate) -> Table:
-    """Every item with its limit."""
+    """Every item with its limit, and where the worst value lies unless nothing is violated anywhere."""
     verdict = "certified" if certificate.certified else "NOT certified"
-    table = _table(f"certificate: {verdict} (solver: {certificate.solver_status})", "item")
+    table = _table(f"certificate: {verdict} ({certificate.solver_status})", "item")
     _numbers(table, "value", "limit")
     for column in ("unit", "holds", "worst at"):
         table.add_column(column)
     for item in certificate.items:
         value, limit, unit = _for_people(item)
         holds = Text("yes") if item.holds else Text("NO", style="bold red")
-        table.add_row(Text(item.name), f"{value:.3g}", f"{limit:.3g}", unit, holds, Text(item.where))
+        where = Text("" if value == 0.0 else item.where)
+        table.add_row(Text(item.name), f"{value:.3g}", f"{limit:.3g}", unit, holds, where)
     return table
 
 
 def stages_table(results: Sequence[StageResult]) -> Table:
     """One row per finished stage."""
     table = _table("stages", "stage", "status")
-    _numbers(table, "race time s", "iterations", "solve s", "wall s")
+    _numbers(table, "time\ns", "iterations", "solve\ns", "wall\ns")
     table.add_column("certified")
     for result in results:
-        certified = "-" if result.certificate is None else "yes" if result.certified else "NO"
+        guess = result.certificate is None and result.outcome is Outcome.SOLVED
+        certified = "yes" if result.certified else "-" if guess else "NO"
         table.add_row(
             result.stage.value,
             result.outcome.value,
-            f"{result.trajectory.race_time:.3f}",
+            f"{result.trajectory.race_time:.3f}" if is_flight(result) else "-",
             str(result.iterations),
             f"{result.timings.solve:.2f}",
             f"{result.timings.wall:.2f}",
@@ -104,7 +113,9 @@ def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: 
 
 
 def _table(title: str, *names: str) -> Table:
-    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE, pad_edge=False)
+    table = Table(
+        title=Text(title), title_justify="left", box=box.SIMPLE, pad_edge=False, collapse_padding=True, show_edge=False
+    )
     for name in names:
         table.add_column(name, no_wrap=True)
     return table
@@ -112,15 +123,15 @@ def _table(title: str, *names: str) -> Table:
 
 def _numbers(table: Table, *names: str) -> None:
     for name in names:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
 
 
 def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):.1f}"
+    return f"{math.degrees(angle):z.1f}"
 
 
 def _for_people(item: Item) -> tuple[float, float, str]:
     """Value, limit and unit, angles in degrees."""
-    if item.unit == "rad":
-        return math.degrees(item.value), math.degrees(item.limit), "deg"
+    if item.unit in _DEGREES:
+        return math.degrees(item.value), math.degrees(item.limit), _DEGREES[item.unit]
     return item.value, item.limit, item.unit

@@ -45,7 +45,12 @@ def verified_stages(answer: Answer, run: Run) -> list[Verification]:
         if objection:
             answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {objection}")
     if not verifications:
-        answer.fail(ExitCode.NOT_CERTIFIED, "there is no certificate in this run")
+        ended = [
+            f"; {stored.result.stage.value} ended {stored.result.outcome.value}"
+            for stored in run.checkpoint.stages
+            if stored.result.outcome is not Outcome.SOLVED
+        ]
+        answer.fail(ExitCode.NOT_CERTIFIED, f"there is no certificate in this run{''.join(ended)}")
     return verifications
 
 

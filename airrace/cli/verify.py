@@ -9,7 +9,7 @@ from airrace.cli.answer import answering
 
 
 def verify(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", help="The checkpoint to verify.")],
+    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to verify.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
 ) -> None:
     """Certify a run again.

@@ -210,6 +210,12 @@ def test_a_dry_run_says_what_would_run_and_changes_nothing(airrace: Shell, run_f
     assert run_file.read_bytes() == before
 
 
+def test_a_stage_after_the_last_one_wanted_cannot_be_asked_for(airrace: Shell, run_file: Path) -> None:
+    ran = airrace("resume", run_file, "--from", "point-mass", "--until", "homotopy", "--json")
+    assert ran.code == 2
+    assert "--from point-mass comes after --until homotopy" in str(ran.answered["error"])
+
+
 def test_a_run_that_went_without_the_homotopy_is_not_sent_back_to_it(airrace: Shell, run_file: Path) -> None:
     checkpoint = read_checkpoint(run_file)
     without = replace(checkpoint, stages=()).with_stage(checkpoint.stages[-1].result)
@@ -243,6 +249,22 @@ def test_verify_believes_only_what_it_measures(airrace: Shell, run_file: Path) -
     assert "kkt_error" in str(ran.answered["error"])
 
 
+def test_where_no_flight_was_found_no_race_time_is_claimed(airrace: Shell) -> None:
+    ran = airrace("optimize", TRACK, scenario="infeasible")
+    assert "10.000" not in ran.out + ran.err.splitlines()[-2]
+    run_file = airrace.folder / "rovinj_2014.h5"
+    answered = airrace("show", run_file, "--json").answered
+    assert answered["race_time_s"] is None
+    assert answered["certified"] is False
+    stored = answered["stages"]
+    assert isinstance(stored, list)
+    assert [stage["message"] for stage in stored] == ["", "gate g1 cannot be reached"]
+    assert "point-mass: gate g1 cannot be reached" in airrace("show", run_file).out
+    replayed = airrace("verify", run_file)
+    assert replayed.code in (4, 5)
+    assert "infeasible" in replayed.err
+
+
 def test_a_run_without_a_certificate_is_not_verified(airrace: Shell) -> None:
     airrace("optimize", TRACK, "--until", "homotopy", "--quiet")
     assert airrace("verify", airrace.folder / "rovinj_2014.h5").code == 5
@@ -272,6 +294,7 @@ def test_export_writes_the_mesh_or_a_fixed_rate(airrace: Shell, run_file: Path) 
         assert {"time_s", "x_m", "V_K_m_s"} <= set(table[0])
     assert airrace("export", "csv", run_file, "--rate", "-1").code == 2
     assert airrace("export", "csv", run_file, "--stage", "six-dof").code == 2
+    assert airrace("export", "csv", run_file, "--splits", "--rate", "5").code == 2
 
 
 def test_export_writes_the_splits_beside_the_flight(airrace: Shell, run_file: Path) -> None:
@@ -291,7 +314,7 @@ def test_check_prints_every_passage_and_flies_nothing(airrace: Shell) -> None:
     assert isinstance(passages, list)
     assert [passage["passage"] for passage in passages] == names
     shown = airrace("check", TRACK).out
-    assert all(f" {name} " in shown for name in names)
+    assert all(f"\n{name} " in shown for name in names)
     assert list(airrace.folder.iterdir()) == []
 
 
@@ -321,6 +344,21 @@ def test_a_signal_ends_a_run_within_seconds_and_keeps_what_is_finished(tmp_path:
     assert [stage["stage"] for stage in json.loads(out)["stages"]] == ["homotopy"]
     assert "airrace resume rovinj_2014.h5" in err
     assert stages(tmp_path / "rovinj_2014.h5") == ["homotopy"]
+
+
+@pytest.mark.parametrize(
+    "arguments", [("optimize", TRACK, "--guess", "luck"), ("resume",), ("show", "run.h5", "--loud"), ("fly", TRACK)]
+)
+def test_a_command_called_wrongly_is_answered_with_an_object_too(
+    tmp_path: Path, arguments: Sequence[str | Path]
+) -> None:
+    with start(tmp_path, *arguments, "--json", scenario="certified") as running:
+        out, err = running.communicate(timeout=60.0)
+    assert running.returncode == 2
+    answered = json.loads(out)
+    assert answered["error"]
+    assert answered["error"] in err
+    assert answered["findings"] == []
 
 
 def test_without_a_terminal_there_are_no_control_codes(tmp_path: Path) -> None:

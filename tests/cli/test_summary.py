@@ -22,9 +22,11 @@ def test_the_object_has_the_documented_keys() -> None:
         assert list(stage) == [
             "stage",
             "status",
+            "message",
             "race_time_s",
             "iterations",
             "solve_s",
+            "derivatives_s",
             "wall_s",
             "certified",
             "certificate",
