@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from airrace.errors import CheckpointError
 from airrace.optimal_control.audit import audit
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.integration import load_in_background
@@ -103,6 +104,11 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     limits = settings.certificate
     layout = Layout(problem)
+    if result.constraint_multipliers.shape != (layout.constraints,):
+        raise CheckpointError(
+            f"{result.stage.value}: {result.constraint_multipliers.size} multipliers are stored, "
+            f"but the race has {layout.constraints} constraints on this mesh"
+        )
     kernels = build_kernels(problem.system, problem.scheme, compiled=settings.solver.compile_kernels)
     program = transcribe(layout, kernels)
     w, p = layout.pack(iterate), layout.parameter_values()

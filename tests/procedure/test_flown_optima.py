@@ -10,6 +10,7 @@ from races import EDGE_540, RACES, SMALL, blown, course, level, mirrored, optimu
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import g0
+from airrace.errors import CheckpointError
 from airrace.optimal_control.replay import interval_durations, replay
 from airrace.procedure.flight import gate_splits, iterate_of, mesh_of
 from airrace.procedure.guess import first_mesh
@@ -240,6 +241,14 @@ def test_tampered_multipliers_do_not_hold_when_measured_again() -> None:
     result = optimum(SMALL, chosen)
     wrong = dataclasses.replace(result, constraint_multipliers=1.01 * result.constraint_multipliers)
     assert [one.name for one in recertify(SMALL, chosen, wrong).failed] == ["kkt_error"]
+
+
+@pytest.mark.parametrize("count", [0, 1, 5000])
+def test_multipliers_of_another_flight_are_a_bad_checkpoint(count: int) -> None:
+    chosen = settings(GuessKind.PLAN)
+    foreign = dataclasses.replace(optimum(SMALL, chosen), constraint_multipliers=np.zeros(count))
+    with pytest.raises(CheckpointError, match=f"point-mass: {count} multipliers are stored"):
+        recertify(SMALL, chosen, foreign)
 
 
 def test_mesh_and_unknowns_of_a_flight_are_a_round_trip() -> None:
