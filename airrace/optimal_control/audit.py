@@ -47,8 +47,11 @@ def audit(
     coarse: NDArray[np.bool_] = np.any(defect > defect_limit, axis=0)
     declared = [*system.states, *system.path]
     histories = np.concatenate([flown.state, flown.path])
+    _require_tolerances(declared, tolerances)
     for tolerance in tolerances:
         rows = [row for row, quantity in enumerate(declared) if quantity.unit in tolerance.units]
+        if not rows:
+            continue
         violation = np.stack([_violation(problem, declared[row], histories[row]) for row in rows], axis=0)
         largest = violation.max(axis=2)
         row, interval = np.unravel_index(int(largest.argmax()), largest.shape)
@@ -57,6 +60,14 @@ def audit(
         coarse |= (largest > tolerance.path).any(axis=0)
     items += _boundary_items(problem, iterate, tolerances)
     return Audit(tuple(items), coarse)
+
+
+def _require_tolerances(declared: Sequence[Quantity], tolerances: Sequence[Tolerance]) -> None:
+    """Refuse to pass over a bounded quantity in silence."""
+    known = {unit for tolerance in tolerances for unit in tolerance.units}
+    for quantity in declared:
+        if Interval(quantity.lower, quantity.upper).bounded and quantity.unit not in known:
+            raise ValueError(f"no tolerance for {quantity.name} in {quantity.unit!r}")
 
 
 def _phase_name(problem: Problem, interval: int) -> str:

@@ -76,8 +76,11 @@ class SolverService:
         request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, self._threads)
         try:
             self._sender.send(request)
+            patience: float | None = self._stall_seconds
             while True:
-                reply = self._receive()
+                reply = self._receive(patience)
+                # What is announced, such as compiling, takes the time it takes.
+                patience = None if isinstance(reply, Notice) else self._stall_seconds
                 if isinstance(reply, Solution):
                     return reply
                 if isinstance(reply, WorkerFailure):
@@ -111,9 +114,9 @@ class SolverService:
         assert self._process.stdin is not None  # `start` asks for it
         self._sender = Sender(self._process.stdin)
 
-    def _receive(self) -> Reply:
-        """The next reply."""
-        if not self._replies.poll(self._stall_seconds):
+    def _receive(self, patience: float | None) -> Reply:
+        """The next reply, waited for `patience` seconds at most."""
+        if not self._replies.poll(patience):
             raise Stalled(f"no iteration finished within {self._stall_seconds:g} s")
         reply: Reply = self._replies.recv()
         return reply

@@ -8,7 +8,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Iterate, Phase, Problem
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers import SolverOptions
+from airrace.optimal_control.solvers import Solution, SolverOptions
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Quantity
 from airrace.system import System
@@ -26,7 +26,7 @@ LIMITS = (
 )
 
 
-def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate) -> str:
+def diagnose(bench: Workbench, problem: Problem, stuck: Solution, guess: Iterate) -> str:
     """A sentence that names the phase and, where one is found, the limit that stands in the way.
 
     Args:
@@ -34,7 +34,7 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate)
         stuck: where the solver gave up.
         guess: where it started.
     """
-    phase = worst_phase(problem, stuck)
+    phase = worst_phase(problem, stuck.iterate)
     where = f"at {problem.phases[phase].name}"
     for what, relaxed in relaxations(problem, phase):
         bench.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
@@ -42,7 +42,7 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate)
         solution = bench.attempt(relaxed, guess, f"without {what}", solver, OPTIONS)
         if solution is not None and solution.success:
             return f"the limits contradict each other {where}; without the limit of {what} there is a flight"
-    return f"the limits contradict each other {where}; no single limit is to blame"
+    return f"the limits contradict each other {where}, most violated: {stuck.worst}; no single limit is to blame"
 
 
 def worst_phase(problem: Problem, stuck: Iterate) -> int:

@@ -18,9 +18,12 @@ WARM_BARRIER = 1e-2  # of a solve that starts from an optimum on a coarser mesh,
 
 
 def optimise_point_mass(
-    flight: PointMassFlight, bench: Workbench, problem: Problem, guess: Iterate, *, barrier: float
+    flight: PointMassFlight, bench: Workbench, problem: Problem, guess: Iterate, *, barrier: float, explain: bool = True
 ) -> StageResult:
-    """Solve jointly, measure, refine and solve again until the certificate holds or the refinements are used up."""
+    """Solve jointly, measure, refine and solve again until the certificate holds or the refinements are used up.
+
+    Where there is no solution, find out why if `explain`; that takes further solves.
+    """
     limits = bench.settings.certificate
     total = bench.settings.mesh.refinements_max
     for refinement in range(total + 1):
@@ -28,7 +31,7 @@ def optimise_point_mass(
         bench.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
         solution = bench.solve(problem, guess, purpose, barrier=barrier)
         if solution is None or not solution.success:
-            return _unsolved(flight, bench, problem, solution, guess)
+            return _unsolved(flight, bench, problem, solution, guess, explain=explain)
         flown = replay(problem, solution.iterate)
         measured = audit(problem, solution.iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
         certificate = certified(solution, measured, limits)
@@ -78,13 +81,21 @@ def _finished(
 
 
 def _unsolved(
-    flight: PointMassFlight, bench: Workbench, problem: Problem, solution: Solution | None, guess: Iterate
+    flight: PointMassFlight,
+    bench: Workbench,
+    problem: Problem,
+    solution: Solution | None,
+    guess: Iterate,
+    *,
+    explain: bool,
 ) -> StageResult:
     """No optimum: say what stands in the way."""
     if solution is None:
         outcome, message = Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
     elif solution.infeasible:
-        outcome, message = Outcome.INFEASIBLE, diagnose(bench, problem, solution.iterate, guess)
+        outcome, message = Outcome.INFEASIBLE, f"no flight satisfies all limits, most violated: {solution.worst}"
+        if explain:
+            message = diagnose(bench, problem, solution, guess)
     else:
         outcome = Outcome.NOT_CONVERGED
         message = (

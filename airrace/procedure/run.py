@@ -86,7 +86,8 @@ def _run_stage(
         return fly_homotopy(flight, bench)
     if (pieces := done.get(Stage.HOMOTOPY)) is not None:
         problem = flight.problem(mesh_of(pieces.trajectory))
-        result = optimise_point_mass(flight, bench, problem, iterate_of(pieces.trajectory), barrier=WARM_BARRIER)
+        pieced = iterate_of(pieces.trajectory)
+        result = optimise_point_mass(flight, bench, problem, pieced, barrier=WARM_BARRIER, explain=False)
         if result.outcome is Outcome.SOLVED:
             return result
         bench.progress.activity("the homotopy's flight led nowhere; starting from the plan", 0, 0)
