@@ -30,6 +30,19 @@ def test_every_package_appears_in_the_architecture() -> None:
     assert {package for package in packages if f"`airrace/{package}/`" not in text} == set()
 
 
+def test_every_module_of_the_engine_and_the_procedure_appears_in_the_architecture() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    for package in ("optimal_control", "procedure", "checkpoint"):
+        modules = {path.name for path in (ROOT / "airrace" / package).glob("*.py")} - {"__init__.py"}
+        assert {module for module in modules if f"`{module}`" not in text} == set(), package
+
+
+def test_no_module_is_described_that_does_not_exist() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    modules = {path.name for path in (ROOT / "airrace").rglob("*.py")}
+    assert set(re.findall(r"`(\w+\.py)`", text)) <= modules
+
+
 def test_every_path_in_the_documents_exists() -> None:
     for document in ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md"):
         text = (ROOT / document).read_text(encoding="utf-8")
