@@ -1,26 +1,15 @@
 """`airrace check`: validate the inputs and print the course."""
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from airrace.cli.answer import answering
+from airrace.cli.options import AircraftFile, AsJson, Overrides, SettingsFile, TrackFile
 
 
 def check(
-    track: Annotated[Path, typer.Argument(metavar="TRACK.yaml", readable=False, help="The course to check.")],
-    aircraft: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", readable=False, help="Use this aircraft instead of the one the track names."),
-    ] = None,
-    settings: Annotated[
-        Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one value, as for optimize.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
+    track: TrackFile,
+    aircraft: AircraftFile = None,
+    settings: SettingsFile = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
 ) -> None:
     """Validate inputs and print the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:

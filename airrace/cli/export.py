@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from airrace.cli.answer import answering
+from airrace.cli.options import RunFile
 
 export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True)
 
@@ -17,7 +18,7 @@ def formats() -> None:
 
 @export.command("csv")
 def csv_table(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to export from.")],
+    run_file: RunFile,
     stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Which stage; by default the last one.")] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")

@@ -16,6 +16,7 @@ from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode
 from airrace.cli.live import watching
 from airrace.cli.summary import summarise
+from airrace.cli.tables import rendered, result_tables
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import StorageError, UsageError
 from airrace.procedure import run as procedure
@@ -74,12 +75,8 @@ def stored_run(checkpoint: Checkpoint, path: Path) -> Run:
 
 def fly(
     answer: Answer, run: Run, *, finished: Sequence[StageResult], until: Stage, threads: int | None, quiet: bool
-) -> list[StageResult]:
-    """Run the stages that are not finished, write the checkpoint after each, and fill in the answer.
-
-    Returns:
-        All stages of the run, those in `finished` first.
-    """
+) -> None:
+    """Run the stages that are not finished, write the checkpoint after each, and fill in the answer."""
     started = time.perf_counter()
     results = list(finished)
     checkpoint = run.checkpoint
@@ -103,7 +100,8 @@ def fly(
         answer.fail(ExitCode.INTERRUPTED, f"interrupted; go on with `airrace resume {run.path}` (finished: {kept})")
     finally:
         summarise(answer, run.name, results, time.perf_counter() - started)
-    return results
+    if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
+        answer.texts.extend(rendered(table) for table in result_tables(results[-1]))
 
 
 def stage_named(text: str | None) -> Stage:

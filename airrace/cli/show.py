@@ -1,17 +1,12 @@
 """`airrace show`: what a checkpoint holds."""
 
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from airrace.cli.answer import answering
+from airrace.cli.options import AsJson, RunFile
 
 
-def show(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to look into.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
-) -> None:
+def show(run_file: RunFile, as_json: AsJson = False) -> None:
     """Show stages, times and certificates."""
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint

@@ -1,17 +1,10 @@
 """`airrace verify`: believe a checkpoint only after measuring again."""
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from airrace.cli.answer import answering
+from airrace.cli.options import AsJson, RunFile
 
 
-def verify(
-    run_file: Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint to verify.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")] = False,
-) -> None:
+def verify(run_file: RunFile, as_json: AsJson = False) -> None:
     """Certify a run again.
 
     Every certificate is computed from the file alone and compared with the stored one.

@@ -1,0 +1,26 @@
+"""Arguments and options that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+TrackFile = Annotated[Path, typer.Argument(metavar="TRACK.yaml", readable=False, help="The course.")]
+RunFile = Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint of a run.")]
+AircraftFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", readable=False, help="Fly this aircraft instead of the one the track names."),
+]
+SettingsFile = Annotated[
+    Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
+]
+LastStage = Annotated[
+    str | None, typer.Option(metavar="STAGE", help="Last stage to run; by default the last available one.")
+]
+Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress and no tables.")]
