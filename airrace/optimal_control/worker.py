@@ -22,7 +22,7 @@ from airrace.optimal_control.messages import IterationReport, Notice, Receiver, 
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import System
 
-PREPARED_KEPT = 64
+PREPARED_INTERVALS = 2000  # of all problems kept ready together
 _ITERATION = re.compile(r"^\s*(\d+)r?\s+([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
 _PR_SET_PDEATHSIG = 1
 
@@ -62,19 +62,24 @@ class Workshop:
         self._systems: list[System] = []
         self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
         self._prepared: dict[str, PreparedProblem] = {}
+        self._sizes: dict[str, int] = {}
 
     def solve(self, request: SolveRequest) -> Solution:
         layout = Layout(request.problem)
         key = self._key(layout, request)
         prepared = self._prepared.pop(key, None)
         if prepared is None:
+            self._make_room(layout.intervals)
             kernels = self._kernels_of(request)
             solver = SOLVERS[request.solver]
             prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
-            if len(self._prepared) >= PREPARED_KEPT:
-                del self._prepared[next(iter(self._prepared))]
-        self._prepared[key] = prepared
+        self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
+
+    def _make_room(self, intervals: int) -> None:
+        """Forget the problems that were not asked for longest."""
+        while self._prepared and intervals + sum(self._sizes[key] for key in self._prepared) > PREPARED_INTERVALS:
+            del self._prepared[next(iter(self._prepared))]
 
     def _system_number(self, system: System) -> int:
         """Equal systems are one object here, see `Receiver`."""
