@@ -22,7 +22,7 @@ from airrace.optimal_control.messages import IterationReport, Notice, Receiver, 
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import System
 
-PREPARED_INTERVALS = 2000  # of all problems kept ready together
+PREPARED_INTERVALS = 600  # of all problems kept ready together
 _ITERATION = re.compile(r"^\s*(\d+)r?\s+([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
 _PR_SET_PDEATHSIG = 1
 
