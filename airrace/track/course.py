@@ -6,6 +6,8 @@ from enum import Enum
 
 from airrace.quantities import Interval
 from airrace.track.gates import Element
+from airrace.track.limits import Crowd, Roll, SafetyLine
+from airrace.track.polygons import Point
 
 
 class Direction(Enum):
@@ -18,12 +20,14 @@ class Direction(Enum):
 
 @dataclass(frozen=True)
 class Passage:
-    """One passing of an element.
+    """One passing of an element, and what holds on the leg that leads to it.
 
     Attributes:
         name: unique over the race and fit for a table, e.g. `2:g4` (lap 2, gate g4).
         lap: counts from 1.
         speed: allowed kinematic speed, m/s (the start's speed limit).
+        safety_lines: not to be crossed on the leg that ends here.
+        roll: to be flown on the leg that ends here; None for none.
     """
 
     name: str
@@ -31,6 +35,8 @@ class Passage:
     element: Element
     direction: Direction = Direction.FORWARD
     speed: Interval = Interval()
+    safety_lines: tuple[SafetyLine, ...] = ()
+    roll: Roll | None = None
 
 
 @dataclass(frozen=True)
@@ -65,9 +71,16 @@ class Origin:
 
 @dataclass(frozen=True)
 class Course:
-    """A race: at least two passages, the first is the start, the last the finish."""
+    """A race: at least two passages, the first is the start, the last the finish.
+
+    Attributes:
+        crowd: where people are; their distance is kept all along the flight.
+        airspace: corners of the convex area within which the race is flown, in order; empty where it has no bounds.
+    """
 
     name: str
     passages: tuple[Passage, ...]
     rules: Rules
     origin: Origin = Origin()
+    crowd: tuple[Crowd, ...] = ()
+    airspace: tuple[Point, ...] = ()

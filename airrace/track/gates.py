@@ -1,7 +1,7 @@
 """What stands on a course: the elements an aircraft flies through, past, or (at a free position) performs.
 
 Angles in radians, clockwise from north; lengths in metres; positions in the track's north-east frame, heights above its
-origin. An element says what it is; `passages.py` says how and when it is flown.
+origin. An element says what it is; `course.py` says how and when it is flown.
 """
 
 import math
@@ -89,17 +89,21 @@ class Manoeuvre:
     Attributes:
         bank: kinematic bank angle, rad (pi: inverted); None leaves it free.
         climb: kinematic climb angle, rad; None leaves it free.
+        climb_tolerance: largest deviation from `climb`, rad.
         heading: kinematic course, rad; None leaves it free.
         north, east, height: ranges of the position, m; unbounded where free.
+        kind: what tables call it: "manoeuvre", "high-turn", "vertical-roll".
     """
 
     name: str
     bank: float | None = None
     climb: float | None = None
+    climb_tolerance: float = 0.0
     heading: float | None = None
     north: Interval = Interval()
     east: Interval = Interval()
     height: Interval = Interval()
+    kind: str = "manoeuvre"
 
     @property
     def position(self) -> tuple[float, float, float] | None:

@@ -1,0 +1,76 @@
+"""What a flight keeps away from, and what it has to do on the way: safety lines, crowd, rolls."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from airrace.quantities import Interval
+from airrace.track.polygons import Point
+
+
+@dataclass(frozen=True)
+class SafetyLine:
+    """A line not to be crossed, endless to both sides, on the legs that name it.
+
+    Attributes:
+        start, end: two points of it; they give it a direction.
+        keep_right: whether the flight stays to the right of it (as seen along its direction), else to the left.
+        margin: distance to be kept from it, m.
+    """
+
+    name: str
+    start: Point
+    end: Point
+    keep_right: bool
+    margin: float = 0.0
+
+
+class CrowdShape(Enum):
+    """What the corners of a crowd are: one point, a line from each to the next, or the border of an area."""
+
+    POINT = "point"
+    LINE = "line"
+    AREA = "area"
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """People to keep away from.
+
+    Attributes:
+        corners: one for a point, two or more for a line, three or more (without the first again) for an area.
+        height: of the people above the track's origin, m.
+        distance: least distance, m.
+        slant: whether the distance is measured in space as in (16) of the paper, else over ground alone.
+    """
+
+    name: str
+    shape: CrowdShape
+    corners: tuple[Point, ...]
+    distance: float
+    height: float = 0.0
+    slant: bool = True
+
+
+class Turning(Enum):
+    """Which way a roll goes, as the pilot sees it."""
+
+    RIGHT = "right"
+    LEFT = "left"
+    EITHER = "either"
+
+
+@dataclass(frozen=True)
+class Roll:
+    """A roll on a line: flown on the leg that ends with the passage that carries it.
+
+    Attributes:
+        angle: least angle of the roll, rad.
+        climb: climb angles allowed meanwhile, rad.
+        gain: least height gained meanwhile, m.
+        turning: which way.
+    """
+
+    angle: float
+    climb: Interval
+    gain: float = 0.0
+    turning: Turning = Turning.EITHER
