@@ -1,0 +1,289 @@
+"""The walk of a generated course: which elements stand where, and in which order they are flown."""
+
+import itertools
+import math
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+Choice = TypeVar("Choice")
+
+FORMS = {"circuit": 0.55, "out and back": 0.25, "open": 0.20}
+PIECES = {"level": 0.40, "pylon": 0.17, "knife-edge": 0.15, "slalom": 0.14, "hairpin": 0.08, "quad": 0.06}
+PASSINGS_OF = {"level": 1, "pylon": 1, "knife-edge": 1, "slalom": 3, "hairpin": 3, "quad": 2}
+TURNS = {(0.0, 90.0): 0.65, (90.0, 180.0): 0.25, (180.0, 270.0): 0.10}
+DIRECTIONS = {"forward": 0.60, "reverse": 0.25, "planned": 0.15}
+EDGES = ("right", "left", "either")
+SPACING = (120.0, 600.0)
+SLALOM_SPACING = (120.0, 250.0)
+APART = 60.0  # m, between elements that are no neighbours
+PROPOSALS = 200
+STRIDE = 350.0  # m, what a piece surely brings a circuit nearer to home
+
+
+@dataclass(frozen=True)
+class Style:
+    """What holds over a whole course."""
+
+    aircraft: str
+    form: str
+    passing: str
+    height: int | None
+
+
+@dataclass(frozen=True)
+class Passing:
+    """One passing as laid out: where, with which courses the walk arrives and leaves (degrees), how it is written."""
+
+    name: str
+    kind: str
+    north: float
+    east: float
+    arriving: float
+    leaving: float
+    direction: str = ""
+    safety_line: str = ""
+
+    @property
+    def text(self) -> str:
+        """As an item of the course."""
+        keys: dict[str, object] = {"gate": self.name}
+        if self.direction and self.direction != "forward":
+            keys["direction"] = self.direction
+        if self.safety_line:
+            keys["safety_lines"] = [self.safety_line]
+        return flow(keys) if len(keys) > 1 else self.name
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Elements as they stand, by name, and their passings in the order flown."""
+
+    gates: dict[str, dict[str, object]]
+    passings: tuple[Passing, ...]
+
+
+def drawn(rng: random.Random, table: Mapping[Choice, float]) -> Choice:
+    """One of a table's keys, by its weight."""
+    return rng.choices(list(table), list(table.values()))[0]
+
+
+def chance(rng: random.Random, probability: float) -> bool:
+    return rng.random() < probability
+
+
+def ahead(north: float, east: float, bearing: float, distance: float) -> tuple[float, float]:
+    """A place as seen from another one, in the decimetres that are written; `bearing` in degrees."""
+    angle = math.radians(bearing)
+    return round(north + distance * math.cos(angle), 1), round(east + distance * math.sin(angle), 1)
+
+
+def azimuth(degrees: float) -> int:
+    """Whole degrees from 0 to 359."""
+    return round(degrees) % 360
+
+
+def flow(value: object) -> str:
+    """A mapping, a list or a scalar on one line of YAML."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {flow(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(flow(one) for one in value) + "]"
+    return str(value)
+
+
+def place(position: tuple[float, float]) -> dict[str, object]:
+    return {"north_m": position[0], "east_m": position[1]}
+
+
+def walked_course(rng: random.Random, style: Style) -> Piece:
+    """All elements; start and lap in the order flown."""
+    wanted = rng.randint(4, 24)
+    high_turn = chance(rng, 0.25) and wanted > 4
+    start = _gate(rng, "start", "level", (0.0, 0.0), rng.uniform(0.0, 360.0), style)
+    if style.form == "out and back":
+        course = _out_and_back(rng, start, (wanted - 2 - high_turn) // 2, style)
+    else:
+        course = _circuit_or_open(rng, start, wanted - 1 - high_turn, style)
+    return _with_high_turn(rng, course) if high_turn else course
+
+
+def _circuit_or_open(rng: random.Random, start: Piece, passings: int, style: Style) -> Piece:
+    """The start, so many passings, and the start again or one more gate as a finish."""
+    pieces = _pieces(rng, passings, PIECES)
+    if style.form == "open":
+        return _walk(rng, start, [*pieces, ("level", 1)], style, homeward=False)
+    course = _walk(rng, start, pieces, style, homeward=True)
+    return Piece(course.gates, (*course.passings, start.passings[0]))
+
+
+def _out_and_back(rng: random.Random, start: Piece, passings: int, style: Style) -> Piece:
+    """Out past so many passings to a gate where the course turns back, and home the same way."""
+    kinds = {kind: weight for kind, weight in PIECES.items() if kind != "hairpin"}
+    out = _walk(rng, start, [*_pieces(rng, passings, kinds), ("level", 1)], style, homeward=False)
+    back = [_reversed(one) for one in reversed(out.passings[:-1])]
+    return Piece(out.gates, (*out.passings, *back))
+
+
+def _reversed(passing: Passing) -> Passing:
+    """The same element on the way back. A quad, too, begins with its first pair, whatever follows."""
+    turned = {"forward": "reverse", "reverse": "forward"}.get(passing.direction, passing.direction)
+    return replace(passing, direction=turned, arriving=passing.leaving + 180.0, leaving=passing.arriving + 180.0)
+
+
+def _pieces(rng: random.Random, passings: int, table: Mapping[str, float]) -> list[tuple[str, int]]:
+    """What stands on the way, with the number of passings each piece makes; so many together."""
+    pieces: list[tuple[str, int]] = []
+    left = passings
+    while left:
+        kind = drawn(rng, {kind: weight for kind, weight in table.items() if PASSINGS_OF[kind] <= left})
+        size = min(rng.randint(3, 5), left) if kind == "slalom" else PASSINGS_OF[kind]
+        pieces.append((kind, size))
+        left -= size
+    return pieces
+
+
+def _walk(
+    rng: random.Random, start: Piece, pieces: Sequence[tuple[str, int]], style: Style, *, homeward: bool
+) -> Piece:
+    """The pieces one after the other; `homeward`: so that the start gate can be reached from the last of them."""
+    gates, passings = dict(start.gates), list(start.passings)
+    for index, (kind, size) in enumerate(pieces):
+        still_to_come = len(pieces) - index - 1
+        best, least = None, math.inf
+        for _ in range(PROPOSALS):
+            proposed = _piece(rng, kind, size, passings[-1], len(gates), style)
+            excess = _crowding(proposed, passings) + (_excess(proposed, still_to_come) if homeward else 0.0)
+            if excess < least:
+                best, least = proposed, excess
+            if excess == 0.0:
+                break
+        assert best is not None
+        gates |= best.gates
+        passings += best.passings
+    return Piece(gates, tuple(passings))
+
+
+def _excess(piece: Piece, still_to_come: int) -> float:
+    """How much too far (or, at the end, too near) the start gate is after a piece, m."""
+    distance = math.hypot(piece.passings[-1].north, piece.passings[-1].east)
+    if still_to_come:
+        return max(0.0, distance - STRIDE * (still_to_come + 1))
+    return max(0.0, distance - SPACING[1], SPACING[0] - distance)
+
+
+def _crowding(piece: Piece, before: Sequence[Passing]) -> float:
+    """How much too near to what stands already, m."""
+    pairs = itertools.product(piece.passings, before)
+    return max(0.0, APART - min(math.hypot(a.north - b.north, a.east - b.east) for a, b in pairs))
+
+
+def _piece(rng: random.Random, kind: str, size: int, here: Passing, number: int, style: Style) -> Piece:
+    """The next piece of a walk; its elements are numbered from `number`."""
+    turn = rng.uniform(*drawn(rng, TURNS)) * rng.choice((1, -1))
+    course = here.leaving + turn
+    position = ahead(here.north, here.east, here.leaving + turn / 2.0 + rng.uniform(-15.0, 15.0), rng.uniform(*SPACING))
+    match kind:
+        case "slalom":
+            return _slalom(rng, size, position, course, number, style)
+        case "pylon":
+            outside = -90.0 if turn > 0.0 else 90.0
+            side = course + (outside if chance(rng, 0.75) else -outside)
+            return _pylon(rng, f"pylon_{number}", "pylon", position, course, side, style)
+        case "quad":
+            return _quad(rng, f"quad_{number}", position, course, style)
+        case "hairpin":
+            first = _gate(rng, f"gate_{number}", "level", position, course, style)
+            second = _piece(rng, "level", 1, first.passings[0], number + 1, style)
+            return Piece(first.gates | second.gates, (*first.passings, *second.passings, _reversed(first.passings[0])))
+        case "knife-edge":
+            return _gate(rng, f"knife_{number}", kind, position, course, style, bank=rng.choice(EDGES))
+        case _:
+            return _gate(rng, f"gate_{number}", kind, position, course, style)
+
+
+def _own_keys(rng: random.Random, style: Style) -> dict[str, object]:
+    """Height and strictness where every element has its own."""
+    keys: dict[str, object] = {}
+    if style.height is None:
+        keys["height_m"] = rng.randint(15, 40)
+    if style.passing == "mixed":
+        keys["passing"] = rng.choice(("window", "point"))
+    return keys
+
+
+def _gate(
+    rng: random.Random,
+    name: str,
+    kind: str,
+    position: tuple[float, float],
+    course: float,
+    style: Style,
+    **more: object,
+) -> Piece:
+    """A two-pylon gate that the walk passes along its axis, whichever way that axis is written."""
+    direction = drawn(rng, DIRECTIONS)
+    against = direction == "reverse" or (direction == "planned" and chance(rng, 0.5))
+    keys: dict[str, object] = {"type": kind, **place(position), "heading_deg": azimuth(course + 180.0 * against)}
+    passing = Passing(name, kind, *position, arriving=course, leaving=course, direction=direction)
+    return Piece({name: keys | more | _own_keys(rng, style)}, (passing,))
+
+
+def _quad(rng: random.Random, name: str, position: tuple[float, float], course: float, style: Style) -> Piece:
+    """Two pairs of pylons about one centre; with `either` the walk takes it as a turn to the right."""
+    then = rng.choice(EDGES)
+    more: dict[str, object] = {"then": then}
+    for key in ("bank", "second_bank"):
+        if chance(rng, 0.15):
+            more[key] = rng.choice(EDGES)
+    if chance(rng, 0.5):
+        more["crossing_max_deg"] = rng.choice((20, 30, 45))
+    quad = _gate(rng, name, "quad", position, course, style, **more)
+    leaving = course + (-90.0 if then == "left" else 90.0)
+    return Piece(quad.gates, (replace(quad.passings[0], leaving=leaving),))
+
+
+def _pylon(
+    rng: random.Random,
+    name: str,
+    kind: str,
+    position: tuple[float, float],
+    course: float,
+    side: float,
+    style: Style,
+) -> Piece:
+    keys: dict[str, object] = {"type": "pylon", **place(position), "pass_side_deg": azimuth(side)}
+    passing = Passing(name, kind, *position, arriving=course, leaving=course)
+    return Piece({name: keys | _own_keys(rng, style)}, (passing,))
+
+
+def _slalom(
+    rng: random.Random, size: int, position: tuple[float, float], course: float, number: int, style: Style
+) -> Piece:
+    """Pylons in a row that bends a little, passed at alternating sides."""
+    side = rng.choice((90.0, -90.0))
+    gates: dict[str, dict[str, object]] = {}
+    passings: list[Passing] = []
+    for index in range(size):
+        stands = ahead(*position, course + side, rng.uniform(-5.0, 10.0))
+        pylon = _pylon(rng, f"slalom_{number + index}", "slalom", stands, course, course + side, style)
+        gates |= pylon.gates
+        passings += pylon.passings
+        course += rng.uniform(-10.0, 10.0) / size
+        position = ahead(*position, course, rng.uniform(*SLALOM_SPACING))
+        side = -side
+    return Piece(gates, tuple(passings))
+
+
+def _with_high_turn(rng: random.Random, course: Piece) -> Piece:
+    """A high turn on one of the legs that are no part of a slalom."""
+    passings = course.passings
+    legs = [
+        index for index in range(1, len(passings)) if not (passings[index - 1].kind == passings[index].kind == "slalom")
+    ]
+    at = rng.choice(legs)
+    before, after = passings[at - 1], passings[at]
+    top = Passing("top", "high-turn", before.north, before.east, before.leaving, after.arriving)
+    gates = course.gates | {"top": {"type": "high-turn", "height_min_m": rng.randint(80, 180)}}
+    return Piece(gates, (*passings[:at], top, *passings[at:]))
