@@ -1,34 +1,31 @@
 """From the `gates` of a track file to the elements of a course: defaults filled in, turned to SI, checked for sense."""
 
+import dataclasses
 import math
 import re
 from typing import TypeVar
 
-from airrace.documents.nodes import KeyPath, Reporter
-from airrace.documents.track_schema import (
+from airrace.documents.element_schema import (
     ElementEntry,
     GateDefaultsEntry,
     GatePassingEntry,
+    HighTurnEntry,
     KnifeEdgeGateEntry,
     LevelGateEntry,
     ManoeuvreEntry,
     PassingEntry,
     PylonEntry,
+    QuadEntry,
+    VerticalRollEntry,
 )
-from airrace.documents.units import interval, interval_deg, radians_or_none
+from airrace.documents.figures import Figure, Step
+from airrace.documents.manoeuvres import build_high_turn, build_manoeuvre, build_vertical_roll
+from airrace.documents.nodes import Reporter
+from airrace.documents.places import Places
+from airrace.documents.units import interval_deg
 from airrace.quantities import Interval
-from airrace.track.gates import (
-    INVERTED,
-    KNIFE_EDGE_LEFT,
-    KNIFE_EDGE_RIGHT,
-    LEVEL,
-    Element,
-    Gate,
-    Manoeuvre,
-    Passing,
-    Pylon,
-    Tolerances,
-)
+from airrace.track.course import Direction
+from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing, Pylon, Tolerances
 
 # What a gate has if neither it nor `gate_defaults` says otherwise. Pylons are 25 m high, gates 10-14 m wide, the legal
 # height is about 15-25 m, wings level within 10 degrees (race rules 2014-2019); the other numbers are choices.
@@ -43,31 +40,36 @@ CROSSING_MAX_DEG = 60.0
 REACH_M = 100.0
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
-VERTICAL_DEG = 89.0
-"""Steeper than this a path has no course and no bank angle to speak of."""
-
+NAME_RULE = "begin with a letter and go on with letters, digits, `_` and `-`"
 Value = TypeVar("Value")
 
 
-def build_elements(
-    entries: dict[str, ElementEntry], defaults: GateDefaultsEntry, reporter: Reporter
-) -> dict[str, Element]:
+def build_elements(entries: dict[str, ElementEntry], defaults: GateDefaultsEntry, places: Places) -> dict[str, Figure]:
     """All elements by name; what makes no sense is reported."""
-    built: dict[str, Element] = {}
+    built: dict[str, Figure] = {}
     for name, entry in entries.items():
-        path: KeyPath = ("gates", name)
         if not NAME.fullmatch(name):
-            reporter.key(path, "a gate's name begins with a letter and goes on with letters, digits, `_` and `-`")
-        match entry:
-            case LevelGateEntry():
-                built[name] = _gate(name, entry, defaults, reporter)
-            case KnifeEdgeGateEntry():
-                built[name] = _gate(name, entry, defaults, reporter)
-            case PylonEntry():
-                built[name] = _pylon(name, entry, defaults, reporter)
-            case ManoeuvreEntry():
-                built[name] = _manoeuvre(name, entry, reporter)
+            places.reporter.key(("gates", name), "a gate's name must " + NAME_RULE)
+        built[name] = _figure(name, entry, defaults, places)
     return built
+
+
+def _figure(name: str, entry: ElementEntry, defaults: GateDefaultsEntry, places: Places) -> Figure:
+    match entry:
+        case LevelGateEntry():
+            return Figure(name, (Step(_gate(name, entry, defaults, places)),))
+        case KnifeEdgeGateEntry():
+            return Figure(name, (Step(_banked(_gate(name, entry, defaults, places), entry.bank)),))
+        case QuadEntry():
+            return _quad(name, entry, defaults, places)
+        case PylonEntry():
+            return Figure(name, (Step(_pylon(name, entry, defaults, places)),))
+        case ManoeuvreEntry():
+            return build_manoeuvre(name, entry, places)
+        case HighTurnEntry():
+            return build_high_turn(name, entry, places.reporter)
+        case VerticalRollEntry():
+            return build_vertical_roll(name, entry, places.reporter)
 
 
 def _chosen(own: Value | None, default: Value | None, silent: Value) -> Value:
@@ -78,44 +80,62 @@ def _chosen(own: Value | None, default: Value | None, silent: Value) -> Value:
 
 
 def _gate(
-    name: str, entry: LevelGateEntry | KnifeEdgeGateEntry, defaults: GateDefaultsEntry, reporter: Reporter
+    name: str, entry: LevelGateEntry | KnifeEdgeGateEntry | QuadEntry, defaults: GateDefaultsEntry, places: Places
 ) -> Gate:
-    passing = _passing(entry, defaults)
+    """Two pylons, wings level."""
+    reporter, place = places.reporter, places.point(entry, ("gates", name))
     clearance = _chosen(entry.clearance_m, defaults.clearance_m, GATE_CLEARANCE_M)
-    tolerances = _tolerances(entry, defaults, clearance=clearance)
     gate = Gate(
         name=name,
-        north=entry.north_m,
-        east=entry.east_m,
+        north=place.north,
+        east=place.east,
         height=_chosen(entry.height_m, defaults.height_m, HEIGHT_M),
         heading=math.radians(entry.heading_deg),
         width=_chosen(entry.width_m, defaults.width_m, WIDTH_M),
-        passing=passing,
-        tolerances=tolerances,
-        bank=_bank(entry),
-        either_bank=isinstance(entry, KnifeEdgeGateEntry) and entry.bank == "either",
+        passing=_passing(entry, defaults),
+        tolerances=_tolerances(entry, defaults, clearance=clearance),
     )
     _check_height(gate, reporter)
     _check_climb(gate, reporter)
-    if passing is Passing.WINDOW and gate.width <= 2.0 * tolerances.clearance:
+    if gate.passing is Passing.WINDOW and gate.width <= 2.0 * clearance:
         reporter.value(
             ("gates", name, "width_m"),
-            f"a width of {gate.width:g} m leaves nothing between two clearances of {tolerances.clearance:g} m",
+            f"a width of {gate.width:g} m leaves nothing between two clearances of {clearance:g} m",
         )
     return gate
 
 
-def _bank(entry: LevelGateEntry | KnifeEdgeGateEntry) -> float:
-    if isinstance(entry, LevelGateEntry):
-        return LEVEL
-    return KNIFE_EDGE_LEFT if entry.bank == "left" else KNIFE_EDGE_RIGHT
+def _banked(gate: Gate, name: str) -> Gate:
+    """The gate flown at a bank that is named after the wing that points down."""
+    bank = {"level": LEVEL, "left": KNIFE_EDGE_LEFT}.get(name, KNIFE_EDGE_RIGHT)
+    return dataclasses.replace(gate, bank=bank, either_bank=name == "either")
 
 
-def _pylon(name: str, entry: PylonEntry, defaults: GateDefaultsEntry, reporter: Reporter) -> Pylon:
+def _quad(name: str, entry: QuadEntry, defaults: GateDefaultsEntry, places: Places) -> Figure:
+    """Two crossed gates. The second one's heading is counted from the first one's: flown in reverse, both turn."""
+    first = _gate(name, entry, defaults, places)
+    turn_deg = -90.0 if entry.then == "left" else 90.0
+    second = dataclasses.replace(first, heading=math.radians(entry.heading_deg + turn_deg))
+    either = entry.then == "either"
+    return Figure(
+        name,
+        (
+            Step(dataclasses.replace(_banked(first, entry.bank), name=f"{name}/1")),
+            Step(
+                dataclasses.replace(_banked(second, entry.second_bank), name=f"{name}/2"),
+                direction=Direction.PLANNED if either else None,
+            ),
+        ),
+        free_directions=either,
+    )
+
+
+def _pylon(name: str, entry: PylonEntry, defaults: GateDefaultsEntry, places: Places) -> Pylon:
+    reporter, place = places.reporter, places.point(entry, ("gates", name))
     pylon = Pylon(
         name=name,
-        north=entry.north_m,
-        east=entry.east_m,
+        north=place.north,
+        east=place.east,
         height=_chosen(entry.height_m, defaults.height_m, HEIGHT_M),
         side=math.radians(entry.pass_side_deg),
         reach=_chosen(entry.reach_m, defaults.reach_m, REACH_M),
@@ -185,43 +205,3 @@ def _check_climb(element: Gate | Pylon, reporter: Reporter) -> None:
             ("gates", element.name, "climb_min_deg"),
             f"must not exceed the largest climb angle: {math.degrees(climb.lower):g} to {math.degrees(climb.upper):g}",
         )
-
-
-def _manoeuvre(name: str, entry: ManoeuvreEntry, reporter: Reporter) -> Manoeuvre:
-    path: KeyPath = ("gates", name)
-
-    def position(axis: str, exact: float | None, lower: float | None, upper: float | None) -> Interval:
-        return _position(axis, exact, interval(lower, upper), path=path, reporter=reporter)
-
-    manoeuvre = Manoeuvre(
-        name=name,
-        bank=INVERTED if entry.inverted else radians_or_none(entry.bank_deg),
-        climb=radians_or_none(entry.climb_deg),
-        heading=radians_or_none(entry.heading_deg),
-        north=position("north", entry.north_m, entry.north_min_m, entry.north_max_m),
-        east=position("east", entry.east_m, entry.east_min_m, entry.east_max_m),
-        height=position("height", entry.height_m, entry.height_min_m, entry.height_max_m),
-    )
-    if entry.inverted is False:
-        reporter.value((*path, "inverted"), "can only be true; for upright flight give `bank_deg: 0`")
-    if entry.inverted and entry.bank_deg is not None:
-        reporter.value((*path, "bank_deg"), "not together with `inverted`, which says a bank of 180 degrees")
-    if manoeuvre == Manoeuvre(name=name):
-        reporter.key(path, "a manoeuvre needs at least one condition: climb_deg, bank_deg, inverted, heading_deg, ...")
-    if entry.climb_deg is not None and abs(entry.climb_deg) > VERTICAL_DEG:
-        for key in ("bank_deg", "inverted", "heading_deg"):
-            if reporter.find((*path, key)) is not None:
-                reporter.value((*path, key), "has no meaning on a vertical line; leave it out")
-    return manoeuvre
-
-
-def _position(axis: str, exact: float | None, bounds: Interval, *, path: KeyPath, reporter: Reporter) -> Interval:
-    if exact is not None:
-        if bounds.bounded:
-            reporter.value((*path, f"{axis}_m"), f"is exact; not together with `{axis}_min_m` or `{axis}_max_m`")
-        return Interval.exactly(exact)
-    if bounds.empty:
-        reporter.value(
-            (*path, f"{axis}_min_m"), f"must not exceed `{axis}_max_m`, {bounds.upper:g}, but is {bounds.lower:g}"
-        )
-    return bounds

@@ -1,7 +1,9 @@
 """All inputs of a run: read, checked, understood; what is wrong is said all at once."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 from airrace.documents.aircraft import build_aircraft
@@ -11,16 +13,22 @@ from airrace.documents.course import build_course
 from airrace.documents.document import Document, missing_file, read_document
 from airrace.documents.nodes import JSON, Entry, MappingNode, Reporter, ScalarNode
 from airrace.documents.overrides import PREFIXED, apply_overrides, parse_overrides
+from airrace.documents.places import Places
+from airrace.documents.references import check_references
 from airrace.documents.resolved import resolved_inputs
-from airrace.documents.schema import validate
+from airrace.documents.schema import Schema
 from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
+from airrace.documents.shorthands import expanded
 from airrace.documents.track_schema import TRACK_SCHEMA, TrackEntry
+from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
 from airrace.procedure.race import Race
 from airrace.procedure.settings import Settings
 
+FINDINGS_MAX = 100
+"""So many findings are told of one document."""
 NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
 
 
@@ -61,12 +69,12 @@ def load_inputs(
         InputError: with all findings.
     """
     run = _Run(overrides)
-    opened_track = run.open(read_document(track, run.findings), "track", TRACK_SCHEMA)
+    opened_track = run.open(read_document(track, run.findings), _TRACK)
     if aircraft is not None:
         aircraft_document = read_document(aircraft, run.findings)
     else:
         aircraft_document = _referenced_aircraft(track, opened_track, run.findings)
-    opened_aircraft = run.open(aircraft_document, "aircraft", AIRCRAFT_SCHEMA)
+    opened_aircraft = run.open(aircraft_document, _AIRCRAFT)
     settings_document = read_document(settings, run.findings) if settings is not None else None
     return run.inputs(opened_track, opened_aircraft, settings_document)
 
@@ -80,9 +88,23 @@ def inputs_from_documents(
         InputError: with all findings.
     """
     run = _Run(overrides)
-    opened_track = run.open(track, "track", TRACK_SCHEMA)
-    opened_aircraft = run.open(aircraft, "aircraft", AIRCRAFT_SCHEMA)
+    opened_track = run.open(track, _TRACK)
+    opened_aircraft = run.open(aircraft, _AIRCRAFT)
     return run.inputs(opened_track, opened_aircraft, settings_file)
+
+
+@dataclass(frozen=True)
+class _Language:
+    """One kind of document: what the command line calls it, how it begins, what it holds."""
+
+    kind: str
+    schema: str
+    model: type[Schema]
+
+
+_TRACK = _Language("track", TRACK_SCHEMA, TrackEntry)
+_AIRCRAFT = _Language("aircraft", AIRCRAFT_SCHEMA, AircraftEntry)
+_SETTINGS = _Language("settings", SETTINGS_SCHEMA, SettingsEntry)
 
 
 @dataclass(frozen=True)
@@ -101,7 +123,7 @@ class _Run:
         self._texts = tuple(overrides)
         self._overrides = parse_overrides(overrides, self.findings)
 
-    def open(self, document: Document | None, kind: str, schema: str) -> _Opened | None:
+    def open(self, document: Document | None, language: _Language) -> _Opened | None:
         """Read the YAML; None if the document is missing or cannot be trusted to be what it should be."""
         if document is None:
             return None
@@ -112,13 +134,20 @@ class _Run:
             return None
         if not isinstance(root, MappingNode):
             place = root.place
-            message = f"must be a mapping that begins with `schema: {schema}`"
+            message = f"must be a mapping that begins with `schema: {language.schema}`"
             self.findings.append(Finding(document.path, place.line, place.column, "", message))
             return None
-        mine = [override for override in self._overrides if override.document == kind]
-        prefix = f"{kind}." if kind in PREFIXED else ""
-        reporter = Reporter(apply_overrides(root, mine, self.findings), self.findings, prefix)
-        return _Opened(document, reporter) if _has_schema(reporter, schema) else None
+        mine = [override for override in self._overrides if override.document == language.kind]
+        # Overrides reach into what a shorthand stands for, and may be shorthands themselves.
+        changed = apply_overrides(expanded(root, language.model), mine, self.findings)
+        own = language.kind in PREFIXED
+        reporter = Reporter(
+            expanded(changed, language.model),
+            self.findings,
+            prefix=f"{language.kind}." if own else "",
+            others=() if own else tuple(f"{kind}." for kind in PREFIXED),
+        )
+        return _Opened(document, reporter) if _has_schema(reporter, language.schema) else None
 
     def inputs(self, track: _Opened | None, aircraft: _Opened | None, settings_file: Document | None) -> Inputs:
         """Understand all documents.
@@ -126,13 +155,15 @@ class _Run:
         Raises:
             InputError: with all findings.
         """
-        opened_settings = self.open(settings_file or NO_SETTINGS, "settings", SETTINGS_SCHEMA)
+        opened_settings = self.open(settings_file or NO_SETTINGS, _SETTINGS)
         track_entry = validate(TrackEntry, track.reporter) if track else None
         aircraft_entry = validate(AircraftEntry, aircraft.reporter) if aircraft else None
         settings_entry = validate(SettingsEntry, opened_settings.reporter) if opened_settings else None
+        if track:
+            check_references(track.reporter)
         course = build_course(track_entry, track.reporter) if track and track_entry else None
         air = (
-            build_air(track_entry.environment, track_entry.origin.elevation_m, track.reporter)
+            build_air(track_entry.environment, Places(track_entry.origin, track.reporter))
             if track and track_entry
             else None
         )
@@ -141,11 +172,11 @@ class _Run:
             build_settings(settings_entry, opened_settings.reporter) if opened_settings and settings_entry else None
         )
         if self.findings or not (track and aircraft and course and air and flown and settings):
-            raise InputError(self.findings)
+            raise InputError(told(self.findings))
         race = Race(course, flown, air)
         check_together(race, track.reporter)
         if self.findings:
-            raise InputError(self.findings)
+            raise InputError(told(self.findings))
         return Inputs(
             race=race,
             settings=settings,
@@ -155,6 +186,18 @@ class _Run:
             overrides=self._texts,
             resolved=resolved_inputs(race, settings),
         )
+
+
+def told(findings: Sequence[Finding]) -> list[Finding]:
+    """At most `FINDINGS_MAX` findings per document, in its order; then one that says how many there are besides."""
+    kept: list[Finding] = []
+    for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
+        mine = list(group)
+        kept.extend(mine[:FINDINGS_MAX])
+        if len(mine) > FINDINGS_MAX:
+            rest = len(mine) - FINDINGS_MAX
+            kept.append(dataclasses.replace(mine[FINDINGS_MAX], message=f"and {rest} more findings from here on"))
+    return kept
 
 
 def _has_schema(reporter: Reporter, schema: str) -> bool:

@@ -1,8 +1,9 @@
 """What a YAML text says, with the place of every key and value kept: the tree between reader and schemas."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
+from airrace.documents.spelling import Speller
 from airrace.errors import Finding
 
 ScalarValue = str | int | float | bool | None
@@ -81,11 +82,14 @@ class Reporter:
         root: the document.
         findings: where the findings are gathered.
         prefix: what the keys begin with on the command line ("settings."); added where the value came from there.
+        others: prefixes of the other documents, where keys without one belong to this.
     """
 
     root: MappingNode
     findings: list[Finding]
     prefix: str = ""
+    others: tuple[str, ...] = ()
+    _speller: Speller = field(default_factory=Speller)
 
     def value(self, path: KeyPath, message: str) -> None:
         """Remark on a value; where the entry is absent, on the innermost element that should hold it."""
@@ -94,6 +98,14 @@ class Reporter:
     def key(self, path: KeyPath, message: str) -> None:
         """Remark on the key itself, or on an absent one."""
         self._add(self._place(path, at_key=True), path, message)
+
+    def suggestion(self, word: str, known: Collection[str]) -> str:
+        """What may have been meant by a word, to be appended to a message."""
+        return self._speller.suggestion(word, known)
+
+    def other_documents(self, path: KeyPath) -> tuple[str, ...]:
+        """Prefixes that may be missing before a key that was given on the command line."""
+        return self.others if len(path) == 1 and not self._place(path, at_key=True).line else ()
 
     def find(self, path: KeyPath) -> Node | None:
         """The node at a path, None where there is none."""

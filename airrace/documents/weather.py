@@ -3,6 +3,7 @@
 import math
 
 from airrace.documents.nodes import KeyPath, Reporter
+from airrace.documents.places import Places
 from airrace.documents.track_schema import EnvironmentEntry, ThermalEntry, WindEntry
 from airrace.documents.units import KNOT
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
@@ -11,14 +12,14 @@ WIND: KeyPath = ("environment", "wind")
 HECTOPASCAL = 100.0
 
 
-def build_air(entry: EnvironmentEntry, elevation: float, reporter: Reporter) -> Air:
-    """The air above a track at `elevation` (m above mean sea level)."""
+def build_air(entry: EnvironmentEntry, places: Places) -> Air:
+    """The air above a track."""
     return Air(
         temperature_offset=entry.temperature_offset_K,
         pressure_offset=entry.pressure_offset_hPa * HECTOPASCAL,
-        elevation=elevation,
-        wind=_wind(entry.wind, reporter) if entry.wind else None,
-        thermals=tuple(_thermal(thermal) for thermal in entry.thermals),
+        elevation=places.origin.elevation_m,
+        wind=_wind(entry.wind, places.reporter) if entry.wind else None,
+        thermals=tuple(_thermal(thermal, index, places) for index, thermal in enumerate(entry.thermals)),
     )
 
 
@@ -51,5 +52,6 @@ def _given(value: float | None, silent: float) -> float:
     return silent if value is None else value
 
 
-def _thermal(entry: ThermalEntry) -> Thermal:
-    return Thermal(north=entry.north_m, east=entry.east_m, w_star=entry.w_star_m_s, mixing_height=entry.mixing_height_m)
+def _thermal(entry: ThermalEntry, index: int, places: Places) -> Thermal:
+    place = places.point(entry, ("environment", "thermals", index))
+    return Thermal(north=place.north, east=place.east, w_star=entry.w_star_m_s, mixing_height=entry.mixing_height_m)

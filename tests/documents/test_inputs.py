@@ -266,7 +266,8 @@ def test_a_duplicate_key_is_found() -> None:
         (
             "    type: level\n",
             "",
-            "t.yaml:7:3: gates.g0.type: missing; `type` is one of: level, knife-edge, pylon, manoeuvre",
+            "t.yaml:7:3: gates.g0.type: missing; `type` is one of: level, knife-edge, quad, pylon, manoeuvre, "
+            "high-turn, vertical-roll",
         ),
         (
             "bank: left",

@@ -1,0 +1,89 @@
+"""From the positions of a document to metres north and east of its origin.
+
+Latitude and longitude are WGS 84. A place is taken at the elevation of the origin and seen in the origin's local
+north-east-down frame; its height in that frame (the earth's curvature) is ignored, for the track's frame is flat.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+from airrace.documents.nodes import KeyPath, Reporter
+from airrace.documents.place_schema import OriginEntry, PlacedEntry
+from airrace.track.polygons import Point
+
+REACH_M = 50_000.0
+"""Farthest from the origin a place may be; the frame is flat."""
+METRIC = ("north_m", "east_m")
+GEODETIC = ("latitude_deg", "longitude_deg")
+
+
+@dataclass(frozen=True)
+class Places:
+    """The positions of one document; what is wrong with them goes to the reporter."""
+
+    origin: OriginEntry
+    reporter: Reporter
+
+    def check_origin(self) -> None:
+        """The origin has both of its coordinates or none."""
+        given = (self.origin.latitude_deg, self.origin.longitude_deg)
+        if given.count(None) == 1:
+            self._missing(("origin",), GEODETIC, given)
+
+    def point(self, entry: PlacedEntry, path: KeyPath) -> Point:
+        """The position of an element; the origin where it was refused."""
+        metric = (entry.north_m, entry.east_m)
+        if entry.latitude_deg is not None or entry.longitude_deg is not None:
+            return self.geodetic(entry, path) or Point(0.0, 0.0)
+        if metric == (None, None):
+            self.reporter.key(
+                (*path, METRIC[0]),
+                "missing; a position is `north_m` and `east_m`, or `latitude_deg` and `longitude_deg`",
+            )
+        elif None in metric:
+            self._missing(path, METRIC, metric)
+        return Point(metric[0] or 0.0, metric[1] or 0.0)
+
+    def geodetic(self, entry: PlacedEntry, path: KeyPath) -> Point | None:
+        """The position given by latitude and longitude; None where it is not, or was refused."""
+        given = (entry.latitude_deg, entry.longitude_deg)
+        if given == (None, None):
+            return None
+        first = GEODETIC[0] if given[0] is not None else GEODETIC[1]
+        if entry.north_m is not None or entry.east_m is not None:
+            self.reporter.key(
+                (*path, first), "the position is given twice; keep north and east, or latitude and longitude"
+            )
+            return None
+        if given[0] is None or given[1] is None:
+            self._missing(path, GEODETIC, given)
+            return None
+        if self.origin.latitude_deg is None or self.origin.longitude_deg is None:
+            self.reporter.key(
+                (*path, first), "needs the `latitude_deg` and `longitude_deg` of the track's `origin`; or use north_m"
+            )
+            return None
+        return self._seen_from_origin(given[0], given[1], path)
+
+    def _seen_from_origin(self, latitude: float, longitude: float, path: KeyPath) -> Point | None:
+        # Imported here: most courses are given in metres. ignore: the library leaves its arguments untyped.
+        from pymap3d import geodetic2ned  # pyright: ignore[reportUnknownVariableType]
+
+        o, h = self.origin, self.origin.elevation_m
+        seen = cast(
+            tuple[float, float, float], geodetic2ned(latitude, longitude, h, o.latitude_deg, o.longitude_deg, h)
+        )
+        north, east, down = (float(component) for component in seen)
+        away = math.hypot(north, east, down)
+        if away > REACH_M:
+            self.reporter.value(
+                (*path, GEODETIC[0]),
+                f"lies {away / 1000.0:.4g} km from the origin; at most {REACH_M / 1000.0:g} km, for the frame is flat",
+            )
+            return None
+        return Point(north, east)
+
+    def _missing(self, path: KeyPath, keys: tuple[str, str], given: tuple[float | None, float | None]) -> None:
+        absent, present = keys if given[0] is None else keys[::-1]
+        self.reporter.key((*path, absent), f"missing; `{present}` needs `{absent}` beside it")

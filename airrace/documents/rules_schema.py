@@ -1,0 +1,62 @@
+"""The rules of a race: in a course file, or as the preset of a season (`airrace/rules/1`)."""
+
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import Field
+
+from airrace.documents.element_schema import GateDefaultsEntry
+from airrace.documents.place_schema import Height
+from airrace.documents.schema import Schema
+from airrace.documents.surroundings_schema import Distance
+
+RULES_SCHEMA = "airrace/rules/1"
+
+
+class LimitsEntry(Schema):
+    """What a flight must keep to from start to finish."""
+
+    what: ClassVar[str] = "a rule book"
+    n_z_max: Annotated[float, Gt(1), Le(25)] | None = Field(default=None, description="the largest load factor")
+    n_z_min: Annotated[float, Ge(-25), Lt(1)] = Field(default=-2.0, description="the least load factor")
+    C_L_max: Annotated[float, Gt(0), Le(5)] | None = Field(
+        default=None, description="largest lift coefficient, besides the aircraft's own"
+    )
+    alpha_max_deg: Annotated[float, Gt(0), Le(90)] | None = Field(default=None, description="largest angle of attack")
+    alpha_min_deg: Annotated[float, Ge(-90), Lt(90)] | None = Field(default=None, description="least angle of attack")
+    roll_rate_max_deg_s: Annotated[float, Ge(10), Le(1000)] | None = Field(
+        default=None, description="largest roll rate to either side, besides the aircraft's own"
+    )
+    sideslip_max_deg: Annotated[float, Gt(0), Le(45)] | None = Field(
+        default=None, description="largest sideslip to either side, besides the aircraft's own"
+    )
+    floor_m: Height = Field(default=10.0, description="least height above the origin")
+    ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = Field(
+        default=None, description="largest height above the origin"
+    )
+    start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = Field(
+        default=None, description="largest speed over ground at the start"
+    )
+    crowd_distance_m: Distance | None = Field(
+        default=None, description="least distance from every crowd that does not say its own"
+    )
+
+
+class RulesEntry(LimitsEntry):
+    """The rules of a course file; own keys override those of the preset."""
+
+    form: ClassVar[str] = "the name of a preset, or a mapping (`key: value` lines)"
+    shorthand: ClassVar[str | None] = "preset"
+    preset: str | None = Field(default=None, description="the season whose rules hold where no key here says otherwise")
+
+
+class PresetEntry(Schema):
+    """A whole preset file."""
+
+    what: ClassVar[str] = "a preset"
+    schema_: Literal["airrace/rules/1"] = Field(alias="schema", description="the language of this file")
+    source: str = Field(description="where the numbers come from")
+    rules: LimitsEntry = Field(description="limits along the flight")
+    gate_defaults: GateDefaultsEntry = Field(
+        default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
+    )

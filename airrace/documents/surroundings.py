@@ -1,0 +1,170 @@
+"""From a track file's safety lines, crowd and airspace to the limits of a course, and whether they leave room."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from airrace.documents.figures import Figure
+from airrace.documents.nodes import KeyPath, Reporter
+from airrace.documents.place_schema import PlaceEntry
+from airrace.documents.places import Places
+from airrace.documents.surroundings_schema import CrowdEntry, SafetyLineEntry
+from airrace.track import polygons
+from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.polygons import Point
+
+SAME_PLACE_M = 0.01
+"""Closer than this two corners are one."""
+ROUNDING_M = 1e-6
+SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
+
+
+def build_safety_lines(entries: dict[str, SafetyLineEntry], places: Places) -> dict[str, SafetyLine]:
+    """All safety lines by name."""
+    return {name: _safety_line(name, entry, places) for name, entry in entries.items()}
+
+
+def _safety_line(name: str, entry: SafetyLineEntry, places: Places) -> SafetyLine:
+    path: KeyPath = ("safety_lines", name)
+    known = len(places.reporter.findings)
+    line = SafetyLine(
+        name=name,
+        start=places.point(entry.from_, (*path, "from")),
+        end=places.point(entry.to, (*path, "to")),
+        keep_right=entry.keep == "right",
+        margin=entry.margin_m,
+    )
+    if len(places.reporter.findings) == known and _same(line.start, line.end):
+        places.reporter.value((*path, "to"), "is the same place as `from`; a line needs two different points")
+    return line
+
+
+def room_beside(line: SafetyLine, place: Point) -> float:
+    """Distance of a place from a line on the allowed side, m; negative on the other."""
+    to_right = polygons.to_right(line.start, line.end, place)
+    return to_right if line.keep_right else -to_right
+
+
+def build_crowd(entries: dict[str, CrowdEntry], distance: float | None, places: Places) -> tuple[Crowd, ...]:
+    """All crowds; `distance` holds for those that do not say their own."""
+    return tuple(_crowd(name, entry, distance, places) for name, entry in entries.items())
+
+
+def _crowd(name: str, entry: CrowdEntry, distance: float | None, places: Places) -> Crowd:
+    path: KeyPath = ("crowd", name)
+    given = [key for key in SHAPES if getattr(entry, key) is not None]
+    if not given:
+        places.reporter.key(path, "a crowd needs one of `point`, `line` and `polygon`")
+    if len(given) > 1:
+        places.reporter.key((*path, given[1]), f"not together with `{given[0]}`; a crowd has one shape")
+    key = given[0] if given else "point"
+    if entry.distance_m is None and distance is None:
+        places.reporter.key(
+            (*path, "distance_m"), "missing; say it here, or for every crowd as `crowd_distance_m` of the rules"
+        )
+    return Crowd(
+        name=name,
+        shape=SHAPES[key],
+        corners=_corners(key, entry, (*path, key), places),
+        distance=entry.distance_m or distance or 0.0,
+        height=entry.height_m,
+        slant=entry.measured == "slant",
+    )
+
+
+def _corners(key: str, entry: CrowdEntry, path: KeyPath, places: Places) -> tuple[Point, ...]:
+    if entry.point is not None and key == "point":
+        return (places.point(entry.point, path),)
+    if entry.line is not None and key == "line":
+        corners = _points(entry.line, path, places)
+        if len(entry.line) < 2:
+            places.reporter.value(path, "a line needs at least two corners; a single place is a `point`")
+        return corners or (Point(0.0, 0.0), Point(0.0, 1.0))
+    if entry.polygon is not None and key == "polygon":
+        return _polygon(entry.polygon, path, places)
+    return (Point(0.0, 0.0),)
+
+
+def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tuple[Point, ...]:
+    """Corners of the convex area of the race; empty where there is none, or none to rely on."""
+    if entries is None:
+        return ()
+    known = len(places.reporter.findings)
+    corners = _polygon(entries, ("airspace",), places)
+    if len(places.reporter.findings) > known:
+        return ()
+    dent = polygons.dent(corners)
+    if dent is not None:
+        places.reporter.value(
+            ("airspace", dent),
+            "the airspace is dented inwards at this corner and must be convex; leave the corner out and keep the "
+            "notch free with an area of `crowd`",
+        )
+        return ()
+    return corners
+
+
+def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
+    """Corners of a simple polygon."""
+    known = len(places.reporter.findings)
+    corners = _points(entries, path, places)
+    if len(entries) < 3:
+        places.reporter.value(path, f"an area needs at least three corners, not {len(entries)}")
+        return corners
+    if _same(corners[0], corners[-1]):
+        places.reporter.value(
+            (*path, len(corners) - 1), "is the first corner again; leave it out, an area closes by itself"
+        )
+    if len(places.reporter.findings) > known:
+        return corners
+    extent = max(math.hypot(one.north - corners[0].north, one.east - corners[0].east) for one in corners)
+    if abs(polygons.area(corners)) < SAME_PLACE_M * extent:
+        places.reporter.value(path, "all corners lie on one line; an area needs three that do not")
+        return corners
+    crossing = polygons.crossing_edges(corners)
+    if crossing is not None:
+        one, other = (f"from corner {index} to corner {(index + 1) % len(corners)}" for index in crossing)
+        places.reporter.value(
+            path, f"the border crosses itself: {one} and {other} (counted from 0); give the corners in order"
+        )
+    return corners
+
+
+def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
+    """Corners; neighbours are different places."""
+    known = len(places.reporter.findings)
+    corners = tuple(places.point(entry, (*path, index)) for index, entry in enumerate(entries))
+    if len(places.reporter.findings) == known:
+        for index in range(1, len(corners)):
+            if _same(corners[index - 1], corners[index]):
+                places.reporter.value((*path, index), "is the same place as the corner before; leave one of them out")
+    return corners
+
+
+def _same(a: Point, b: Point) -> bool:
+    return math.hypot(a.north - b.north, a.east - b.east) < SAME_PLACE_M
+
+
+def check_room(
+    figures: Iterable[Figure], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
+) -> None:
+    """Report every element that stands outside of the airspace or closer to people than is allowed."""
+    for figure in figures:
+        if figure.position is None:
+            continue
+        place, height = figure.position
+        away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
+        if away > ROUNDING_M:
+            reporter.key(figure.path, f"stands {away:.4g} m outside of the `airspace`")
+        for crowd in crowds:
+            away = _distance(place, height, crowd)
+            if away < crowd.distance - ROUNDING_M:
+                how = "in space" if crowd.slant else "over ground"
+                reporter.key(
+                    figure.path,
+                    f"is {away:.4g} m from the crowd `{crowd.name}`, measured {how}; at least {crowd.distance:g} m",
+                )
+
+
+def _distance(place: Point, height: float, crowd: Crowd) -> float:
+    over_ground = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
+    return math.hypot(over_ground, height - crowd.height) if crowd.slant else over_ground
