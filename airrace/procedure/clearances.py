@@ -1,0 +1,83 @@
+"""How far ways keep away from crowds, safety lines and the border of the airspace.
+
+Ways are many at once: north and east of shape (ways, samples, 2), heights of shape (ways, samples), m.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.polygons import Point, area, edges
+from airrace.trajectory import Array
+
+
+def crowd_distance(ways: Array, heights: Array, crowd: Crowd) -> Array:
+    """Least distance of every way from a crowd, as the crowd measures it, shape (ways,), m.
+
+    A height that is not known counts as that of the people.
+    """
+    ground = _ground_distance(ways, crowd)
+    if not crowd.slant:
+        return ground.min(axis=1)
+    above = np.where(np.isnan(heights), 0.0, heights - crowd.height)
+    return np.hypot(ground, above).min(axis=1)
+
+
+def crowd_overflown(ways: Array, crowd: Crowd) -> Array:
+    """Whether a way leads over a line or an area of people, shape (ways,)."""
+    over = np.zeros(len(ways), bool)
+    if crowd.shape is CrowdShape.AREA:
+        over |= _inside(ways, crowd.corners).any(axis=1)
+    for a, b in edges(crowd.corners, closed=crowd.shape is CrowdShape.AREA):
+        along, across = _beside(ways, a, b)
+        changes = across[:, :-1] * across[:, 1:] < 0.0
+        share = across[:, :-1] / np.where(changes, across[:, :-1] - across[:, 1:], 1.0)
+        met = along[:, :-1] + share * np.diff(along, axis=1)
+        over |= (changes & (met >= 0.0) & (met <= np.hypot(b.north - a.north, b.east - a.east))).any(axis=1)
+    return over
+
+
+def beyond_line(way: Array, line: SafetyLine) -> float:
+    """How far a way (samples, 2) gets beyond a safety line and its margin, m; negative if it stays clear."""
+    _, across = _beside(way, line.start, line.end)
+    return float((line.margin - across if line.keep_right else line.margin + across).max())
+
+
+def beyond_border(way: Array, corners: Sequence[Point]) -> float:
+    """How far a way (samples, 2) gets out of a convex area, m; negative if it stays inside."""
+    sense = np.copysign(1.0, area(corners))
+    return max(float((-sense * _beside(way, a, b)[1]).max()) for a, b in edges(corners, closed=True))
+
+
+def _ground_distance(ways: Array, crowd: Crowd) -> Array:
+    """Of every sample, shape (ways, samples); zero within an area."""
+    if crowd.shape is CrowdShape.POINT:
+        (corner,) = crowd.corners
+        return np.hypot(ways[..., 0] - corner.north, ways[..., 1] - corner.east)
+    closed = crowd.shape is CrowdShape.AREA
+    nearest = np.full(ways.shape[:-1], np.inf)
+    for a, b in edges(crowd.corners, closed=closed):
+        along, across = _beside(ways, a, b)
+        past = along - np.clip(along, 0.0, np.hypot(b.north - a.north, b.east - a.east))
+        nearest = np.minimum(nearest, np.hypot(past, across))
+    return np.where(_inside(ways, crowd.corners), 0.0, nearest) if closed else nearest
+
+
+def _inside(ways: Array, corners: Sequence[Point]) -> np.ndarray:
+    """Whether samples lie within a simple polygon: a ray to the north crosses its border an odd number of times."""
+    north, east = ways[..., 0], ways[..., 1]
+    within = np.zeros(north.shape, bool)
+    for a, b in edges(corners, closed=True):
+        if a.east != b.east:
+            level = a.north + (east - a.east) / (b.east - a.east) * (b.north - a.north)
+            within ^= ((a.east > east) != (b.east > east)) & (level > north)
+    return within
+
+
+def _beside(ways: Array, a: Point, b: Point) -> tuple[Array, Array]:
+    """Of every sample how far it lies along the line from a to b, and how far to its right, m."""
+    length = np.hypot(b.north - a.north, b.east - a.east)
+    direction = ((b.north - a.north) / length, (b.east - a.east) / length) if length > 0.0 else (1.0, 0.0)
+    north, east = ways[..., 0] - a.north, ways[..., 1] - a.east
+    return north * direction[0] + east * direction[1], east * direction[0] - north * direction[1]

@@ -1,0 +1,115 @@
+"""The legs of a course before anyone flies it: from place to place, straight and by the tightest level turns."""
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.environment.atmosphere import g0
+from airrace.procedure.cruise import AIR_DENSITY, Cruise, top_speed
+from airrace.procedure.plan import plan
+from airrace.procedure.race import Race
+from airrace.track.course import Passage
+from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.trajectory import Array
+
+PLANNED_MAX = 400  # passages: planning takes about a millisecond each; the turns of longer courses are not looked at
+SAMPLES = 65  # of every way
+LEAST_LOAD_FACTOR = 1.5  # below it a turn has hardly an end
+
+
+@dataclass(frozen=True)
+class Turn:
+    """The tightest level way between two passages: first and last heading, and how much it turns in all, rad."""
+
+    heading: float
+    end_heading: float
+    turning: float
+
+
+@dataclass(frozen=True)
+class Leg:
+    """From one place to the next.
+
+    Attributes:
+        before, after: the passages at its ends.
+        start, end: north, east and height of their centres, m; the height is NaN where it is free.
+        way: north and east by the tightest level turns, shape (SAMPLES, 2), m; straight where no turn is planned.
+        turn: of that way; None where none is planned.
+    """
+
+    before: Passage
+    after: Passage
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    way: Array
+    turn: Turn | None
+
+    @property
+    def length(self) -> float:
+        """Straight, over ground, m."""
+        return math.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
+
+    @property
+    def bearing(self) -> float:
+        """Of the straight line, rad."""
+        return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
+
+    @property
+    def straight(self) -> Array:
+        """North and east along the straight line, shape (SAMPLES, 2), m."""
+        return np.linspace(self.start[:2], self.end[:2], SAMPLES)
+
+    @property
+    def heights(self) -> Array:
+        """Of every sample, evenly from end to end, shape (SAMPLES,), m; NaN where an end's is free."""
+        return np.linspace(self.start[2], self.end[2], SAMPLES)
+
+
+def tightest(race: Race) -> Cruise:
+    """Top speed of level flight, and all the load factor that race, aircraft and lift allow there."""
+    aircraft, rules = race.aircraft, race.course.rules
+    V = min(top_speed(aircraft), aircraft.envelope.V.upper)
+    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
+    return Cruise(V, max(n, LEAST_LOAD_FACTOR), 0.5 * min(aircraft.point_mass.p, rules.p))
+
+
+def legs(race: Race) -> list[Leg]:
+    """All legs whose ends both have a place, in the order flown."""
+    passages = race.course.passages
+    ways: list[tuple[Array, Turn] | None] = [None] * (len(passages) - 1)
+    if len(passages) <= PLANNED_MAX:
+        ways = list(_ways(race))
+    found: list[Leg] = []
+    for (before, after), way in zip(itertools.pairwise(passages), ways, strict=True):
+        start, end = place(before), place(after)
+        if start is not None and end is not None:
+            line, turn = way if way is not None else (np.linspace(start[:2], end[:2], SAMPLES), None)
+            found.append(Leg(before, after, start, end, line, turn))
+    return found
+
+
+def place(passage: Passage) -> tuple[float, float, float] | None:
+    """North, east and height (NaN where free) of an element, m; None where it may be anywhere."""
+    match passage.element:
+        case Gate(north=north, east=east, height=height) | Pylon(north=north, east=east, height=height):
+            return north, east, height
+        case Manoeuvre(north=north, east=east, height=height):
+            if north.lower != north.upper or east.lower != east.upper:
+                return None
+            return north.lower, east.lower, height.lower if height.lower == height.upper else math.nan
+
+
+def _ways(race: Race) -> Iterator[tuple[Array, Turn] | None]:
+    """The shortest ways at the tightest pace, all headings chosen together; None for a change of attitude."""
+    planned = plan(race.course, tightest(race))
+    for leg in planned.legs:
+        if leg.path is None:
+            yield None
+            continue
+        north, east, heading = leg.path.points(np.linspace(0.0, leg.path.length, SAMPLES))
+        turning = float(np.abs(np.diff(heading)).sum())
+        yield np.stack([north, east], axis=1), Turn(float(heading[0]), float(heading[-1]), turning)

@@ -1,0 +1,264 @@
+"""What a race director would ask about a course before anyone flies it. Remarks, not errors: the course stays valid."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from airrace.frames import angle_between
+from airrace.procedure.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
+from airrace.procedure.cruise import top_speed
+from airrace.procedure.legs import Leg, legs, place, tightest
+from airrace.procedure.race import Race
+from airrace.quantities import Interval
+from airrace.track.course import Course, Direction, Passage
+from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
+
+KNOT = 1852.0 / 3600.0  # m/s
+WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
+GATE_WIDTH = Interval(10.0, 14.0)  # m, race rules 2014-2019
+LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
+SAME_PLACE = 1.0  # m: passings of one spot, as of a quad, are meant to be flown round a loop
+NEARLY = 0.5  # m: what rounding to metres would not show
+ASIDE = math.radians(90.0)  # a gate that points further away from both of its neighbours is flown the wrong way
+BACK = math.radians(135.0)  # likewise a start or finish, which has but one
+
+
+class Kind(Enum):
+    """What a remark is about."""
+
+    WIND = "wind"
+    LOAD_FACTOR = "load-factor"
+    START_SPEED = "start-speed"
+    WIDTH = "width"
+    AXIS = "axis"
+    CEILING = "ceiling"
+    CLIMB = "climb"
+    CLOSE = "close"
+    TURN = "turn"
+    SAFETY_LINE = "safety-line"
+    CROWD = "crowd"
+    AIRSPACE = "airspace"
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One sentence about a course.
+
+    Attributes:
+        passage: the name of the passage concerned, or of the one to which the leg concerned leads; empty where it is
+            the race as a whole.
+        text: the sentence, without a full stop.
+    """
+
+    passage: str
+    kind: Kind
+    text: str
+
+
+def review(race: Race) -> list[Remark]:
+    """All remarks: on the race as a whole, on the elements, on the legs; once for every place, however often flown."""
+    found = [*_on_race(race), *_on_elements(race), *_on_legs(race)]
+    order = {passage.name: number for number, passage in enumerate(race.course.passages)}
+    return sorted(found, key=lambda remark: order.get(remark.passage, -1))
+
+
+def _on_race(race: Race) -> Iterator[Remark]:
+    wind = race.air.wind
+    if wind is not None and wind.speed > WIND_MAX + 1e-9:
+        yield Remark("", Kind.WIND, f"the wind blows at {wind.speed / KNOT:.0f} kt; races are flown in 30 kt at most")
+    allowed, able = race.course.rules.n_z, race.aircraft.envelope.n_z
+    for limit, own, beyond in ((allowed.upper, able.upper, 1.0), (allowed.lower, able.lower, -1.0)):
+        if beyond * (limit - own) > 1e-9 and math.isfinite(limit):
+            text = f"the race allows {limit:g} g, but {race.aircraft.name} no more than {own:g} g"
+            yield Remark("", Kind.LOAD_FACTOR, text)
+    yield from _on_start(race)
+
+
+def _on_start(race: Race) -> Iterator[Remark]:
+    start = race.course.passages[0]
+    fastest, limit = top_speed(race.aircraft), start.speed.upper
+    if limit > fastest:
+        reached = f"{race.aircraft.name} reaches {fastest / KNOT:.0f} kt in level flight"
+        if math.isfinite(limit):
+            text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
+            yield Remark(start.name, Kind.START_SPEED, text)
+        elif isinstance(start.element, Gate | Pylon):  # a figure that begins in the air has no start to be timed
+            text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {reached}"
+            yield Remark(start.name, Kind.START_SPEED, text)
+
+
+def _on_elements(race: Race) -> Iterator[Remark]:
+    seen: set[str] = set()
+    for passage in race.course.passages:
+        if passage.element.name not in seen:
+            seen.add(passage.element.name)
+            yield from _on_width(passage)
+            yield from _on_ceiling(passage, race.course.rules.height)
+    yield from _on_axes(race.course)
+
+
+def _on_width(passage: Passage) -> Iterator[Remark]:
+    if not isinstance(passage.element, Gate):
+        return
+    width = passage.element.width
+    if not GATE_WIDTH.lower - 1e-9 <= width <= GATE_WIDTH.upper + 1e-9:
+        text = f"the gate of `{passage.name}` is {width:g} m wide; racing gates are 10 to 14 m wide"
+        yield Remark(passage.name, Kind.WIDTH, text)
+
+
+def _on_ceiling(passage: Passage, allowed: Interval) -> Iterator[Remark]:
+    element = passage.element
+    if isinstance(element, Manoeuvre) and element.height.lower > allowed.upper:
+        text = f"`{passage.name}` asks for {element.height.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
+        yield Remark(passage.name, Kind.CEILING, text)
+    elif passage.roll is not None and allowed.lower + passage.roll.gain > allowed.upper:
+        room = f"there are {allowed.upper - allowed.lower:.0f} m between floor and ceiling"
+        text = f"the roll at `{passage.name}` gains {passage.roll.gain:.0f} m; {room}"
+        yield Remark(passage.name, Kind.CEILING, text)
+
+
+def _on_axes(course: Course) -> Iterator[Remark]:
+    """Gates flown against the way the course comes and goes."""
+    seen: set[tuple[str, Direction]] = set()
+    around = zip([None, *course.passages], course.passages, [*course.passages[1:], None], strict=False)
+    for before, passage, after in around:
+        key = (passage.element.name, passage.direction)
+        if not isinstance(passage.element, Gate) or passage.direction is Direction.PLANNED or key in seen:
+            continue
+        heading = passage.element.heading + (math.pi if passage.direction is Direction.REVERSE else 0.0)
+        ways = [_bearing(a, b) for a, b in ((before, passage), (passage, after)) if a is not None and b is not None]
+        limit = ASIDE if len(ways) == 2 else BACK
+        against = [abs(angle_between(heading, way)) > limit + 1e-9 for way in ways if way is not None]
+        if len(against) == len(ways) and all(against):
+            seen.add(key)
+            text = (
+                f"`{passage.name}` is flown at {_compass(heading)} deg, more than {math.degrees(limit):.0f} deg away "
+                "from where its neighbours lie; is its heading or its direction reversed?"
+            )
+            yield Remark(passage.name, Kind.AXIS, text)
+
+
+def _bearing(a: Passage, b: Passage) -> float | None:
+    """From place to place, rad; None where one is free or both are the same."""
+    start, end = place(a), place(b)
+    if start is None or end is None or math.dist(start[:2], end[:2]) < SAME_PLACE:
+        return None
+    return math.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def _on_legs(race: Race) -> Iterator[Remark]:
+    flown = _different(legs(race))
+    pace = tightest(race)
+    for leg in flown:
+        yield from _on_climb(leg)
+        yield from _on_turn(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
+        yield from _on_safety_lines(leg)
+        yield from _on_airspace(leg, race.course)
+    yield from _on_crowd(flown, race.course)
+
+
+def _different(flown: Sequence[Leg]) -> list[Leg]:
+    """Legs without those flown before in the same way."""
+    first: dict[object, Leg] = {}
+    for leg in flown:
+        ends = [(one.element.name, one.direction) for one in (leg.before, leg.after)]
+        first.setdefault((*ends, leg.after.safety_lines), leg)
+    return list(first.values())
+
+
+def _on_climb(leg: Leg) -> Iterator[Remark]:
+    """Heights that the climb allowed at the gates does not reach."""
+    heights: list[Interval] = []
+    climbs = Interval()
+    for passage in (leg.before, leg.after):
+        element = passage.element
+        if isinstance(element, Manoeuvre):
+            return
+        window = element.passing is Passing.WINDOW
+        heights.append(element.tolerances.height if window else Interval.exactly(element.height))
+        climbs = climbs.intersect(element.tolerances.climb) if window else climbs
+    up, down = heights[1].lower - heights[0].upper, heights[0].lower - heights[1].upper
+    steepness = math.atan2(max(up, down), leg.length)
+    allowed = climbs.upper if up > down else -climbs.lower
+    if steepness > max(allowed, 0.0) + 1e-9:
+        word = "climb" if up > down else "descent"
+        text = (
+            f"from `{leg.before.name}` to `{leg.after.name}` a {word} of {math.degrees(steepness):.0f} deg is needed; "
+            f"{math.degrees(allowed):.0f} deg are allowed at these gates"
+        )
+        yield Remark(leg.after.name, Kind.CLIMB, text)
+
+
+def _on_turn(leg: Leg, radius: float, pace: str) -> Iterator[Remark]:
+    """Turns for which there is no room."""
+    if leg.turn is None or leg.length < SAME_PLACE:
+        return
+    bearing, turn = leg.bearing, leg.turn
+    needed = abs(angle_between(bearing, turn.heading)) + abs(angle_between(turn.end_heading, bearing))
+    change = abs(angle_between(turn.end_heading, turn.heading))
+    chord = 2.0 * radius * math.sin(change / 2.0)
+    ends = f"`{leg.after.name}` stands {leg.length:.0f} m from `{leg.before.name}`"
+    if turn.turning - needed > LOOP:
+        text = (
+            f"{ends}, too near for the turn between them: {pace} it has a radius of {radius:.0f} m, "
+            f"and the shortest level way goes round by {math.degrees(turn.turning):.0f} deg"
+        )
+        yield Remark(leg.after.name, Kind.TURN, text)
+    elif leg.length < radius and chord > leg.length:
+        text = (
+            f"{ends}, nearer than a turn radius ({radius:.0f} m {pace}); "
+            f"the turn of {math.degrees(change):.0f} deg between them needs {chord:.0f} m"
+        )
+        yield Remark(leg.after.name, Kind.CLOSE, text)
+
+
+def _on_safety_lines(leg: Leg) -> Iterator[Remark]:
+    for line in leg.after.safety_lines:
+        beyond = beyond_line(leg.way, line)
+        if beyond > NEARLY:
+            text = (
+                f"{_way(leg)} from `{leg.before.name}` to `{leg.after.name}` crosses the safety line `{line.name}` "
+                f"by {beyond:.0f} m; only a higher, a slower or a wider turn keeps clear of it"
+            )
+            yield Remark(leg.after.name, Kind.SAFETY_LINE, text)
+
+
+def _on_airspace(leg: Leg, course: Course) -> Iterator[Remark]:
+    beyond = beyond_border(leg.way, course.airspace) if course.airspace else 0.0
+    if beyond > NEARLY:
+        text = f"{_way(leg)} from `{leg.before.name}` to `{leg.after.name}` leaves the airspace by {beyond:.0f} m"
+        yield Remark(leg.after.name, Kind.AIRSPACE, text)
+
+
+def _on_crowd(flown: Sequence[Leg], course: Course) -> Iterator[Remark]:
+    if not flown or not course.crowd:
+        return
+    heights = np.array([leg.heights for leg in flown])
+    straights, turns = np.array([leg.straight for leg in flown]), np.array([leg.way for leg in flown])
+    for crowd in course.crowd:
+        keeps = f"`{crowd.name}`; {crowd.distance:.0f} m are to be kept"
+        straight = crowd_distance(straights, heights, crowd)
+        turning = crowd_distance(turns, heights, crowd)
+        over = crowd_overflown(straights, crowd)
+        for leg, direct, turned, above in zip(flown, straight, turning, over, strict=True):
+            ends = f"from `{leg.before.name}` to `{leg.after.name}`"
+            if above and direct < crowd.distance:
+                text = f"the straight line {ends} leads over {keeps}"
+            elif direct < crowd.distance - NEARLY:
+                text = f"the straight line {ends} comes within {direct:.0f} m of {keeps}"
+            elif turned < crowd.distance - NEARLY:
+                text = f"{_way(leg)} {ends} comes within {turned:.0f} m of {keeps}"
+            else:
+                continue
+            yield Remark(leg.after.name, Kind.CROWD, text)
+
+
+def _way(leg: Leg) -> str:
+    return "the straight line" if leg.turn is None else "the shortest level way"
+
+
+def _compass(angle: float) -> str:
+    return f"{math.degrees(angle) % 360.0:.0f}"

@@ -1,0 +1,263 @@
+"""A race director's remarks: each is made where it is due, and none on courses that were really flown."""
+
+import dataclasses
+import math
+from collections.abc import Iterable
+
+import pytest
+import races
+from races import DEGREE, EDGE_540, KNOT, RULES, SHIPPED, course, knife_edge, mirrored, pylon
+
+from airrace.environment.air import Air, StaticWind
+from airrace.procedure.legs import PLANNED_MAX, legs, tightest
+from airrace.procedure.race import Race
+from airrace.procedure.review import Kind, Remark, review
+from airrace.quantities import Interval
+from airrace.track.course import Course, Direction, Rules
+from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances
+from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine
+from airrace.track.polygons import Point
+
+STRAIGHT = dataclasses.replace(races.WINDOW, crossing=5 * DEGREE)
+
+
+def level(name: str, north: float, east: float, heading: float, passing: Passing = Passing.WINDOW) -> Gate:
+    """A level gate to be crossed along its axis; `heading` in degrees."""
+    return dataclasses.replace(races.level(name, north, east, heading, passing), tolerances=STRAIGHT)
+
+
+GOOD = course(
+    "good", level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), level("c", 1000.0, 300.0, 60.0), rules=RULES
+)
+
+
+def race(flown: Course, *, wind: StaticWind | None = None) -> Race:
+    return Race(flown, EDGE_540, Air(wind=wind))
+
+
+def of(elements: Iterable[Element], rules: Rules = RULES) -> Race:
+    return race(course("constructed", *elements, rules=rules))
+
+
+def changed(index: int, **changes: object) -> Race:
+    """The good course with other attributes of one passage."""
+    passages = list(GOOD.passages)
+    passages[index] = dataclasses.replace(passages[index], **changes)
+    return race(dataclasses.replace(GOOD, passages=tuple(passages)))
+
+
+def kinds(flown: Race) -> list[tuple[str, Kind]]:
+    return [(remark.passage, remark.kind) for remark in review(flown)]
+
+
+def only(flown: Race) -> Remark:
+    """The one remark there is."""
+    (remark,) = review(flown)
+    return remark
+
+
+@pytest.mark.parametrize("name", list(SHIPPED))
+def test_the_shipped_courses_give_no_cause_for_remarks(name: str) -> None:
+    assert review(SHIPPED[name]) == []
+
+
+def test_a_well_made_course_gives_no_cause_for_remarks() -> None:
+    assert review(race(GOOD)) == []
+
+
+def test_a_wind_above_the_race_rule_is_remarked_on_for_the_race_as_a_whole() -> None:
+    remark = only(race(GOOD, wind=StaticWind(0.0, 31.0 * KNOT)))
+    assert (remark.passage, remark.kind) == ("", Kind.WIND)
+    assert "31 kt" in remark.text
+    assert review(race(GOOD, wind=StaticWind(0.0, 30.0 * KNOT))) == []
+
+
+@pytest.mark.parametrize("n_z", [Interval(-2.0, 13.0), Interval(-13.0, 10.0)])
+def test_a_load_factor_the_aircraft_cannot_bear_is_remarked_on(n_z: Interval) -> None:
+    assert kinds(of([one.element for one in GOOD.passages], Rules(n_z))) == [("", Kind.LOAD_FACTOR)]
+
+
+@pytest.mark.parametrize("limit", [math.inf, 300.0 * KNOT])
+def test_a_start_speed_that_limits_nothing_is_remarked_on(limit: float) -> None:
+    remark = only(changed(0, speed=Interval(upper=limit)))
+    assert (remark.passage, remark.kind) == ("a", Kind.START_SPEED)
+
+
+def test_a_figure_that_begins_in_the_air_needs_no_start_speed() -> None:
+    entry = Manoeuvre("entry", climb=0.0, heading=0.0, height=Interval.exactly(80.0))
+    assert kinds(changed(0, element=entry, speed=Interval())) == []
+
+
+@pytest.mark.parametrize(("width", "remarked"), [(9.9, True), (10.0, False), (14.0, False), (14.1, True)])
+def test_a_width_that_no_racing_gate_has_is_remarked_on_once(width: float, remarked: bool) -> None:
+    wide = dataclasses.replace(level("b", 500.0, 0.0, 0.0), width=width)
+    around = [level("c", 500.0, 900.0, 180.0), level("d", 0.0, 900.0, 180.0)]
+    assert kinds(of([level("a", 0.0, 0.0, 0.0), wide, *around, wide])) == [("b", Kind.WIDTH)] * remarked
+
+
+def test_a_gate_flown_against_the_way_of_the_course_is_remarked_on() -> None:
+    against = level("b", 500.0, 0.0, 180.0)
+    ends = level("a", 0.0, 0.0, 0.0), level("c", 1000.0, 0.0, 0.0)
+    remarks = {remark.kind: remark for remark in review(of([ends[0], against, ends[1]]))}
+    assert remarks[Kind.AXIS].passage == "b"
+    assert "180 deg" in remarks[Kind.AXIS].text
+    reversed_ = changed(1, element=level("b", 500.0, 0.0, 180.0), direction=Direction.REVERSE)
+    planned = changed(1, element=level("b", 500.0, 0.0, 180.0), direction=Direction.PLANNED)
+    assert review(reversed_) == review(planned) == []
+
+
+@pytest.mark.parametrize("index", [0, 2])
+def test_a_start_or_a_finish_that_points_back_is_remarked_on(index: int) -> None:
+    assert Kind.AXIS in {kind for _, kind in kinds(changed(index, direction=Direction.REVERSE))}
+
+
+def test_a_high_turn_above_the_ceiling_is_remarked_on() -> None:
+    top = Manoeuvre("top", height=Interval(lower=150.0), kind="high-turn")
+    for ceiling, expected in ((140.0, [("top", Kind.CEILING)]), (160.0, [])):
+        rules = Rules(RULES.n_z, height=Interval(10.0, ceiling))
+        assert kinds(of([level("a", 0.0, 0.0, 0.0), top, level("b", 500.0, 0.0, 0.0)], rules)) == expected
+
+
+def test_a_roll_that_gains_more_than_there_is_room_for_is_remarked_on() -> None:
+    tall = changed(1, roll=Roll(2.0 * math.pi, Interval(), gain=100.0))
+    low = dataclasses.replace(tall.course, rules=Rules(RULES.n_z, height=Interval(10.0, 100.0)))
+    assert kinds(tall) == []
+    assert kinds(race(low)) == [("b", Kind.CEILING)]
+
+
+def stair(rise: float, passing: Passing = Passing.WINDOW) -> Gate:
+    """A gate 100 m behind the first, higher by `rise`; both may be flown 5 m lower or higher, at 45 degrees at most."""
+    plain = level("b", 100.0, 0.0, 0.0, passing)
+    tolerances: Tolerances = dataclasses.replace(plain.tolerances, height=Interval(15.0 + rise, 25.0 + rise))
+    return dataclasses.replace(plain, height=20.0 + rise, tolerances=tolerances)
+
+
+@pytest.mark.parametrize(("rise", "steep"), [(109.0, False), (111.0, True)])
+def test_gates_at_heights_that_the_allowed_climb_does_not_connect_are_remarked_on(rise: float, steep: bool) -> None:
+    below, above = level("a", 0.0, 0.0, 0.0), stair(rise)
+    assert kinds(of([below, above])) == [("b", Kind.CLIMB)] * steep
+    down = dataclasses.replace(below, heading=math.pi), dataclasses.replace(above, heading=math.pi)
+    assert kinds(of([down[1], down[0]])) == [("a", Kind.CLIMB)] * steep
+
+
+def test_gates_flown_exactly_allow_any_climb() -> None:
+    exact = [level("a", 0.0, 0.0, 0.0, Passing.POINT), stair(200.0, Passing.POINT)]
+    assert review(of(exact)) == []
+
+
+def test_a_turn_without_room_is_remarked_on_and_says_how_much_it_needs() -> None:
+    cramped = of([level("a", 0.0, 0.0, 0.0), level("b", 60.0, 60.0, 90.0)])
+    remark = only(cramped)
+    assert (remark.passage, remark.kind) == ("b", Kind.TURN)
+    assert "stands 85 m from `a`" in remark.text
+    assert f"radius of {tightest(cramped).radius:.0f} m" in remark.text
+
+
+def test_a_gate_nearer_than_a_turn_radius_is_remarked_on_only_where_the_course_turns() -> None:
+    first, straight, turned = level("a", 0.0, 0.0, 0.0), level("b", 100.0, 0.0, 0.0), level("b", -50.0, -118.0, 70.0)
+    assert review(of([first, straight])) == []
+    found = [kind for kind in kinds(of([first, turned])) if kind[1] in (Kind.CLOSE, Kind.TURN)]
+    assert found == [("b", Kind.CLOSE)]
+
+
+def test_two_passings_of_one_spot_are_a_quad_and_no_turn_without_room() -> None:
+    quad = [
+        level("a", 0.0, -500.0, 90.0),
+        level("q1", 0.0, 0.0, 90.0),
+        level("q2", 0.0, 0.0, 0.0),
+        level("b", 500.0, 0.0, 0.0),
+    ]
+    assert review(of(quad)) == []
+
+
+def line(keep_right: bool, margin: float = 0.0, east: float = 20.0) -> SafetyLine:
+    """From south to north."""
+    return SafetyLine("beach", Point(-100.0, east), Point(100.0, east), keep_right, margin)
+
+
+TURN_AROUND = [level("a", 0.0, 0.0, 0.0), level("b", 0.0, -500.0, 180.0)]
+
+
+def test_the_tightest_turn_across_a_safety_line_is_remarked_on() -> None:
+    """The way from a to b leads to the west; it starts towards the north, 20 m west of the line."""
+    for kept, expected in (
+        (line(keep_right=False), []),
+        (line(keep_right=False, margin=25.0), [("b", Kind.SAFETY_LINE)]),
+        (line(keep_right=True), [("b", Kind.SAFETY_LINE)]),
+        (line(keep_right=True, east=-550.0), []),
+        (line(keep_right=True, east=-400.0), [("b", Kind.SAFETY_LINE)]),
+    ):
+        flown = course("line", *TURN_AROUND)
+        last = dataclasses.replace(flown.passages[1], safety_lines=(kept,))
+        assert kinds(race(dataclasses.replace(flown, passages=(flown.passages[0], last)))) == expected
+
+
+def with_crowd(crowd: Crowd) -> Race:
+    """The good course, of which the first leg leads from south to north, 500 m at 20 m height, with people."""
+    return race(dataclasses.replace(GOOD, crowd=(crowd,)))
+
+
+@pytest.mark.parametrize("shape", [CrowdShape.POINT, CrowdShape.LINE, CrowdShape.AREA])
+def test_a_crowd_too_near_to_a_leg_is_remarked_on(shape: CrowdShape) -> None:
+    corners = [Point(250.0, -80.0), Point(300.0, -120.0), Point(200.0, -120.0)]
+    corners = corners[: {CrowdShape.POINT: 1, CrowdShape.LINE: 2, CrowdShape.AREA: 3}[shape]]
+    for distance, expected in ((79.0, []), (90.0, [("b", Kind.CROWD)])):
+        flown = with_crowd(Crowd("stands", shape, tuple(corners), distance, slant=False))
+        assert kinds(flown) == expected
+    assert "within 80 m of `stands`; 90 m are to be kept" in only(flown).text
+
+
+def test_a_slant_distance_counts_the_height() -> None:
+    corner = (Point(250.0, -80.0),)
+    assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=False))) == [("b", Kind.CROWD)]
+    assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=True))) == []  # hypot(80, 20) = 82.5
+
+
+@pytest.mark.parametrize("shape", [CrowdShape.LINE, CrowdShape.AREA])
+def test_a_leg_over_a_crowd_is_called_so(shape: CrowdShape) -> None:
+    corners = (Point(250.0, -30.0), Point(250.5, 30.0), Point(249.5, 30.0))  # thinner than the samples of a leg
+    crowd = Crowd("stands", shape, corners if shape is CrowdShape.AREA else corners[:2], 10.0, slant=False)
+    assert "leads over `stands`" in only(with_crowd(crowd)).text
+
+
+def test_a_turn_over_a_crowd_is_remarked_on_where_the_straight_line_is_not() -> None:
+    crowd = Crowd("stands", CrowdShape.POINT, (Point(120.0, -100.0),), 60.0, slant=False)
+    flown = course("turn", *TURN_AROUND)
+    remark = only(race(dataclasses.replace(flown, crowd=(crowd,))))
+    assert remark.text.startswith("the shortest level way from `a` to `b` comes within")
+
+
+def test_a_turn_that_leaves_the_airspace_is_remarked_on() -> None:
+    for north, expected in ((300.0, []), (100.0, [("b", Kind.AIRSPACE)])):
+        corners = (Point(-50.0, -600.0), Point(north, -600.0), Point(north, 50.0), Point(-50.0, 50.0))
+        for border in (corners, corners[::-1]):
+            assert kinds(race(dataclasses.replace(course("turn", *TURN_AROUND), airspace=border))) == expected
+
+
+def test_a_leg_flown_in_every_lap_is_remarked_on_once() -> None:
+    crowd = Crowd("stands", CrowdShape.POINT, (Point(250.0, 0.0),), 50.0, slant=False)
+    elements = [level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), pylon("c", 250.0, 900.0, 90.0)]
+    laps = course("laps", *elements, *elements, *elements)
+    assert kinds(race(dataclasses.replace(laps, crowd=(crowd,)))) == [("b", Kind.CROWD)]
+
+
+def test_remarks_are_the_same_in_a_mirror() -> None:
+    crooked = of(
+        [level("a", 0.0, 0.0, 0.0), knife_edge("e", 60.0, 30.0, 170.0, right=True), level("b", 90.0, 0.0, 0.0)]
+    )
+    assert kinds(crooked)
+    assert kinds(mirrored(crooked)) == kinds(crooked)
+
+
+def test_remarks_follow_the_order_of_the_race() -> None:
+    gates = [dataclasses.replace(level(f"g{i}", 500.0 * i, 0.0, 0.0), width=20.0) for i in range(4)]
+    windy = race(course("wide", *gates), wind=StaticWind(0.0, 40.0 * KNOT))
+    assert [name for name, _ in kinds(windy)] == ["", "g0", "g1", "g2", "g3"]
+
+
+def test_a_course_too_long_to_plan_is_looked_at_straight() -> None:
+    gates = [level(f"g{i}", 60.0 * (i % 2), 500.0 * i, 90.0) for i in range(PLANNED_MAX + 1)]
+    long = of(gates)
+    assert {leg.turn for leg in legs(long)} == {None}
+    assert len(legs(long)) == PLANNED_MAX
+    assert review(long) == []
