@@ -220,10 +220,13 @@ def _gate(
     position: tuple[float, float],
     course: float,
     style: Style,
+    *,
+    fixed: bool = False,
     **more: object,
 ) -> Piece:
-    """A two-pylon gate that the walk passes along its axis, whichever way that axis is written."""
-    direction = drawn(rng, DIRECTIONS)
+    """A two-pylon gate that the walk passes along its axis, whichever way that axis is written; `fixed`: not planned."""
+    directions = {one: weight for one, weight in DIRECTIONS.items() if not (fixed and one == "planned")}
+    direction = drawn(rng, directions)
     against = direction == "reverse" or (direction == "planned" and chance(rng, 0.5))
     keys: dict[str, object] = {"type": kind, **place(position), "heading_deg": azimuth(course + 180.0 * against)}
     passing = Passing(name, kind, *position, arriving=course, leaving=course, direction=direction)
@@ -239,7 +242,7 @@ def _quad(rng: random.Random, name: str, position: tuple[float, float], course: 
             more[key] = rng.choice(EDGES)
     if chance(rng, 0.5):
         more["crossing_max_deg"] = rng.choice((20, 30, 45))
-    quad = _gate(rng, name, "quad", position, course, style, **more)
+    quad = _gate(rng, name, "quad", position, course, style, fixed=then != "either", **more)
     leaving = course + (-90.0 if then == "left" else 90.0)
     return Piece(quad.gates, (replace(quad.passings[0], leaving=leaving),))
 
