@@ -16,6 +16,7 @@ from airrace.cli.exit_codes import ExitCode
 from airrace.cli.export import export
 from airrace.cli.optimize import optimize
 from airrace.cli.resume import resume
+from airrace.cli.schema import schema
 from airrace.cli.show import show
 from airrace.cli.verify import verify
 
@@ -34,6 +35,7 @@ app.add_typer(export)
 app.command()(show)
 app.command()(verify)
 app.command()(check)
+app.command()(schema)
 
 # The base of all errors in the way a command was called. It is click's; where that lies depends on typer's version.
 _CallError = cast(type[typer.BadParameter], typer.BadParameter.__base__)

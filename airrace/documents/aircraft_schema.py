@@ -30,7 +30,9 @@ class AirframeEntry(Schema):
     I_x_kg_m2: Inertia = Field(description="moment of inertia in roll")
     I_y_kg_m2: Inertia = Field(description="moment of inertia in pitch")
     I_z_kg_m2: Inertia = Field(description="moment of inertia in yaw")
-    I_xz_kg_m2: Annotated[float, Ge(-1e6), Le(1e6)] = 0.0
+    I_xz_kg_m2: Annotated[float, Ge(-1e6), Le(1e6)] = Field(
+        default=0.0, description="product of inertia of roll and yaw"
+    )
 
 
 class LiftEntry(Schema):
@@ -47,7 +49,7 @@ class DragEntry(Schema):
     what: ClassVar[str] = "the drag"
     C_D0: Annotated[float, Gt(0), Le(1)] = Field(description="at the lift of least drag")
     k: Annotated[float, Gt(0), Le(1)] = Field(description="induced drag factor")
-    C_L_minD: Annotated[float, Ge(-1), Le(1)] = 0.0
+    C_L_minD: Annotated[float, Ge(-1), Le(1)] = Field(default=0.0, description="lift coefficient of least drag")
     C_Dbeta2: Annotated[float, Ge(0), Le(20)] = Field(description="due to the squared sideslip, per rad2")
     sideslip_max_deg: Annotated[float, Gt(0), Le(45)] = Field(description="where this drag model ends")
 
@@ -66,7 +68,7 @@ class RollEntry(Schema):
     C_lbeta: Derivative = Field(description="due to sideslip")
     C_lp: Damping = Field(description="roll damping")
     C_lr: Derivative = Field(description="due to the yaw rate")
-    C_lr_per_C_L: Derivative = 0.0
+    C_lr_per_C_L: Derivative = Field(default=0.0, description="added to C_lr in proportion to the lift coefficient")
     C_lxi: Effectiveness = Field(description="due to the ailerons")
     C_lzeta: Derivative = Field(description="due to the rudder")
 
@@ -84,7 +86,7 @@ class YawEntry(Schema):
     what: ClassVar[str] = "the yawing moment"
     C_nbeta: Derivative = Field(description="due to sideslip")
     C_np: Derivative = Field(description="due to the roll rate")
-    C_np_per_C_L: Derivative = 0.0
+    C_np_per_C_L: Derivative = Field(default=0.0, description="added to C_np in proportion to the lift coefficient")
     C_nr: Damping = Field(description="yaw damping")
     C_nxi: Derivative = Field(description="due to the ailerons")
     C_nzeta: Effectiveness = Field(description="due to the rudder")
@@ -129,10 +131,12 @@ class AircraftEntry(Schema):
     """A whole aircraft file."""
 
     what: ClassVar[str] = "an aircraft"
-    schema_: Literal["airrace/aircraft/1"] = Field(alias="schema")
+    schema_: Literal["airrace/aircraft/1"] = Field(
+        alias="schema", description="the language of this file and its version"
+    )
     name: Annotated[str, Field(min_length=1)] = Field(description="what the aircraft is called")
-    source: str = ""
-    notes: str = ""
+    source: str = Field(default="", description="where the numbers come from")
+    notes: str = Field(default="", description="whatever else a reader should know")
     airframe: AirframeEntry = Field(description="mass, size, moments of inertia")
     lift: LiftEntry = Field(description="the lift coefficient")
     drag: DragEntry = Field(description="the drag coefficient")

@@ -20,46 +20,78 @@ Positive = Annotated[float, Gt(0)]
 
 class MeshEntry(Schema):
     what: ClassVar[str] = "the mesh"
-    interval_s: Annotated[float, Ge(0.005), Le(5)] | None = None
-    intervals_min: Count | None = None
-    refinements_max: Annotated[int, Ge(0), Le(20)] | None = None
+    interval_s: Annotated[float, Ge(0.005), Le(5)] | None = Field(
+        default=None, description="about this long is an interval of the first mesh"
+    )
+    intervals_min: Count | None = Field(default=None, description="at least so many intervals in a leg")
+    refinements_max: Annotated[int, Ge(0), Le(20)] | None = Field(
+        default=None, description="how often the mesh may be refined where the certificate fails"
+    )
 
 
 class SolverEntry(Schema):
     what: ClassVar[str] = "the solver"
-    primary: SolverName | None = None
-    fallback: SolverName | None = None
-    tolerance: Annotated[float, Ge(1e-12), Le(1e-3)] | None = None
-    iterations_max: Annotated[int, Ge(1), Le(100_000)] | None = None
-    stall_s: Annotated[float, Ge(1), Le(86_400)] | None = None
-    compile_kernels: bool | None = None
+    primary: SolverName | None = Field(default=None, description="the solver that is tried first")
+    fallback: SolverName | None = Field(
+        default=None, description="the solver that is tried on the same problem where the first one fails"
+    )
+    tolerance: Annotated[float, Ge(1e-12), Le(1e-3)] | None = Field(
+        default=None, description="of the solver, on the scaled problem"
+    )
+    iterations_max: Annotated[int, Ge(1), Le(100_000)] | None = Field(default=None, description="per attempt")
+    stall_s: Annotated[float, Ge(1), Le(86_400)] | None = Field(
+        default=None, description="a solver that finishes no iteration for so long is stopped"
+    )
+    compile_kernels: bool | None = Field(default=None, description="compile the equations where a C compiler is found")
 
 
 class CertificateEntry(Schema):
     """Limits of the certificate; they can be tightened, never loosened."""
 
     what: ClassVar[str] = "the certificate"
-    kkt_error: Positive | None = None
-    load_factor: Positive | None = None
-    length_m: Positive | None = None
-    angle_deg: Positive | None = None
-    speed_m_s: Positive | None = None
-    gate_length_m: Positive | None = None
-    gate_angle_deg: Positive | None = None
-    replay: Positive | None = None
+    kkt_error: Positive | None = Field(
+        default=None, description="largest error of the conditions of optimality, scaled"
+    )
+    load_factor: Positive | None = Field(
+        default=None,
+        description="largest excess of load factors, lift coefficient and power lever between the mesh points",
+    )
+    length_m: Positive | None = Field(
+        default=None, description="largest excess of floor and ceiling between the mesh points"
+    )
+    angle_deg: Positive | None = Field(
+        default=None,
+        description="largest excess of the sideslip between the mesh points, and per second of the roll rate",
+    )
+    speed_m_s: Positive | None = Field(
+        default=None, description="largest excess of speeds, between the mesh points and at gates"
+    )
+    gate_length_m: Positive | None = Field(default=None, description="largest excess of positions at a gate")
+    gate_angle_deg: Positive | None = Field(
+        default=None, description="largest excess of bank, climb and crossing angle at a gate"
+    )
+    replay: Positive | None = Field(default=None, description="largest deviation of the controls flown again, scaled")
 
 
 class SettingsEntry(Schema):
     """A whole settings file."""
 
     what: ClassVar[str] = "the settings"
-    schema_: Literal["airrace/settings/1"] = Field(alias="schema")
-    notes: str = ""
-    guess: Literal["homotopy", "plan"] | None = None
-    regularisation: Annotated[float, Ge(0), Le(1)] | None = None
-    mesh: MeshEntry = MeshEntry()
-    solver: SolverEntry = SolverEntry()
-    certificate: CertificateEntry = CertificateEntry()
+    schema_: Literal["airrace/settings/1"] = Field(
+        alias="schema", description="the language of this file and its version"
+    )
+    notes: str = Field(default="", description="whatever a reader should know")
+    guess: Literal["homotopy", "plan"] | None = Field(
+        default=None, description="where the point mass starts from: phase by phase, or straight from the plan"
+    )
+    regularisation: Annotated[float, Ge(0), Le(1)] | None = Field(
+        default=None, description="weight of the squared, scaled control rates against seconds"
+    )
+    mesh: MeshEntry = Field(default=MeshEntry(), description="how finely a flight is cut into intervals")
+    solver: SolverEntry = Field(default=SolverEntry(), description="which solvers, and how long they may try")
+    certificate: CertificateEntry = Field(
+        default=CertificateEntry(), description="limits of the certificate; they can be tightened, not loosened"
+    )
 
 
 Part = TypeVar("Part", Settings, MeshSettings, SolverSettings, CertificateLimits)

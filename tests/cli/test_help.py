@@ -14,7 +14,7 @@ from airrace.documents import load_inputs
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-HEAVY = ("casadi", "h5py", "numpy", "pydantic", "rich", "scipy", "yaml")
+HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "rich", "scipy", "yaml")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"]])
@@ -48,7 +48,7 @@ def commands() -> Iterator[tuple[str, list[str]]]:
 
 @pytest.mark.parametrize("command", [name for name, _ in commands()])
 def test_every_command_is_documented(command: str) -> None:
-    assert re.search(rf"^    {command} \S+\.(yaml|h5) +\w", README, re.MULTILINE)
+    assert re.search(rf"^    {command} (\S+\.(yaml|h5)|track) +\w", README, re.MULTILINE)
 
 
 def test_every_option_is_documented() -> None:

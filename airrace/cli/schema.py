@@ -1,0 +1,31 @@
+"""`airrace schema`: the languages of the input files as JSON Schema."""
+
+from enum import Enum
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+
+
+class Language(Enum):
+    """What can be described."""
+
+    TRACK = "track"
+    AIRCRAFT = "aircraft"
+    SETTINGS = "settings"
+
+
+def schema(
+    language: Annotated[Language, typer.Argument(metavar="LANGUAGE", help="One of: track, aircraft, settings.")],
+) -> None:
+    """Print the JSON Schema of an input file.
+
+    Draft-07, for editors that complete keys and mark mistakes while you type.
+    """
+    with answering(as_json=False) as answer:
+        import json
+
+        from airrace.documents.json_schema import json_schema
+
+        answer.texts.append(json.dumps(json_schema(language.value), indent=2))
