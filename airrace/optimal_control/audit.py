@@ -4,14 +4,14 @@ The numbers come from the replay and from the problem's own bounds, not from wha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import narrowed
-from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.problem import Boundary, Iterate, Problem, Watch
 from airrace.optimal_control.replay import Replay
 from airrace.quantities import Interval, Quantity
 from airrace.trajectory import Array
@@ -19,12 +19,16 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far quantities of some units may leave their bounds between nodes (`path`) and at boundaries (`boundary`)."""
+    """How far quantities of some units may leave their bounds between nodes (`path`) and at boundaries (`boundary`).
+
+    The items are called `path_NAME` and `gate_NAME`, the latter with `boundary_name` where that is given.
+    """
 
     name: str
     units: tuple[str, ...]
     path: float
     boundary: float
+    boundary_name: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,21 +49,63 @@ def audit(
     where = f"{_phase_name(problem, int(worst[1]))}, {system.states[int(worst[0])].name}"
     items = [Item("replay_defect", float(defect.max()), defect_limit, "scaled", where)]
     coarse: NDArray[np.bool_] = np.any(defect > defect_limit, axis=0)
-    declared = [*system.states, *system.path]
-    histories = np.concatenate([flown.state, flown.path])
-    _require_tolerances(declared, tolerances)
+    excesses = [*_path_excesses(problem, flown), *_watch_excesses(problem, flown)]
+    _require_tolerances([one.quantity for one in excesses], tolerances)
     for tolerance in tolerances:
-        rows = [row for row, quantity in enumerate(declared) if quantity.unit in tolerance.units]
-        if not rows:
+        mine = [one for one in excesses if one.quantity.unit in tolerance.units]
+        if not mine:
             continue
-        violation = np.stack([_violation(problem, declared[row], histories[row]) for row in rows], axis=0)
-        largest = violation.max(axis=2)
+        largest = np.stack([one.largest for one in mine], axis=0)
         row, interval = np.unravel_index(int(largest.argmax()), largest.shape)
-        where = f"{_phase_name(problem, int(interval))}, {declared[rows[int(row)]].name}"
+        where = f"{_phase_name(problem, int(interval))}, {mine[int(row)].name}"
         items.append(Item(f"path_{tolerance.name}", float(largest.max()), tolerance.path, tolerance.units[0], where))
         coarse |= (largest > tolerance.path).any(axis=0)
     items += _boundary_items(problem, iterate, tolerances)
     return Audit(tuple(items), coarse)
+
+
+@dataclass(frozen=True)
+class _Excess:
+    """How far a quantity leaves its range in every interval, at worst; `largest` has shape (N,)."""
+
+    name: str
+    quantity: Quantity
+    largest: Array
+
+
+def _path_excesses(problem: Problem, flown: Replay) -> list[_Excess]:
+    """Of states and path quantities."""
+    declared = [*problem.system.states, *problem.system.path]
+    histories = np.concatenate([flown.state, flown.path])
+    return [
+        _Excess(quantity.name, quantity, _violation(problem, quantity, history).max(axis=1))
+        for quantity, history in zip(declared, histories, strict=True)
+    ]
+
+
+def _watch_excesses(problem: Problem, flown: Replay) -> list[_Excess]:
+    """Of what the phases watch, by its exact measure."""
+    excesses: list[_Excess] = []
+    for phase, first, last in zip(problem.phases, problem.first_node, problem.first_node[1:], strict=False):
+        for watch in phase.watches:
+            seen = _watched(watch, flown.state[:, first:last])
+            for quantity, values in zip(watch.observation.quantities, seen, strict=True):
+                bounds = watch.bounds.get(quantity.name, Interval())
+                if bounds.bounded:
+                    largest = np.zeros(problem.intervals)
+                    largest[first:last] = outside(values, bounds.lower, bounds.upper).max(axis=1)
+                    limited = replace(quantity, lower=bounds.lower, upper=bounds.upper)
+                    excesses.append(_Excess(watch.name, limited, largest))
+    return excesses
+
+
+def _watched(watch: Watch, state: Array) -> Array:
+    """What a watch sees along intervals, shape (n_v, intervals, samples), from states (n_x, intervals, samples)."""
+    observation = watch.exact or watch.observation
+    n_x, intervals, samples = state.shape
+    parameters = np.repeat(np.asarray(watch.values)[:, None], intervals * samples, axis=1)
+    seen = np.asarray(observation.values.map(intervals * samples)(state.reshape(n_x, -1), parameters))
+    return seen.reshape(-1, intervals, samples)
 
 
 def _require_tolerances(declared: Sequence[Quantity], tolerances: Sequence[Tolerance]) -> None:
@@ -100,7 +146,9 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
             if np.isnan(violation) or violation >= worst[kind[quantity.unit]][0]:  # NaN is the worst, and stays it
                 worst[kind[quantity.unit]] = (violation, f"{boundary.name}, {quantity.name}")
     return [
-        Item(f"gate_{one.name}", worst[one.name][0], one.boundary, one.units[0], worst[one.name][1])
+        Item(
+            f"gate_{one.boundary_name or one.name}", worst[one.name][0], one.boundary, one.units[0], worst[one.name][1]
+        )
         for one in tolerances
         if worst[one.name][1]
     ]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.quantities import Interval, Quantity
+from airrace.system import Observation
 from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
@@ -25,7 +26,7 @@ Indices = NDArray[np.int64]
 class Row:
     """One constraint that is not a gap: its node, what it limits, its range and scale (SI).
 
-    `source` tells the path (-1) from the boundary with that number; `component` is the place within its quantities.
+    `source` tells the path (-1) from the sighting with that number; `component` is the place within its quantities.
     """
 
     node: int
@@ -33,6 +34,24 @@ class Row:
     component: int
     quantity: Quantity
     bounds: Interval
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One look at an observation.
+
+    Attributes:
+        node: where.
+        name: of the boundary, or of phase and watch, for people.
+        bounds: ranges by name of the observation's quantities.
+        offset: place of the observation's parameters among those of all sightings; a watch shares them.
+    """
+
+    node: int
+    name: str
+    observation: Observation
+    bounds: Mapping[str, Interval]
+    offset: int
 
 
 @dataclass(frozen=True)
@@ -49,6 +68,9 @@ class Layout:
         for phase in self.problem.phases:
             if unknown := phase.bounds.keys() - along:
                 raise ValueError(f"phase {phase.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
+            for watch in phase.watches:
+                if unknown := watch.bounds.keys() - {quantity.name for quantity in watch.observation.quantities}:
+                    raise ValueError(f"watch {watch.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
         for _, boundary in self.boundaries:
             seen = boundary.observation.quantities if boundary.observation is not None else ()
             if unknown := boundary.bounds.keys() - at_ends - {quantity.name for quantity in seen}:
@@ -150,6 +172,36 @@ class Layout:
         return [(0, problem.start), *ends]
 
     @cached_property
+    def _sightings(self) -> tuple[list[Sighting], list[tuple[float, ...]]]:
+        """All sightings, and the parameters they share."""
+        sightings: list[Sighting] = []
+        values: list[tuple[float, ...]] = []
+        offset = 0
+        for node, boundary in self.boundaries:
+            if boundary.observation is not None:
+                sightings.append(Sighting(node, boundary.name, boundary.observation, boundary.bounds, offset))
+                values.append(boundary.values)
+                offset += len(boundary.values)
+        for index, phase in enumerate(self.problem.phases):
+            before = self.problem.phases[index - 1].watches if index else ()
+            for watch in phase.watches:
+                # Where a watch goes on from the phase before, the node between the two has its rows already.
+                begun = any(watch.same_conditions(other) for other in before)
+                first = int(self.first_node[index]) + (1 if begun else 0)
+                sightings += [
+                    Sighting(node, f"{phase.name}, {watch.name}", watch.observation, watch.bounds, offset)
+                    for node in range(first, int(self.first_node[index + 1]) + 1)
+                ]
+                values.append(watch.values)
+                offset += len(watch.values)
+        return sightings, values
+
+    @property
+    def sightings(self) -> list[Sighting]:
+        """What is observed: at the boundaries in order, then along the phases, watch by watch and node by node."""
+        return self._sightings[0]
+
+    @cached_property
     def rows(self) -> list[list[Row]]:
         """The constraints of each stage besides its gap, in order; shape (N + 1,)."""
         rows: list[list[Row]] = [[] for _ in range(self.intervals + 1)]
@@ -157,13 +209,11 @@ class Layout:
             for component, (quantity, bounds) in enumerate(limits):
                 if bounds.bounded:
                     rows[node].append(Row(node, -1, component, quantity, bounds))
-        for number, (node, boundary) in enumerate(self.boundaries):
-            if boundary.observation is None:
-                continue
-            for component, quantity in enumerate(boundary.observation.quantities):
-                bounds = boundary.bounds.get(quantity.name, Interval())
+        for number, sighting in enumerate(self.sightings):
+            for component, quantity in enumerate(sighting.observation.quantities):
+                bounds = sighting.bounds.get(quantity.name, Interval())
                 if bounds.bounded:
-                    rows[node].append(Row(node, number, component, quantity, bounds))
+                    rows[sighting.node].append(Row(sighting.node, number, component, quantity, bounds))
         return rows
 
     def _path_limits(self) -> list[list[tuple[Quantity, Interval]]]:
@@ -275,9 +325,8 @@ class Layout:
         return lower, upper
 
     def parameter_values(self) -> Array:
-        """Parameters of the nonlinear program: the system's, the fractions, every boundary's values."""
-        observed = [boundary.values for _, boundary in self.boundaries if boundary.observation is not None]
-        return np.concatenate([self.problem.parameters, self.fractions, *observed])
+        """Parameters of the nonlinear program: the system's, the fractions, those of all sightings."""
+        return np.concatenate([self.problem.parameters, self.fractions, *self._sightings[1]])
 
     def describe(self, constraint: int) -> str:
         """What a constraint is, for people."""
@@ -288,7 +337,7 @@ class Layout:
         if within < gaps:
             return f"{phase.name}: continuity of the flight"
         row = self.rows[stage][within - gaps]
-        place = phase.name if row.source < 0 else self.boundaries[row.source][1].name
+        place = phase.name if row.source < 0 else self.sightings[row.source].name
         return f"{place}: {row.quantity.text or row.quantity.name}"
 
 

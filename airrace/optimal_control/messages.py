@@ -94,8 +94,8 @@ class Sender:
             OSError: the other side is gone.
         """
         problem = request.problem
-        boundaries = [problem.start, *(phase.end for phase in problem.phases)]
-        for shared in [problem.system, *(one.observation for one in boundaries if one.observation is not None)]:
+        exact = [watch.exact for phase in problem.phases for watch in phase.watches if watch.exact is not None]
+        for shared in [problem.system, *problem.observations, *exact]:
             if id(shared) not in self._names:
                 self._define(shared)
         self._write(request)

@@ -37,6 +37,31 @@ class Boundary:
 
 
 @dataclass(frozen=True)
+class Watch:
+    """Conditions on what is observed all along a phase: at every node of it, both ends included.
+
+    Attributes:
+        name: for messages, e.g. of a safety line.
+        bounds: ranges by name of the observation's quantities.
+        observation: what is observed.
+        values: the observation's parameters (n_b,).
+        exact: the same quantities of the same parameters, where the observation is but a smooth stand-in for them;
+            certificates measure these.
+    """
+
+    name: str
+    bounds: Mapping[str, Interval]
+    observation: Observation
+    values: tuple[float, ...]
+    exact: Observation | None = None
+
+    def same_conditions(self, other: "Watch") -> bool:
+        """Whether two watches ask for the very same."""
+        alike = self.observation is other.observation and self.exact is other.exact
+        return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
+
+
+@dataclass(frozen=True)
 class Phase:
     """A stretch of the flight.
 
@@ -46,6 +71,7 @@ class Phase:
         duration: allowed duration, s; the lower end must be positive.
         end: conditions at the end of the phase.
         bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
+        watches: what else holds along it.
     """
 
     name: str
@@ -53,6 +79,7 @@ class Phase:
     duration: Interval
     end: Boundary = field(default_factory=Boundary)
     bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
+    watches: tuple[Watch, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,6 +114,14 @@ class Problem:
         for phase in self.phases:
             nodes.append(nodes[-1] + len(phase.fractions))
         return nodes
+
+    @property
+    def observations(self) -> list[Observation]:
+        """All observations, each once."""
+        boundaries = [self.start, *(phase.end for phase in self.phases)]
+        watches = [watch for phase in self.phases for watch in phase.watches]
+        seen = [one.observation for one in (*boundaries, *watches) if one.observation is not None]
+        return list({id(one): one for one in seen}.values())
 
 
 @dataclass(frozen=True)

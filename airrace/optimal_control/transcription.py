@@ -84,7 +84,7 @@ class _Transcription:
         self.system_parameters = self.p[: len(layout.problem.parameters)]
         first = len(layout.problem.parameters)
         self.fractions = self.p[first : first + layout.intervals]
-        self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._boundaries()]
+        self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._sightings()]
 
     def program(self) -> NonlinearProgram:
         w, p, lam_f, lam_g = self.w, self.p, self.lam_f, self.lam_g
@@ -127,27 +127,23 @@ class _Transcription:
         rows, weights = self._rows(kernel, len(inputs), lambda row: row.node if row.source < 0 else None)
         return [_Calls(kernel, inputs, ca.MX(0, len(inputs)), self.system_parameters, rows, weights)]
 
-    def _boundaries(self) -> list[_Calls]:
+    def _sightings(self) -> list[_Calls]:
         """The observations, those of one kind together."""
-        layout = self.layout
-        offset = len(layout.problem.parameters) + layout.intervals
-        groups: dict[str, list[tuple[int, int]]] = {}
-        for number, (_, boundary) in enumerate(layout.boundaries):
-            if boundary.observation is not None:
-                groups.setdefault(boundary.observation.name, []).append((number, offset))
-                offset += len(boundary.values)
+        groups: dict[int, list[int]] = {}
+        for number, sighting in enumerate(self.layout.sightings):
+            groups.setdefault(id(sighting.observation), []).append(number)
         return [self._observations(members) for members in groups.values()]
 
-    def _observations(self, members: list[tuple[int, int]]) -> _Calls:
+    def _observations(self, members: list[int]) -> _Calls:
         layout = self.layout
-        observation = layout.boundaries[members[0][0]][1].observation
-        assert observation is not None  # only boundaries with one were grouped
-        call_of = {number: call for call, (number, _) in enumerate(members)}
+        sightings = [layout.sightings[number] for number in members]
+        observation = sightings[0].observation
+        call_of = {number: call for call, number in enumerate(members)}
         kernel = observation_kernel(observation, layout.n_x)
-        inputs = layout.state_index[[layout.boundaries[number][0] for number, _ in members]]
+        inputs = layout.state_index[[sighting.node for sighting in sightings]]
         rows, weights = self._rows(kernel, len(members), lambda row: call_of.get(row.source))
-        count = len(observation.parameters)
-        places = np.concatenate([offset + np.arange(count) for _, offset in members])
+        count, first = len(observation.parameters), len(layout.problem.parameters) + layout.intervals
+        places = np.concatenate([first + sighting.offset + np.arange(count) for sighting in sightings])
         own = ca.reshape(self.p[places.tolist()], count, len(members))
         return _Calls(kernel, inputs, own, ca.MX(0, 1), rows, weights)
 

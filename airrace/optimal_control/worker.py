@@ -20,7 +20,7 @@ from airrace.optimal_control.kernels import Kernels, build_kernels, in_cache
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
-from airrace.system import System
+from airrace.system import Observation, System
 
 PREPARED_INTERVALS = 600  # of all problems kept ready together
 _ITERATION = re.compile(r"^\s*(\d+)r?\s+([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
@@ -59,7 +59,7 @@ class Workshop:
 
     def __init__(self, notify: Callable[[str], None]) -> None:
         self._notify = notify
-        self._systems: list[System] = []
+        self._known: list[System | Observation] = []
         self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
         self._prepared: dict[str, PreparedProblem] = {}
         self._sizes: dict[str, int] = {}
@@ -81,17 +81,17 @@ class Workshop:
         while self._prepared and intervals + sum(self._sizes[key] for key in self._prepared) > PREPARED_INTERVALS:
             del self._prepared[next(iter(self._prepared))]
 
-    def _system_number(self, system: System) -> int:
-        """Equal systems are one object here, see `Receiver`."""
-        for number, known in enumerate(self._systems):
-            if known is system:
+    def _number(self, shared: System | Observation) -> int:
+        """Equal systems, and equal observations, are one object here, see `Receiver`."""
+        for number, known in enumerate(self._known):
+            if known is shared:
                 return number
-        self._systems.append(system)
-        return len(self._systems) - 1
+        self._known.append(shared)
+        return len(self._known) - 1
 
     def _kernels_of(self, request: SolveRequest) -> Kernels:
         problem = request.problem
-        key = (self._system_number(problem.system), problem.scheme, request.compiled)
+        key = (self._number(problem.system), problem.scheme, request.compiled)
         if key not in self._kernels:
             if request.compiled and not in_cache(problem.system, problem.scheme):
                 self._notify("compiling the equations (once per model and machine)")
@@ -102,8 +102,8 @@ class Workshop:
         """Everything the prepared functions depend on: two problems with equal keys share them."""
         problem = request.problem
         rows = [(row.node, row.source, row.component) for row in layout.flat_rows]
-        observed = [one.observation.name if one.observation else "" for _, one in layout.boundaries]
-        parts = (self._system_number(problem.system), problem.scheme, problem.objective, problem.time_scale)
+        observed = [(self._number(one.observation), one.offset) for one in layout.sightings]
+        parts = (self._number(problem.system), problem.scheme, problem.objective, problem.time_scale)
         solving = (request.solver, request.options, request.compiled, request.threads)
         return repr((parts, layout.first_node.tolist(), rows, observed, solving))
 

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, Watch, uniform
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation, System
 
@@ -47,22 +47,35 @@ def pylon() -> Observation:
 
 
 def rich_problem() -> Problem:
-    """Three phases with uneven meshes, observations of two kinds at four boundaries, a bounded state at one of them."""
+    """Three phases with uneven meshes, observations of two kinds at four boundaries, a bounded state at one of them.
+
+    Two phases are watched: one watch goes on from the first to the second, another begins there.
+    """
     seen, near = Interval(-6.0, 6.0), {"distance": Interval(upper=9.0), "lean": Interval(-1.0, 1.0)}
+    gates, pylons = gate(), pylon()
+    lasting = Watch("lasting", {"distance": Interval(-7.0, 9.5)}, gates, (0.1, 0.9))
+    begun = Watch("begun", {"clearance": Interval(lower=-20.0)}, pylons, (0.2,))
     return Problem(
         rich_system(),
         parameters=(0.7, -0.4),
-        start=Boundary("start", {"a": Interval.exactly(0.5), "lean": seen}, gate(), (0.3, 1.2)),
+        start=Boundary("start", {"a": Interval.exactly(0.5), "lean": seen}, gates, (0.3, 1.2)),
         phases=(
-            Phase("one", (0.2, 0.5, 0.3), Interval(0.1, 3.0), Boundary("first", {"clearance": seen}, pylon(), (0.6,))),
+            Phase(
+                "one",
+                (0.2, 0.5, 0.3),
+                Interval(0.1, 3.0),
+                Boundary("first", {"clearance": seen}, pylons, (0.6,)),
+                watches=(lasting,),
+            ),
             Phase(
                 "two",
                 (0.6, 0.4),
                 Interval(0.2, 2.0),
-                Boundary("second", near, gate(), (-0.2, 0.4)),
+                Boundary("second", near, gates, (-0.2, 0.4)),
                 bounds={"load": Interval(-1.0, 2.0), "b": Interval(-2.0, 2.0), "s": Interval(-1.0, 1.0)},
+                watches=(lasting, begun),
             ),
-            Phase("three", (1.0,), Interval(0.1, 1.0), Boundary("finish", {"clearance": seen}, pylon(), (-0.3,))),
+            Phase("three", (1.0,), Interval(0.1, 1.0), Boundary("finish", {"clearance": seen}, pylons, (-0.3,))),
         ),
         objective=Objective(time=0.8, terminal={"b": -0.3, "c": 0.2}, regularisation={"s": 0.05, "t": 0.4}),
         time_scale=0.7,

@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from known_flights import FREQUENCY, LENS, SYSTEM, exact, flight, problem
 
 from airrace.optimal_control.audit import Audit, Tolerance, audit, outside
 from airrace.optimal_control.certificate import Item
-from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.problem import Boundary, Iterate, Problem, Watch
 from airrace.optimal_control.replay import replay
-from airrace.quantities import Interval
+from airrace.quantities import Interval, Quantity
+from airrace.system import Observation
 
 TOLERANCES = (
     Tolerance("length", ("m",), 0.05, 0.01),
@@ -171,3 +173,43 @@ def test_gate_whose_values_are_not_numbers_is_not_passed() -> None:
 def test_distance_outside_a_range_is_zero_within_it() -> None:
     values = np.array([-2.0, -1.0, 0.0, 3.0, 5.0])
     assert outside(values, -1.0, 3.0).tolist() == [1.0, 0.0, 0.0, 0.0, 2.0]
+
+
+def on_watch(exact: Observation | None = None, **bounds: Interval) -> Problem:
+    """As `limited`, but by a watch of the same two quantities."""
+    x, nothing = ca.SX.sym("x", 2), ca.SX.sym("none", 0)
+    quantities = (Quantity("height", "m"), Quantity("rising", "m/s"))
+    seen = Observation("seen", quantities, (), ca.Function("seen", [x, nothing], [x]))
+    stated = problem((0.5, 0.5), (0.5, 0.5))
+    first, second = stated.phases
+    watch = Watch("lookout", bounds, seen, (), exact)
+    return replace(stated, phases=(replace(first, watches=(watch,)), second))
+
+
+def test_watch_is_measured_between_nodes_and_named() -> None:
+    measured = audited(on_watch(height=Interval(upper=0.9)), swing())
+    found = item(measured, "path_length")
+    assert found.value == pytest.approx(0.1, abs=1e-6)
+    assert found.where == "up, lookout"
+    assert measured.coarse.tolist() == [False, True, False, False]
+
+
+def test_watch_that_holds_leaves_nothing_to_report() -> None:
+    measured = audited(on_watch(height=Interval(upper=1.1), rising=Interval(-9.0, 9.0)), swing())
+    assert item(measured, "path_length").value == 0.0
+    assert not measured.coarse.any()
+
+
+def test_exact_measure_of_a_watch_counts_and_its_stand_in_does_not() -> None:
+    x, nothing = ca.SX.sym("x", 2), ca.SX.sym("none", 0)
+    doubled = Observation(
+        "exact", (Quantity("height", "m"), Quantity("rising", "m/s")), (), ca.Function("exact", [x, nothing], [2 * x])
+    )
+    measured = audited(on_watch(doubled, height=Interval(upper=1.9)), swing())
+    assert item(measured, "path_length").value == pytest.approx(0.1, abs=1e-6)
+
+
+def test_watched_quantity_without_a_tolerance_is_refused() -> None:
+    stated = on_watch(height=Interval(upper=1.0))
+    with pytest.raises(ValueError, match="no tolerance for height"):
+        audit(stated, swing(), replay(stated, swing()), tolerances=TOLERANCES[1:], defect_limit=1e-4)

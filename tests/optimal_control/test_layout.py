@@ -1,5 +1,7 @@
 """Every unknown and every constraint has one place, and a name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -51,11 +53,36 @@ def test_every_unknown_and_every_constraint_has_one_place(problem: Problem) -> N
 def test_every_constraint_has_a_description(problem: Problem) -> None:
     layout = Layout(problem)
     described = [layout.describe(index) for index in range(layout.constraints)]
-    places = {phase.name for phase in problem.phases} | {boundary.name for _, boundary in layout.boundaries}
+    places = {phase.name for phase in problem.phases} | {sighting.name for sighting in layout.sightings}
     assert {text.split(": ")[0] for text in described} <= places
     assert all(text.split(": ")[1] for text in described)
     for gap in layout.gap_index.ravel():
         assert described[gap].endswith("continuity of the flight")
+
+
+def test_a_watch_looks_once_at_every_node_of_its_phases() -> None:
+    layout = Layout(rich_problem())
+    watched = [(one.name.split(", ")[1], one.node) for one in layout.sightings if ", " in one.name]
+    lasting, begun = ([node for name, node in watched if name == wanted] for wanted in ("lasting", "begun"))
+    assert lasting == [0, 1, 2, 3, 4, 5]  # at node 3 the phases meet
+    assert begun == [3, 4, 5]
+
+
+def test_a_watch_of_another_bound_looks_again_where_two_phases_meet() -> None:
+    problem = rich_problem()
+    first, second, third = problem.phases
+    other = replace(second.watches[0], bounds={"distance": Interval(-7.0, 9.0)})
+    changed = replace(problem, phases=(first, replace(second, watches=(other,)), third))
+    nodes = [one.node for one in Layout(changed).sightings if one.name.endswith("lasting")]
+    assert nodes == [0, 1, 2, 3, 3, 4, 5]
+
+
+def test_a_watch_of_what_does_not_exist_is_refused() -> None:
+    problem = rich_problem()
+    first, *rest = problem.phases
+    unknown = replace(first.watches[0], bounds={"distanse": Interval(upper=1.0)})
+    with pytest.raises(ValueError, match="distanse"):
+        Layout(replace(problem, phases=(replace(first, watches=(unknown,)), *rest)))
 
 
 def test_a_constraint_is_described_by_its_place_and_its_quantity() -> None:

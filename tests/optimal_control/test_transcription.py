@@ -121,8 +121,10 @@ def test_constraints_are_path_and_boundary_values_in_units_of_their_scales() -> 
             u = iterate.control[:, min(row.node, layout.intervals - 1)]
             values = problem.system.path_values(x, u, problem.parameters)
         else:
-            boundary = layout.boundaries[row.source][1]
-            values = boundary.observation.values(x, boundary.values)
+            sighting = layout.sightings[row.source]
+            first = len(problem.parameters) + layout.intervals + sighting.offset
+            parameters = layout.parameter_values()[first : first + len(sighting.observation.parameters)]
+            values = sighting.observation.values(x, parameters)
         assert g[place] == pytest.approx(float(values[row.component]) / row.quantity.scale, abs=1e-13)
 
 
