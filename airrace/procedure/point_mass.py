@@ -48,7 +48,7 @@ def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
     The rows of a gate in unit "1" are sines and excesses of small angles, so their limit is that of gate angles.
     """
     return (
-        Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle),
+        Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle, "attitude"),
         Tolerance("length", ("m",), limits.length, limits.gate_length),
         Tolerance("angle", ("rad",), limits.angle, limits.gate_angle),
         Tolerance("angular_rate", ("rad/s",), limits.angle, limits.gate_angle),

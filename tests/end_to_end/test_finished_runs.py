@@ -20,7 +20,7 @@ CERTIFICATE = {
     "path_angle",
     "path_angular_rate",
     "path_speed",
-    "gate_load_factor",
+    "gate_attitude",
     "gate_length",
     "gate_speed",
 }
