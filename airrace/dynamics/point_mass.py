@@ -18,6 +18,7 @@ from airrace.dynamics.flight_model import FlightModel, attitude_projection, colu
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates
 from airrace.dynamics.propulsion import lever_rate, thrust
+from airrace.dynamics.roll_counter import RollCounter, RollReset, counter_rates
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters, density, g0
 from airrace.environment.elementary import sqrt
@@ -121,33 +122,40 @@ def point_mass(
     return rates, path
 
 
-def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air) -> FlightModel:
+def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
     """The point mass of an aircraft under the rules of a course in the air of the day.
 
-    The equations depend only on the structure of the wind; numbers are parameters, limits are bounds.
+    The equations depend only on the structure of the wind and on `counting`, whether rolls are counted; numbers are
+    parameters, limits are bounds.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     field = WindField.of(air)
-    states, controls, path = _declarations(aircraft, rules)
+    own_states, own_controls, path = _declarations(aircraft, rules)
+    states = (*own_states, *(RollCounter.quantities() if counting else ()))
+    controls = (*own_controls, *(RollReset.quantities() if counting else ()))
     parameters = (*AircraftParameters.quantities(), *AtmosphereParameters.quantities(), *field.parameters)
     x, u, p = named_symbols(states), named_symbols(controls), named_symbols(parameters)
     rates, path_values = point_mass(
-        PointMassState(**x),
-        PointMassControl(**u),
+        PointMassState(**{one.name: x[one.name] for one in own_states}),
+        PointMassControl(**{one.name: u[one.name] for one in own_controls}),
         aircraft=AircraftParameters(**{name: p[name] for name in AircraftParameters.names()}),
         atmosphere=AtmosphereParameters(**{name: p[name] for name in AtmosphereParameters.names()}),
         field=field,
         wind=[p[one.name] for one in field.parameters],
     )
+    all_rates = list(rates.join())
+    if counting:
+        reset = RollReset(**{name: u[name] for name in RollReset.names()})
+        all_rates += counter_rates(x["p_Kbar"], rates.z, reset).join()
     arguments = [column(symbols.values()) for symbols in (x, u, p)]
     system = System(
-        name="+".join(part for part in ("point-mass", field.label) if part),
+        name="+".join(part for part in ("point-mass", field.label, "rolls" if counting else "") if part),
         states=states,
         controls=controls,
         parameters=parameters,
-        rates=ca.Function("rates", arguments, [column(rates.join())], {"cse": True}),
+        rates=ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),
         path=path,
         path_values=ca.Function("path_values", arguments, [column(path_values.join())], {"cse": True}),
         projection=attitude_projection(states),

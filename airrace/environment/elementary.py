@@ -1,4 +1,4 @@
-"""Elementary functions of symbols and floats alike, all twice differentiable where the models use them."""
+"""Elementary functions of symbols and floats alike, twice differentiable where the models use them."""
 
 from collections.abc import Callable
 
@@ -10,6 +10,11 @@ from airrace.frames import Scalar
 sqrt: Callable[[Scalar], Scalar] = ca.sqrt
 exp: Callable[[Scalar], Scalar] = ca.exp
 log: Callable[[Scalar], Scalar] = ca.log
+atan2: Callable[[Scalar, Scalar], Scalar] = ca.atan2
+
+# not differentiable where their arguments meet: only for what no solver sees
+minimum: Callable[[Scalar, Scalar], Scalar] = ca.fmin
+maximum: Callable[[Scalar, Scalar], Scalar] = ca.fmax
 
 
 def power(x: Scalar, exponent: Scalar) -> Scalar:
@@ -17,13 +22,13 @@ def power(x: Scalar, exponent: Scalar) -> Scalar:
     return exp(exponent * log(x))
 
 
-def smooth_maximum(a: Scalar, b: Scalar, width: float) -> Scalar:
+def smooth_maximum(a: Scalar, b: Scalar, width: Scalar) -> Scalar:
     """`(a + b + sqrt((a - b)^2 + width^2)) / 2`: above both, by `width / 2` where they meet, less away from there."""
     difference = a - b
     return 0.5 * (a + b + sqrt(difference * difference + width * width))
 
 
-def smooth_clip(x: Scalar, lower: Scalar, upper: Scalar, width: float) -> Scalar:
+def smooth_clip(x: Scalar, lower: Scalar, upper: Scalar, width: Scalar) -> Scalar:
     """`x` rounded off at two limits that it never reaches; rises everywhere, by nearly one between them.
 
     `(lower + upper)/2 + [sqrt((x - lower)^2 + width^2) - sqrt((x - upper)^2 + width^2)]/2`

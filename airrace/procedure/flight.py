@@ -11,7 +11,7 @@ from airrace.dynamics.crossing import crossing_observation
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.frames import angles, rotation
-from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.cruise import cruise
 from airrace.procedure.plan import Plan, plan
@@ -19,10 +19,13 @@ from airrace.procedure.race import Race
 from airrace.procedure.result import GateSplit
 from airrace.procedure.settings import Settings
 from airrace.procedure.statement import race_problem
+from airrace.procedure.watches import leg_watches
 from airrace.system import Observation
 from airrace.trajectory import Trajectory
 
 REGULARISED = ("n_z_dot", "n_y_dot", "p_Kbar_dot")
+DETERMINED = {"Phi_reset": 1e-7, "gain_reset": 1e-7}
+"""Weights of controls that matter nowhere but where a roll begins: just enough to make them unique."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,7 @@ class PointMassFlight:
     plan: Plan
     model: FlightModel
     observation: Observation
+    watches: tuple[tuple[Watch, ...], ...]
     aircraft: Aircraft
     regularisation: float
 
@@ -40,10 +44,11 @@ class PointMassFlight:
         return race_problem(
             self.plan,
             mesh,
+            watches=self.watches,
             model=self.model,
             observation=self.observation,
             aircraft=self.aircraft,
-            regularised=dict.fromkeys(REGULARISED, self.regularisation),
+            regularised=dict.fromkeys(REGULARISED, self.regularisation) | (DETERMINED if self.plan.counting else {}),
         )
 
 
@@ -53,11 +58,12 @@ def point_mass_flight(race: Race, settings: Settings) -> PointMassFlight:
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    model = build_point_mass(race.aircraft, race.course.rules, race.air)
+    model = build_point_mass(race.aircraft, race.course.rules, race.air, counting=race.course.has_rolls)
     return PointMassFlight(
         plan=plan(race.course, cruise(race.aircraft, race.course.rules)),
         model=model,
         observation=crossing_observation(model.system.states),
+        watches=leg_watches(race.course, model.system.states),
         aircraft=race.aircraft,
         regularisation=settings.regularisation,
     )

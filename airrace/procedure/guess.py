@@ -8,13 +8,15 @@ import numpy as np
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
-from airrace.frames import product, rotation
+from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.attitudes import align_quaternions
 from airrace.procedure.cruise import Cruise
-from airrace.procedure.plan import Plan, Waypoint
-from airrace.procedure.rotation_time import rotation_time, rotation_vector
+from airrace.procedure.plan import Leg, Plan
+from airrace.procedure.rotation_time import roll_time, rotation_time, rotation_vector, turned
 from airrace.procedure.settings import MeshSettings
+from airrace.procedure.waypoints import Waypoint
+from airrace.track.gates import Manoeuvre
 from airrace.trajectory import Array
 
 SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged
@@ -29,11 +31,19 @@ History = PointMassState[Array]
 
 def leg_seconds(plan: Plan) -> list[float]:
     """Planned duration of each leg, s."""
-    seconds: list[float] = []
-    for leg, (a, b) in zip(plan.legs, itertools.pairwise(plan.waypoints), strict=True):
-        turning = rotation_time(a.q, b.q, plan.cruise) if leg.path is None else leg.path.length / plan.cruise.V
-        seconds.append(max(turning, SHORTEST_LEG))
-    return seconds
+    return [
+        max(_leg_seconds(leg, a, b, plan.cruise), SHORTEST_LEG)
+        for leg, (a, b) in zip(plan.legs, itertools.pairwise(plan.waypoints), strict=True)
+    ]
+
+
+def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: Cruise) -> float:
+    if leg.path is not None:
+        assert a.position is not None  # a level leg's ends have positions
+        assert b.position is not None
+        return math.hypot(leg.path.length, b.position[2] - a.position[2]) / pace.V
+    roll = b.passage.roll
+    return rotation_time(a.q, b.q, pace) if roll is None else roll_time(a.q, b.q, roll, pace)[0]
 
 
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:
@@ -61,7 +71,25 @@ def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
     state = np.hstack([state, np.vstack(list(histories[-1].join()))[:, -1:]])
     align_quaternions(state)
     steps = np.concatenate([np.asarray(fractions) * T for fractions, T in zip(mesh, durations, strict=True)])
-    return Iterate(durations, state, _controls(PointMassState[Array].split(state), steps))
+    control = _controls(PointMassState[Array].split(state), steps)
+    if plan.counting:
+        counted, reset = _counters(plan, mesh, steps, state)
+        state, control = np.vstack([state, counted]), np.vstack([control, reset])
+    return Iterate(durations, state, control)
+
+
+def _counters(plan: Plan, mesh: Sequence[Fractions], steps: Array, state: Array) -> tuple[Array, Array]:
+    """Histories of `RollCounter` (2, N + 1) and `RollReset` (2, N): they count on rolls and are at rest elsewhere."""
+    flown = PointMassState[Array].split(state)
+    passing = np.vstack([0.5 * (flown.p_Kbar[1:] + flown.p_Kbar[:-1]), np.diff(-flown.z) / steps])
+    counted = np.zeros((2, len(steps) + 1))
+    nodes = np.concatenate([[0], np.cumsum([len(fractions) for fractions in mesh])])
+    for waypoint, first, last in zip(plan.waypoints[1:], nodes, nodes[1:], strict=False):
+        if waypoint.passage.roll is not None:
+            share = np.concatenate([[0.0], np.cumsum(steps[first:last])]) / steps[first:last].sum()
+            counted[0, first : last + 1] = waypoint.rolled * share
+            counted[1, first : last + 1] = flown.z[first] - flown.z[first : last + 1]
+    return counted, np.diff(counted, axis=1) / steps - passing
 
 
 def _controls(history: History, steps: Array) -> Array:
@@ -128,8 +156,9 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
     """From one attitude to the next by the shortest rotation at constant rates; starts at the origin."""
     a, b, pace = plan.waypoints[index], plan.waypoints[index + 1], plan.cruise
     duration = leg_seconds(plan)[index]
-    roll, pitch, _ = (angle / duration for angle in rotation_vector(a.q, b.q))
-    q = np.array([rotated(a.q, b.q, float(part)) for part in share]).T
+    whole = _turn(a, b)
+    roll, pitch, _ = (angle / duration for angle in whole)
+    q = np.array([turned(a.q, whole, float(part)) for part in share]).T
     R = rotation(list(q))
     step = duration * np.diff(share)
     direction = np.vstack([R[0][0], R[1][0], R[2][0]])
@@ -151,16 +180,14 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
     )
 
 
-def rotated(start: Sequence[float], end: Sequence[float], part: float) -> list[float]:
-    """The attitude after a part of the rotation from start to end."""
-    vector = [part * angle for angle in rotation_vector(start, end)]
-    angle = math.sqrt(sum(one * one for one in vector))
-    factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
-    return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])
+def _turn(a: Waypoint, b: Waypoint) -> tuple[float, float, float]:
+    """The rotation from one waypoint to the next, rad; a roll turns further than the shortest way."""
+    roll, pitch, yaw = rotation_vector(a.q, b.q)
+    return (b.rolled or roll, pitch, yaw)
 
 
 def _join_positions(plan: Plan, histories: list[History]) -> None:
-    """Put the turning legs one behind the other and shear them so that they end at the next known position."""
+    """Put the turning legs one behind the other and shear them so that they meet all that is known of positions."""
     index = 0
     while index < len(histories):
         if plan.legs[index].path is not None:
@@ -169,26 +196,38 @@ def _join_positions(plan: Plan, histories: list[History]) -> None:
         last = index
         while last < len(histories) and plan.legs[last].path is None:
             last += 1
-        _place_chain(plan.waypoints[index], plan.waypoints[last], histories[index:last])
+        _place_chain(plan.waypoints[index : last + 1], histories[index:last])
         index = last
 
 
-def _place_chain(start: Waypoint, end: Waypoint, chain: Sequence[History]) -> None:
-    """Move the histories of a chain, in place: each begins where the one before ends, the last ends at `end`."""
-    at = np.array([0.0, 0.0, -50.0]) if start.position is None else _down(start.position)
-    steps = sum(len(history.x) - 1 for history in chain)
-    travelled = sum((np.array([h.x[-1], h.y[-1], h.z[-1]]) for h in chain), start=at)
-    gap = np.zeros(3) if end.position is None else _down(end.position) - travelled
-    done = 0
-    for history in chain:
-        part = (done + np.arange(len(history.x))) / steps
-        moved = [
-            values + origin + miss * part for values, origin, miss in zip(_position(history), at, gap, strict=True)
-        ]
-        at = at + np.array([values[-1] for values in _position(history)])
-        for values, new in zip(_position(history), moved, strict=True):
-            values[:] = new
-        done += len(history.x) - 1
+def _place_chain(waypoints: Sequence[Waypoint], chain: Sequence[History]) -> None:
+    """Move the histories of a chain, in place: each begins where the one before ends.
+
+    The chain as flown from its first waypoint misses the last one; the miss is made up for evenly on the way. So is
+    what its heights lack at the waypoints between.
+    """
+    start, end = waypoints[0], waypoints[-1]
+    origin = np.array([0.0, 0.0, -50.0]) if start.position is None else _down(start.position)
+    corners = np.vstack([np.zeros(3), *(np.array([h.x[-1], h.y[-1], h.z[-1]]) for h in chain)]).cumsum(axis=0) + origin
+    knots = np.concatenate([[0], np.cumsum([len(history.x) - 1 for history in chain])])
+    wanted = corners.copy()
+    if end.position is not None:
+        wanted += np.outer(knots / knots[-1], _down(end.position) - corners[-1])
+    for place, waypoint in enumerate(waypoints[1:-1], start=1):
+        wanted[place, 2] = -_allowed_height(waypoint, -wanted[place, 2])
+    for index, history in enumerate(chain):
+        part = np.linspace(0.0, 1.0, len(history.x))
+        begin, finish = wanted[index] - corners[index], wanted[index + 1] - corners[index + 1]
+        for axis, values in enumerate(_position(history)):
+            values += corners[index, axis] + begin[axis] + part * (finish[axis] - begin[axis])
+
+
+def _allowed_height(waypoint: Waypoint, height: float) -> float:
+    """The height nearest to `height` (m) that a manoeuvre allows."""
+    element = waypoint.passage.element
+    if not isinstance(element, Manoeuvre):
+        return height
+    return min(max(height, element.height.lower), element.height.upper)
 
 
 def _position(history: History) -> tuple[Array, Array, Array]:

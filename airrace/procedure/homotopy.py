@@ -80,7 +80,7 @@ class _Homotopy:
         groups: list[list[int]] = [[]]
         for index in range(len(self.mesh)):
             groups[-1].append(index)
-            if self.flight.plan.waypoints[index + 1].position is not None:
+            if not self.flight.plan.waypoints[index + 1].free:
                 groups.append([])
         return [group for group in groups if group]
 
@@ -139,7 +139,9 @@ class _Homotopy:
     def _problem(self, first: int, index: int, family: PhaseFamily, part: float) -> Problem:
         target = piece_boundary(family.target(part), self.flight.observation)
         phases: list[Phase] = list(self.race.phases[first:index])
-        phases.append(dataclasses.replace(self.race.phases[index], end=target))
+        last = dataclasses.replace(self.race.phases[index], end=target)
+        # On the way to the real phase its lines and its crowd stand at places that mean nothing yet.
+        phases.append(last if part == 1.0 else dataclasses.replace(last, watches=()))
         return dataclasses.replace(self.race, start=self._begin(first), phases=tuple(phases))
 
     def _begin(self, first: int) -> Boundary:

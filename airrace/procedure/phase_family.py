@@ -15,9 +15,10 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.cruise import Cruise
-from airrace.procedure.guess import guess, rotated
-from airrace.procedure.plan import Leg, Plan, Waypoint
-from airrace.procedure.rotation_time import rotation_time
+from airrace.procedure.guess import guess
+from airrace.procedure.plan import Leg, Plan
+from airrace.procedure.rotation_time import rotated, rotation_time
+from airrace.procedure.waypoints import Waypoint
 from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
 
@@ -31,12 +32,14 @@ class PhaseFamily:
         end: its last waypoint as planned.
         path: the planned path of a level leg, else None.
         pace: planning pace at the speed with which the phase begins.
+        counting: see `Plan`.
     """
 
     begin: Waypoint
     end: Waypoint
     path: DubinsPath | None
     pace: Cruise
+    counting: bool
 
     @property
     def first(self) -> float:
@@ -88,7 +91,7 @@ class PhaseFamily:
     def guess(self, part: float, fractions: Sequence[float]) -> Iterate:
         """The member as planned, on a mesh."""
         path = None if self.path is None else self.path.bent(part)
-        member = Plan((self.begin, self.target(part)), (Leg(path),), self.pace, 0.0)
+        member = Plan((self.begin, self.target(part)), (Leg(path),), self.pace, 0.0, self.counting)
         return guess(member, [tuple(fractions)])
 
 
@@ -110,4 +113,4 @@ def phase_family(plan: Plan, index: int, state: Array | None) -> PhaseFamily:
         pace = dataclasses.replace(pace, V=now.V_K)
     # The planned path is kept although the phase begins a little beside it: from there the shortest path to the gate
     # may be another one, with a full circle more.
-    return PhaseFamily(begin, end, plan.legs[index].path, pace)
+    return PhaseFamily(begin, end, plan.legs[index].path, pace, plan.counting)

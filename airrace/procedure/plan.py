@@ -6,6 +6,7 @@ programming: a few candidates per passage, and between neighbours the length of 
 free, the time to turn from one attitude to the next).
 """
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -13,44 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.frames import quaternion
+from airrace.frames import angles, rotation
 from airrace.procedure.cruise import Cruise
-from airrace.procedure.rotation_time import rotation_time
-from airrace.track.course import Course, Direction, Passage
+from airrace.procedure.rotation_time import roll_time, rotated, rotation_time
+from airrace.procedure.waypoints import Waypoint, candidates, is_only_a_height
+from airrace.quantities import Interval
+from airrace.track.course import Course, Passage
 from airrace.track.dubins import DubinsPath, lengths, shortest
-from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Array
-
-HEADINGS = 36
-OFFSETS = math.radians(10.0) * np.arange(-6, 7)
-PYLON_MARGIN = 4.0  # m beyond the clearance, where the plan passes a pylon
-KNIFE_EDGE = math.radians(60.0)  # a gate banked more than this is flown on edge
-
-
-@dataclass(frozen=True)
-class Waypoint:
-    """One passage as planned.
-
-    Attributes:
-        passage: which one.
-        position: north, east, height, m; None where the element leaves it free.
-        heading: course at the passage, rad.
-        climb: climb angle, rad.
-        bank: prescribed bank, rad; None where free.
-        axis: heading of the axis that the crossing is measured against, rad.
-    """
-
-    passage: Passage
-    position: tuple[float, float, float] | None
-    heading: float
-    climb: float
-    bank: float | None
-    axis: float
-
-    @property
-    def q(self) -> list[float]:
-        """Attitude, wings level where the bank is free."""
-        return quaternion(self.heading, self.climb, self.bank or 0.0)
 
 
 @dataclass(frozen=True)
@@ -60,28 +32,44 @@ class Leg:
     path: DubinsPath | None
 
 
-def _level(here: Waypoint, there: Waypoint) -> bool:
-    """Whether a planar path can lead from one to the other."""
-    known = here.position is not None and there.position is not None
-    return known and here.climb == 0.0 and there.climb == 0.0
-
-
 @dataclass(frozen=True)
 class Plan:
-    """Waypoints of all passages and the legs between them; `seconds` is the planned race time."""
+    """Waypoints of all passages and the legs between them.
+
+    Attributes:
+        seconds: planned race time.
+        counting: whether the flight counts its rolls, see `roll_counter.py`.
+    """
 
     waypoints: tuple[Waypoint, ...]
     legs: tuple[Leg, ...]
     cruise: Cruise
     seconds: float
+    counting: bool
 
 
 def plan(course: Course, pace: Cruise) -> Plan:
-    """Choose the candidate at every passage that makes the shortest race."""
-    candidates = [_candidates(passage) for passage in course.passages]
-    total = np.zeros(len(candidates[0]))
+    """Choose the candidate at every passage that makes the shortest race.
+
+    Passages that ask for a height alone are put on the way between their neighbours afterwards.
+    """
+    last = len(course.passages) - 1
+    stops = [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
+    chosen, seconds = _shortest([candidates(course.passages[index]) for index in stops], pace)
+    waypoints, legs = [chosen[0]], list[Leg]()
+    for (a, b), (first, after) in zip(itertools.pairwise(chosen), itertools.pairwise(stops), strict=True):
+        leg, arrived = _leg(a, b, pace)
+        heights = course.passages[first + 1 : after]
+        waypoints += [*_on_the_way(a, arrived, heights, leg), arrived]
+        legs += _pieces(leg, len(heights) + 1)
+    return Plan(tuple(_with_knife_edges(waypoints, legs)), tuple(legs), pace, seconds, course.has_rolls)
+
+
+def _shortest(options: Sequence[Sequence[Waypoint]], pace: Cruise) -> tuple[list[Waypoint], float]:
+    """One of the options at every stop, and the planned time, s."""
+    total = np.zeros(len(options[0]))
     choices: list[np.ndarray] = []
-    for here, there in itertools.pairwise(candidates):
+    for here, there in itertools.pairwise(options):
         seconds = total[:, None] + _leg_seconds(here, there, pace)
         choices.append(seconds.argmin(axis=0))
         total = seconds.min(axis=0)
@@ -90,53 +78,13 @@ def plan(course: Course, pace: Cruise) -> Plan:
     for choice in reversed(choices):
         index = int(choice[index])
         chosen.append(index)
-    waypoints = [options[one] for options, one in zip(candidates, reversed(chosen), strict=True)]
-    legs = [_leg(a, b, pace) for a, b in itertools.pairwise(waypoints)]
-    return Plan(tuple(_with_knife_edges(waypoints, legs)), tuple(legs), pace, float(total.min()))
+    return [ways[one] for ways, one in zip(options, reversed(chosen), strict=True)], float(total.min())
 
 
-def _candidates(passage: Passage) -> list[Waypoint]:
-    element = passage.element
-    if isinstance(element, Gate):
-        return _gate_candidates(passage, element)
-    if isinstance(element, Pylon):
-        return _pylon_candidates(passage, element)
-    return _manoeuvre_candidates(passage, element)
-
-
-def _gate_candidates(passage: Passage, gate: Gate) -> list[Waypoint]:
-    """Courses around the axis, flown forward, in reverse or either way."""
-    forward = [gate.heading] if passage.direction is not Direction.REVERSE else []
-    reverse = [gate.heading + math.pi] if passage.direction is not Direction.FORWARD else []
-    offsets = OFFSETS[np.abs(OFFSETS) <= gate.tolerances.crossing + 1e-9]
-    position = (gate.north, gate.east, gate.height)
-    return [
-        Waypoint(passage, position, axis + float(offset), 0.0, gate.bank, axis)
-        for axis in (*forward, *reverse)
-        for offset in offsets
-    ]
-
-
-def _pylon_candidates(passage: Passage, pylon: Pylon) -> list[Waypoint]:
-    """All courses within the crossing limit of either direction across the line to the pylon."""
-    distance = pylon.tolerances.clearance + PYLON_MARGIN
-    north, east = pylon.north + distance * math.cos(pylon.side), pylon.east + distance * math.sin(pylon.side)
-    waypoints: list[Waypoint] = []
-    for heading in 2.0 * math.pi / HEADINGS * np.arange(HEADINGS):
-        axis = pylon.side + math.copysign(math.pi / 2, math.sin(float(heading) - pylon.side))
-        if abs(math.remainder(float(heading) - axis, 2.0 * math.pi)) <= pylon.tolerances.crossing + 1e-9:
-            waypoints.append(Waypoint(passage, (north, east, pylon.height), float(heading), 0.0, None, axis))
-    return waypoints
-
-
-def _manoeuvre_candidates(passage: Passage, element: Manoeuvre) -> list[Waypoint]:
-    """The prescribed attitude at every course that is allowed; a position only where all of it is prescribed."""
-    free = 2.0 * math.pi / HEADINGS * np.arange(HEADINGS)
-    headings = [element.heading] if element.heading is not None else [float(heading) for heading in free]
-    return [
-        Waypoint(passage, element.position, heading, element.climb or 0.0, element.bank, heading)
-        for heading in headings
-    ]
+def _level(here: Waypoint, there: Waypoint) -> bool:
+    """Whether a planar path can lead from one to the other."""
+    known = here.position is not None and there.position is not None
+    return known and here.climb == 0.0 and there.climb == 0.0 and there.passage.roll is None
 
 
 def _leg_seconds(here: Sequence[Waypoint], there: Sequence[Waypoint], pace: Cruise) -> Array:
@@ -149,15 +97,53 @@ def _leg_seconds(here: Sequence[Waypoint], there: Sequence[Waypoint], pace: Crui
         last = np.array([one.heading for one in there])[None, :]
         pieces = lengths(start, first, end, last, pace.radius)
         return np.asarray(pieces.sum(axis=1).min(axis=0) * pace.radius / pace.V)
+    roll = there[0].passage.roll
+    if roll is not None:
+        return np.array([[roll_time(a.q, b.q, roll, pace)[0] for b in there] for a in here])
     return np.array([[rotation_time(a.q, b.q, pace) for b in there] for a in here])
 
 
-def _leg(a: Waypoint, b: Waypoint, pace: Cruise) -> Leg:
-    if not _level(a, b):
-        return Leg(None)
-    assert a.position is not None
-    assert b.position is not None
-    return Leg(shortest(np.array(a.position[:2]), a.heading, np.array(b.position[:2]), b.heading, pace.radius))
+def _leg(a: Waypoint, b: Waypoint, pace: Cruise) -> tuple[Leg, Waypoint]:
+    """The leg from a to b, and b as it is reached."""
+    if _level(a, b):
+        assert a.position is not None
+        assert b.position is not None
+        path = shortest(np.array(a.position[:2]), a.heading, np.array(b.position[:2]), b.heading, pace.radius)
+        return Leg(path), b
+    roll = b.passage.roll
+    if roll is None:
+        return Leg(None), b
+    return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, roll, pace)[1])
+
+
+def _pieces(leg: Leg, count: int) -> list[Leg]:
+    """A leg cut into equal pieces."""
+    if leg.path is None or count == 1:
+        return [leg] * count
+    edges = np.linspace(0.0, leg.path.length, count + 1)
+    return [Leg(leg.path.part(begin, end)) for begin, end in itertools.pairwise(edges.tolist())]
+
+
+def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg) -> list[Waypoint]:
+    """Waypoints of passages that ask for a height alone, evenly between a and b."""
+    waypoints: list[Waypoint] = []
+    for number, passage in enumerate(heights, start=1):
+        element, share = passage.element, number / (len(heights) + 1)
+        assert isinstance(element, Manoeuvre)  # nothing else asks for a height alone
+        if leg.path is None:
+            heading, climb, _ = angles(rotation(rotated(a.q, b.q, share)))
+            waypoints.append(Waypoint(passage, None, heading, climb, None, heading, free=True))
+            continue
+        assert a.position is not None
+        assert b.position is not None
+        north, east, heading = (float(one[0]) for one in leg.path.points(np.array([share * leg.path.length])))
+        height = _nearest(a.position[2] + share * (b.position[2] - a.position[2]), element.height)
+        waypoints.append(Waypoint(passage, (north, east, height), heading, 0.0, None, heading, free=True))
+    return waypoints
+
+
+def _nearest(value: float, allowed: Interval) -> float:
+    return min(max(value, allowed.lower), allowed.upper)
 
 
 def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg]) -> list[Waypoint]:
@@ -168,7 +154,7 @@ def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg]) -> lis
         if isinstance(element, Gate) and element.either_bank:
             turn = _turn_around(legs[index - 1] if index else None, legs[index] if index < len(legs) else None)
             bank = math.copysign(abs(element.bank), turn if turn else element.bank)
-            waypoint = Waypoint(waypoint.passage, waypoint.position, waypoint.heading, 0.0, bank, waypoint.axis)
+            waypoint = dataclasses.replace(waypoint, bank=bank)
         chosen.append(waypoint)
     return chosen
 

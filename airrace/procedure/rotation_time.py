@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from airrace.environment.atmosphere import g0
 from airrace.frames import product
 from airrace.procedure.cruise import Cruise
+from airrace.track.limits import Roll, Turning
 
 
 def rotation_vector(start: Sequence[float], end: Sequence[float]) -> tuple[float, float, float]:
@@ -18,12 +19,49 @@ def rotation_vector(start: Sequence[float], end: Sequence[float]) -> tuple[float
     return factor * x, factor * y, factor * z
 
 
+def rotated(start: Sequence[float], end: Sequence[float], part: float) -> list[float]:
+    """The attitude after a part of the rotation from start to end."""
+    return turned(start, rotation_vector(start, end), part)
+
+
+def turned(start: Sequence[float], whole: Sequence[float], part: float) -> list[float]:
+    """The attitude after a part of a rotation given as a vector in the rotating frame, rad."""
+    vector = [part * angle for angle in whole]
+    angle = math.sqrt(sum(one * one for one in vector))
+    factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
+    return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])
+
+
 def rotation_time(start: Sequence[float], end: Sequence[float], pace: Cruise) -> float:
     """Seconds: rolling at the planned rate while pulling at the planned load factor; pushing takes three times as long.
 
     A turn of the path to the side is flown like a pull, for the aircraft can roll into it.
     """
     roll, pitch, yaw = rotation_vector(start, end)
+    return abs(roll) / pace.p + _turning_time(pitch, yaw, pace)
+
+
+def roll_time(start: Sequence[float], end: Sequence[float], roll: Roll, pace: Cruise) -> tuple[float, float]:
+    """Seconds, and the signed angle (rad, positive to the right), of a roll that leads from one attitude to another."""
+    between, pitch, yaw = rotation_vector(start, end)
+    angle = _least_roll(between, roll)
+    return abs(angle) / pace.p + _turning_time(pitch, yaw, pace), angle
+
+
+def _least_roll(between: float, roll: Roll) -> float:
+    """The smallest roll that turns far enough and ends at the angle `between` (rad)."""
+    full = 2.0 * math.pi
+    right = roll.angle + (between - roll.angle) % full
+    left = roll.angle + (-between - roll.angle) % full
+    match roll.turning:
+        case Turning.RIGHT:
+            return right
+        case Turning.LEFT:
+            return -left
+        case Turning.EITHER:
+            return right if right <= left else -left
+
+
+def _turning_time(pitch: float, yaw: float, pace: Cruise) -> float:
     pull = g0 * (pace.n - 1.0) / pace.V
-    sideways = math.hypot(pitch, yaw)
-    return abs(roll) / pace.p + sideways / pull * (1.0 if pitch >= -1e-9 else 3.0)
+    return math.hypot(pitch, yaw) / pull * (1.0 if pitch >= -1e-9 else 3.0)

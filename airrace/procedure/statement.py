@@ -7,11 +7,14 @@ from collections.abc import Mapping, Sequence
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import CrossingParameters
 from airrace.dynamics.flight_model import FlightModel
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem
-from airrace.procedure.plan import Plan, Waypoint
+from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
+from airrace.procedure.plan import Plan
+from airrace.procedure.waypoints import Waypoint
 from airrace.quantities import Interval
 from airrace.system import Observation
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
+from airrace.track.limits import Roll
 
 DURATION = Interval(0.1, 120.0)  # s, of a phase
 TIME_SCALE = 3.0  # s
@@ -27,6 +30,7 @@ def race_problem(
     plan: Plan,
     mesh: Sequence[tuple[float, ...]],
     *,
+    watches: Sequence[tuple[Watch, ...]],
     model: FlightModel,
     observation: Observation,
     aircraft: Aircraft,
@@ -37,15 +41,23 @@ def race_problem(
     Args:
         plan: waypoints in flown order.
         mesh: fractions of each phase's intervals.
+        watches: what holds along each phase.
         model: the aircraft's equations.
         observation: the crossing, seen from the model's states.
         aircraft: for its wing span.
         regularised: weights of the squared, scaled controls by name.
     """
-    start, *ends = (boundary(waypoint, observation, aircraft.airframe.b) for waypoint in plan.waypoints)
+    start, *ends = _boundaries(plan, observation, aircraft.airframe.b)
     phases = [
-        Phase(f"{a.passage.name} -> {b.passage.name}", fractions, DURATION, end)
-        for a, b, fractions, end in zip(plan.waypoints, plan.waypoints[1:], mesh, ends, strict=False)
+        Phase(
+            name=f"{a.passage.name} -> {b.passage.name}",
+            fractions=fractions,
+            duration=DURATION,
+            end=end,
+            bounds=COUNTING if b.passage.roll is not None else {},
+            watches=watched,
+        )
+        for a, b, fractions, end, watched in zip(plan.waypoints, plan.waypoints[1:], mesh, ends, watches, strict=False)
     ]
     return Problem(
         system=model.system,
@@ -56,6 +68,16 @@ def race_problem(
         objective=Objective(time=1.0, regularisation=regularised),
         time_scale=TIME_SCALE,
     )
+
+
+def _boundaries(plan: Plan, observation: Observation, span: float) -> list[Boundary]:
+    """The conditions of all passages; counting begins anew where a roll does."""
+    boundaries = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
+    for index, following in enumerate(plan.waypoints[1:]):
+        if following.passage.roll is not None:
+            before = boundaries[index]
+            boundaries[index] = dataclasses.replace(before, bounds={**before.bounds, **FROM_ZERO})
+    return boundaries
 
 
 def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Boundary:
@@ -69,6 +91,8 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
         bounds = _manoeuvre(element)
     if passage.speed.bounded:
         bounds["V_K"] = passage.speed
+    if passage.roll is not None:
+        bounds |= _rolled(passage.roll, waypoint.rolled)
     place = _place(waypoint, span)
     return Boundary(passage.name, bounds, observation, tuple(place.join()))
 
@@ -112,7 +136,7 @@ def _gate(gate: Gate, allowed: Tolerances) -> dict[str, Interval]:
     bounds = {"along": ZERO, "course_excess_right": NOT_POSITIVE, "course_excess_left": NOT_POSITIVE}
     if gate.passing is Passing.POINT:
         exact = {"right": ZERO, "height": Interval.exactly(gate.height)}
-        return bounds | exact | {"bank_sine": ZERO, "bank_cosine": POSITIVE}
+        return bounds | exact | {"bank_sine": ZERO, "bank_cosine": POSITIVE} | _climb(allowed.climb)
     reach = gate.width / 2 - allowed.clearance
     between = Interval(-reach, reach)
     bounds |= {"right_wing": between, "left_wing": between, "height": allowed.height}
@@ -137,7 +161,7 @@ def _pylon(pylon: Pylon, waypoint: Waypoint) -> dict[str, Interval]:
         "course_excess_left": NOT_POSITIVE,
     }
     if pylon.passing is Passing.POINT:
-        return bounds | {"height": Interval.exactly(pylon.height)}
+        return bounds | {"height": Interval.exactly(pylon.height)} | _climb(allowed.climb)
     return bounds | {"height": allowed.height} | _climb(allowed.climb)
 
 
@@ -151,16 +175,25 @@ def _climb(allowed: Interval) -> dict[str, Interval]:
 def _manoeuvre(element: Manoeuvre) -> dict[str, Interval]:
     """A prescribed attitude. The vertical is two conditions: the sine of the climb angle is flat there."""
     bounds = {"x": element.north, "y": element.east, "z": Interval(-element.height.upper, -element.height.lower)}
-    if element.climb is not None and abs(abs(element.climb) - math.pi / 2) < VERTICAL:
+    if element.climb is not None and element.climb_tolerance > 0.0:
+        reach = Interval(element.climb - element.climb_tolerance, element.climb + element.climb_tolerance)
+        bounds |= _climb(reach)
+    elif element.climb is not None and abs(abs(element.climb) - math.pi / 2) < VERTICAL:
         up = POSITIVE if element.climb > 0.0 else NOT_POSITIVE
         return bounds | {"course_sine": ZERO, "course_cosine": ZERO, "climb_sine": up}
-    if element.climb is not None:
+    elif element.climb is not None:
         bounds["climb_sine"] = Interval.exactly(math.sin(element.climb))
     if element.heading is not None:
         bounds |= {"course_sine": ZERO, "course_cosine": POSITIVE}
     if element.bank is not None:
         bounds |= {"bank_sine": ZERO, "bank_cosine": POSITIVE}
     return bounds
+
+
+def _rolled(roll: Roll, planned: float) -> dict[str, Interval]:
+    """Far enough, to the side to which the plan rolls."""
+    angle = Interval(lower=roll.angle) if planned > 0.0 else Interval(upper=-roll.angle)
+    return {"Phi": angle, "gain": Interval(lower=roll.gain)}
 
 
 def _place(waypoint: Waypoint, span: float) -> CrossingParameters[float]:

@@ -84,3 +84,7 @@ class Course:
     origin: Origin = Origin()
     crowd: tuple[Crowd, ...] = ()
     airspace: tuple[Point, ...] = ()
+
+    @property
+    def has_rolls(self) -> bool:
+        return any(passage.roll is not None for passage in self.passages)

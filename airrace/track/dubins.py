@@ -42,6 +42,13 @@ class DubinsPath:
         first, second, third = (factor * one for one in self.curvatures)
         return DubinsPath(self.north, self.east, self.heading, self.lengths, (first, second, third))
 
+    def part(self, begin: float, end: float) -> "DubinsPath":
+        """The stretch between two arc lengths, m."""
+        north, east, heading = (float(values[0]) for values in self.points(np.array([begin])))
+        edges = np.concatenate([[0.0], np.cumsum(self.lengths)])
+        first, second, third = (float(one) for one in np.diff(np.clip(edges, begin, end)))
+        return DubinsPath(north, east, heading, (first, second, third), self.curvatures)
+
     def points(self, s: Array) -> tuple[Array, Array, Array]:
         """North, east and heading at arc lengths `s` in [0, length], each of shape (n,)."""
         north, east, heading = (np.empty_like(s) for _ in range(3))

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.procedure.cruise import Cruise
-from airrace.procedure.guess import rotated
-from airrace.procedure.rotation_time import rotation_time, rotation_vector
+from airrace.procedure.rotation_time import rotated, rotation_time, rotation_vector
 
 PACE = Cruise(V=80.0, n=5.0, p=3.0)
 attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))

@@ -147,9 +147,10 @@ def test_banked_wing_leaves_more_room_beside_the_centre() -> None:
     assert violated(gate, problem, state(east=ROOM + 1.0, bank=50.0)) == set()
 
 
-def test_gate_flown_exactly_fixes_position_and_bank_alone() -> None:
+def test_gate_flown_exactly_fixes_position_and_bank_and_limits_the_path() -> None:
     problem, gate = passing(level("gate", 0.0, 0.0, 0.0, Passing.POINT))
-    assert violated(gate, problem, state(heading=30.0, climb=50.0, speed=60.0)) == set()
+    assert violated(gate, problem, state(heading=30.0, climb=40.0, speed=60.0)) == set()
+    assert violated(gate, problem, state(climb=50.0)) == {"climb_sine"}
     assert violated(gate, problem, state(east=0.1)) == {"right"}
     assert violated(gate, problem, state(height=20.1)) == {"height"}
     assert violated(gate, problem, state(north=-0.1)) == {"along"}
