@@ -2,8 +2,8 @@
 
     python scripts/generate_course.py SEED [--output FILE] [--aircraft-folder FOLDER]
 
-The same seed gives the same course everywhere; `tests/generated_courses.py` says what is drawn from. The track names its
-aircraft in a folder relative to itself: `../configs` unless told otherwise, as for a file in `tracks/`.
+The same seed gives the same course everywhere; `tests/generated_courses.py` says what is drawn from. The track names
+its aircraft in a folder relative to itself: `../configs` unless told otherwise, as for a file in `tracks/`.
 """
 
 import argparse

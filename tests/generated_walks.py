@@ -224,7 +224,7 @@ def _gate(
     fixed: bool = False,
     **more: object,
 ) -> Piece:
-    """A two-pylon gate that the walk passes along its axis, whichever way that axis is written; `fixed`: not planned."""
+    """A two-pylon gate that the walk passes along its axis, however that is written; `fixed`: never as planned."""
     directions = {one: weight for one, weight in DIRECTIONS.items() if not (fixed and one == "planned")}
     direction = drawn(rng, directions)
     against = direction == "reverse" or (direction == "planned" and chance(rng, 0.5))
