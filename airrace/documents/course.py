@@ -103,7 +103,7 @@ def _range(heights: Interval) -> str:
     if heights.lower == heights.upper:
         return f"{heights.lower:g} m"
     if math.isinf(heights.upper):
-        return f"at least {heights.lower:g} m"
+        return f"{heights.lower:g} m or above"
     if math.isinf(heights.lower):
-        return f"at most {heights.upper:g} m"
+        return f"{heights.upper:g} m or below"
     return f"{heights.lower:g} to {heights.upper:g} m"

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from airrace.errors import Finding
 
-SIZE_MAX = 262_144
-"""Largest input file, bytes; the largest real course needs a tenth of it."""
+SIZE_MAX = 2 * 1024 * 1024
+"""Largest input file, bytes; the largest real course needs a hundredth of it."""
 
 
 @dataclass(frozen=True)

@@ -138,11 +138,10 @@ class _Run:
             self.findings.append(Finding(document.path, place.line, place.column, "", message))
             return None
         mine = [override for override in self._overrides if override.document == language.kind]
-        # Overrides reach into what a shorthand stands for, and may be shorthands themselves.
-        changed = apply_overrides(expanded(root, language.model), mine, self.findings)
+        changed = apply_overrides(root, mine, self.findings, lambda node: expanded(node, language.model))
         own = language.kind in PREFIXED
         reporter = Reporter(
-            expanded(changed, language.model),
+            changed,
             self.findings,
             prefix=f"{language.kind}." if own else "",
             others=() if own else tuple(f"{kind}." for kind in PREFIXED),

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from airrace.documents.figures import Figure, Step
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.surroundings import room_beside
-from airrace.documents.track_schema import CourseEntry, FlownEntry
+from airrace.documents.track_schema import PASSAGES_MAX, CourseEntry, FlownEntry
 from airrace.quantities import Interval
 from airrace.track.course import Direction, Passage
 from airrace.track.limits import SafetyLine
-
-PASSAGES_MAX = 10_000
 
 
 @dataclass(frozen=True)

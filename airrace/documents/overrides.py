@@ -1,6 +1,6 @@
 """`--set key=value`: single values of the documents replaced, added or (with `null`) taken out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from airrace.documents.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
@@ -42,8 +42,18 @@ def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Overr
     return parsed
 
 
-def apply_overrides(root: MappingNode, overrides: Sequence[Override], findings: list[Finding]) -> MappingNode:
-    """The document with the replacements made, in order; mappings on the way are made where absent."""
+def apply_overrides(
+    root: MappingNode,
+    overrides: Sequence[Override],
+    findings: list[Finding],
+    written_out: Callable[[MappingNode], MappingNode],
+) -> MappingNode:
+    """The document with the replacements made, in order; mappings on the way are made where absent.
+
+    `written_out` writes the shorthands of a document out: overrides reach into what those stand for, and may be
+    shorthands themselves.
+    """
+    root = written_out(root)
     for override in overrides:
         try:
             replaced = _replaced(root, override.path, override.value)
@@ -52,7 +62,7 @@ def apply_overrides(root: MappingNode, overrides: Sequence[Override], findings: 
             _report(findings, dotted((*prefix, *override.path)), str(error))
             continue
         if isinstance(replaced, MappingNode):
-            root = replaced
+            root = written_out(replaced)
     return root
 
 

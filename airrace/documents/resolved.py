@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from enum import Enum
+from functools import cache
 from typing import cast
 
 from airrace.documents.nodes import JSON
@@ -22,15 +23,21 @@ def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
 
 def _plain(value: object) -> JSON:
     match value:
+        case float():
+            return value if math.isfinite(value) else None  # JSON knows no infinity: no limit
         case Enum():
             return _plain(value.value)
-        case float() if not math.isfinite(value):
-            return None  # JSON knows no infinity: no limit
-        case None | bool() | int() | float() | str():
+        case None | bool() | int() | str():
             return value
         case tuple():
             return [_plain(item) for item in cast(tuple[object, ...], value)]
-        case _ if dataclasses.is_dataclass(value):
-            return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        case _ if dataclasses.is_dataclass(type(value)):
+            return {name: _plain(getattr(value, name)) for name in _names(type(value))}
         case _:
             raise TypeError(f"{type(value).__name__} has no plain form")
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    """The fields of a dataclass; a long course asks for the same few classes thousands of times."""
+    return tuple(field.name for field in dataclasses.fields(kind))

@@ -69,7 +69,7 @@ def inner(annotation: Annotation, part: str | int) -> Annotation:
 
 def bare(annotation: Annotation) -> Annotation:
     """Without `Annotated[...]` and `| None`."""
-    while True:
+    while not isinstance(annotation, type):
         if get_origin(annotation) is Annotated:
             annotation = get_args(annotation)[0]
             continue
@@ -77,11 +77,12 @@ def bare(annotation: Annotation) -> Annotation:
         if len(found) != 1:
             return annotation
         annotation = found[0]
+    return annotation
 
 
 def members(annotation: Annotation) -> list[Annotation]:
     """The alternatives of a union, but for None."""
-    if get_origin(annotation) not in (Union, UnionType):
+    if isinstance(annotation, type) or get_origin(annotation) not in (Union, UnionType):
         return []
     return [member for member in get_args(annotation) if member is not NoneType]
 

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from airrace.documents.figures import Figure
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.place_schema import PlaceEntry
 from airrace.documents.places import Places
 from airrace.documents.surroundings_schema import CrowdEntry, SafetyLineEntry
+from airrace.quantities import Interval
 from airrace.track import polygons
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
@@ -144,10 +146,31 @@ def _same(a: Point, b: Point) -> bool:
     return math.hypot(a.north - b.north, a.east - b.east) < SAME_PLACE_M
 
 
+@dataclass(frozen=True)
+class _Box:
+    """Extent of some corners: most gates are far from most people, and told apart by it at once."""
+
+    north: Interval
+    east: Interval
+
+    @classmethod
+    def around(cls, corners: Sequence[Point]) -> "_Box":
+        north, east = [corner.north for corner in corners], [corner.east for corner in corners]
+        return cls(Interval(min(north), max(north)), Interval(min(east), max(east)))
+
+    def lies_beyond(self, place: Point, distance: float) -> bool:
+        """Whether the place is surely farther away than `distance`."""
+        return (
+            max(self.north.lower - place.north, place.north - self.north.upper) > distance
+            or max(self.east.lower - place.east, place.east - self.east.upper) > distance
+        )
+
+
 def check_room(
     figures: Iterable[Figure], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
 ) -> None:
     """Report every element that stands outside of the airspace or closer to people than is allowed."""
+    boxes = [_Box.around(crowd.corners) for crowd in crowds]
     for figure in figures:
         if figure.position is None:
             continue
@@ -155,8 +178,8 @@ def check_room(
         away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
         if away > ROUNDING_M:
             reporter.key(figure.path, f"stands {away:.4g} m outside of the `airspace`")
-        for crowd in crowds:
-            away = _distance(place, height, crowd)
+        for crowd, box in zip(crowds, boxes, strict=True):
+            away = math.inf if box.lies_beyond(place, crowd.distance) else _distance(place, height, crowd)
             if away < crowd.distance - ROUNDING_M:
                 how = "in space" if crowd.slant else "over ground"
                 reporter.key(

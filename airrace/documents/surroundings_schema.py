@@ -8,7 +8,7 @@ from pydantic import Field
 from airrace.documents.place_schema import PlaceEntry
 from airrace.documents.schema import Schema
 
-CORNERS_MAX = 100
+CORNERS_MAX = 50
 Corners = Annotated[list[PlaceEntry], Field(max_length=CORNERS_MAX)]
 Distance = Annotated[float, Gt(0), Le(5000)]
 

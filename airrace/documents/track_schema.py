@@ -18,7 +18,12 @@ from airrace.documents.surroundings_schema import Corners, CrowdEntry, SafetyLin
 TRACK_SCHEMA = "airrace/track/1"
 
 DirectionName = Literal["forward", "reverse", "planned"]
-CROWDS_MAX = 50
+CROWDS_MAX = 20
+THERMALS_MAX = 100
+LINES_MAX = 100
+GATES_MAX = 10_000
+PASSAGES_MAX = 10_000
+"""Passings of a whole race."""
 
 
 class WindEntry(Schema):
@@ -59,7 +64,9 @@ class EnvironmentEntry(Schema):
         default=0.0, description="how much the pressure at sea level is above that of the standard atmosphere"
     )
     wind: WindEntry | None = Field(default=None, description="the wind of the day; without it the air is still")
-    thermals: list[ThermalEntry] = Field(default_factory=list[ThermalEntry], description="columns of rising air")
+    thermals: Annotated[list[ThermalEntry], Field(max_length=THERMALS_MAX)] = Field(
+        default_factory=list[ThermalEntry], description="columns of rising air"
+    )
 
 
 class FlownEntry(Schema):
@@ -72,12 +79,12 @@ class FlownEntry(Schema):
     direction: DirectionName | None = Field(
         default=None, description="which way a two-pylon gate is flown; `planned`: whichever makes the shorter race"
     )
-    safety_lines: list[str] = Field(
+    safety_lines: Annotated[list[str], Field(max_length=LINES_MAX)] = Field(
         default_factory=list[str], description="names of `safety_lines` not to be crossed on the leg that leads here"
     )
 
 
-Lap = Annotated[list[FlownEntry], Field(min_length=1)]
+Lap = Annotated[list[FlownEntry], Field(min_length=1, max_length=PASSAGES_MAX)]
 
 
 class CourseEntry(Schema):
@@ -113,8 +120,10 @@ class TrackEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
-    gates: dict[str, ElementEntry] = Field(description="what stands on the course, by name")
-    safety_lines: dict[str, SafetyLineEntry] = Field(
+    gates: Annotated[dict[str, ElementEntry], Field(max_length=GATES_MAX)] = Field(
+        description="what stands on the course, by name"
+    )
+    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LINES_MAX)] = Field(
         default_factory=dict[str, SafetyLineEntry],
         description="lines not to be crossed on the legs whose passings name them, by name",
     )

@@ -1,8 +1,9 @@
 """Read YAML safely and strictly, without constructing Python objects from it.
 
-The text is taken event by event with a limit on depth and size; anchors, aliases and tags are refused, a duplicate
-key is an error, and plain scalars follow the core schema of YAML 1.2 (`1e3` is a number; `no`, `on` and `12:30` are
-text) instead of PyYAML's YAML 1.1. `012`, `.nan` and `.inf` are refused.
+The text is taken event by event with a limit on depth and size, by libyaml where PyYAML brings it along (several times
+faster), else by PyYAML's own parser. libyaml's composer, which recurses without limit, is never asked. Anchors, aliases
+and tags are refused, a duplicate key is an error, and plain scalars follow the core schema of YAML 1.2 (`1e3` is a
+number; `no`, `on` and `12:30` are text) instead of PyYAML's YAML 1.1. `012`, `.nan` and `.inf` are refused.
 """
 
 import math
@@ -10,7 +11,6 @@ import re
 from collections.abc import Iterator
 
 import yaml
-from yaml.reader import ReaderError
 
 from airrace.documents.document import SIZE_MAX
 from airrace.documents.nodes import (
@@ -27,13 +27,24 @@ from airrace.documents.nodes import (
 from airrace.errors import Finding, InputError
 
 DEPTH_MAX = 32
+NODES_MAX = 200_000
+"""So many values a document may have; ten thousand gates, each with ten keys, have half of them."""
+KEY_MAX = 100
+"""Longest key, characters."""
 INTEGER_MAX = 2**63 - 1
+PLAIN_WORDS_MAX = 65_536
+"""Up to this size a text that is no YAML is read again by PyYAML's parser, whose messages are the clearer ones."""
+
+Loader = type[yaml.SafeLoader]
+PURE: Loader = yaml.SafeLoader
+FAST: Loader = getattr(yaml, "CSafeLoader", PURE)
 
 _NULL = re.compile(r"(|~|null|Null|NULL)")
 _BOOLEAN = re.compile(r"(true|True|TRUE|false|False|FALSE)")
 _INTEGER = re.compile(r"([-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)")
 _LEADING_ZERO = re.compile(r"[-+]?0[0-9]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 _NOT_FINITE = re.compile(r"([-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN)")
 
 
@@ -71,38 +82,49 @@ def _integer(text: str) -> int:
     return value
 
 
-def read_yaml(file: str, text: str) -> Node:
+def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
     """The content of a YAML text.
 
     Args:
         file: the name findings carry.
         text: one YAML document.
+        loader: whose parser makes the events.
 
     Raises:
         InputError: with every finding; a syntax error ends the reading.
     """
     if len(text) > SIZE_MAX:
         raise InputError([Finding(file, 0, 0, "", f"is too large: at most {SIZE_MAX} characters are read")])
+    _check_characters(file, text)
     reader = _Reader(file)
     try:
-        node = reader.document(_events(text))
+        node = reader.document(_events(text, loader))
     except _Abort:
         raise InputError(reader.findings) from None
-    except ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
-        column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
-        message = f"the character U+{int(error.character):04X} is not allowed in YAML"
-        raise InputError([*reader.findings, Finding(file, line, column, "", message)]) from None
     except yaml.MarkedYAMLError as error:
+        if loader is not PURE and len(text) <= PLAIN_WORDS_MAX:
+            read_yaml(file, text, PURE)
         raise InputError([*reader.findings, _syntax_error(file, error)]) from None
     if reader.findings:
         raise InputError(reader.findings)
     return node
 
 
-def _events(text: str) -> Iterator[yaml.Event]:
+def _check_characters(file: str, text: str) -> None:
+    """Control characters, byte order marks and the like are no part of YAML."""
+    found = _FORBIDDEN.search(text)
+    if found is None:
+        return
+    position = found.start()
+    line = text.count("\n", 0, position) + 1
+    column = position - text.rfind("\n", 0, position)
+    message = f"the character U+{ord(found.group()):04X} is not allowed in YAML"
+    raise InputError([Finding(file, line, column, "", message)])
+
+
+def _events(text: str, loader: Loader) -> Iterator[yaml.Event]:
     # ignore: the stub leaves the stream and the events of `parse` untyped.
-    return yaml.parse(text, Loader=yaml.SafeLoader)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    return yaml.parse(text, Loader=loader)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
 
 
 def _syntax_error(file: str, error: yaml.MarkedYAMLError) -> Finding:
@@ -123,6 +145,7 @@ class _Reader:
     def __init__(self, file: str) -> None:
         self.file = file
         self.findings: list[Finding] = []
+        self._nodes = 0
 
     def document(self, events: Iterator[yaml.Event]) -> Node:
         node: Node | None = None
@@ -142,6 +165,10 @@ class _Reader:
 
     def _node(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Node:
         place = self._place(event)
+        self._nodes += 1
+        if self._nodes > NODES_MAX:
+            self._refuse(event, (), f"more than {NODES_MAX} values; nothing behind this one is read")
+            raise _Abort
         if isinstance(event, yaml.AliasEvent):
             self._refuse(event, path, f"aliases (`*{event.anchor}`) are not supported; write the value out")
             return ScalarNode(place, None)
@@ -178,13 +205,16 @@ class _Reader:
             self._refuse_decoration(event, path)
             if not event.value:
                 self._refuse(event, path, "a key is empty")
+            if len(event.value) > KEY_MAX:
+                self._refuse(event, path, f"a key is longer than {KEY_MAX} characters")
+                return event.value[:KEY_MAX]
             return event.value
         self._refuse(event, path, "a key must be plain text, not a list, a mapping or an alias")
         self._node(event, events, (*path, "?"))
         return ""
 
     def _scalar(self, event: yaml.ScalarEvent, path: KeyPath) -> ScalarValue:
-        if event.style is not None:  # quoted or block text
+        if event.style:  # quoted or block text
             return event.value
         try:
             return plain_scalar(event.value)

@@ -566,7 +566,7 @@ def test_a_track_without_an_aircraft_says_how_to_name_one(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(None, "no such file"), (b"", "is empty"), (b"name: \xff\n", "not UTF-8"), (b"#" * 300_000, "too large")],
+    [(None, "no such file"), (b"", "is empty"), (b"name: \xff\n", "not UTF-8"), (b"#" * 2_100_000, "too large")],
 )
 def test_an_unreadable_track_is_one_clear_finding(tmp_path: Path, content: bytes | None, words: str) -> None:
     track = tmp_path / "t.yaml"

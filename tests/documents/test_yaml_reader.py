@@ -133,7 +133,7 @@ def test_nesting_up_to_the_limit_is_read() -> None:
 
 
 def test_a_text_beyond_the_size_limit_is_refused() -> None:
-    assert "too large" in findings_of("a: " + "x" * 300_000)[0].message
+    assert "too large" in findings_of("a: " + "x" * 2_100_000)[0].message
 
 
 @pytest.mark.parametrize(
