@@ -14,6 +14,8 @@ from airrace.track.polygons import Point
 
 REACH_M = 50_000.0
 """Farthest from the origin a place may be; the frame is flat."""
+NOWHERE = Point(math.nan, math.nan)
+"""Stands for a position that was refused: no comparison with it holds, so nothing else is said about it."""
 METRIC = ("north_m", "east_m")
 GEODETIC = ("latitude_deg", "longitude_deg")
 
@@ -32,18 +34,20 @@ class Places:
             self._missing(("origin",), GEODETIC, given)
 
     def point(self, entry: PlacedEntry, path: KeyPath) -> Point:
-        """The position of an element; the origin where it was refused."""
+        """The position of an element; `NOWHERE` where it was refused."""
         metric = (entry.north_m, entry.east_m)
         if entry.latitude_deg is not None or entry.longitude_deg is not None:
-            return self.geodetic(entry, path) or Point(0.0, 0.0)
+            return self.geodetic(entry, path) or NOWHERE
+        if entry.north_m is not None and entry.east_m is not None:
+            return Point(entry.north_m, entry.east_m)
         if metric == (None, None):
             self.reporter.key(
                 (*path, METRIC[0]),
                 "missing; a position is `north_m` and `east_m`, or `latitude_deg` and `longitude_deg`",
             )
-        elif None in metric:
+        else:
             self._missing(path, METRIC, metric)
-        return Point(metric[0] or 0.0, metric[1] or 0.0)
+        return NOWHERE
 
     def geodetic(self, entry: PlacedEntry, path: KeyPath) -> Point | None:
         """The position given by latitude and longitude; None where it is not, or was refused."""

@@ -42,7 +42,8 @@ def check_references(reporter: Reporter) -> None:
                     one.path, f"unknown gate `{one.gate}`{reporter.suggestion(one.gate, gates.entries.keys())}"
                 )
         _check_neighbours(mentions, course, gates, reporter)
-    _check_lines([line for one in mentions for line in one.safety_lines], reporter)
+    if any(isinstance(_child(course, key), SequenceNode) for key in ("lap", "each_lap")):
+        _check_lines([line for one in mentions for line in one.safety_lines], reporter)
 
 
 def _paths(course: MappingNode) -> list[KeyPath]:
@@ -79,7 +80,7 @@ def _mention(node: Node | None, path: KeyPath) -> _Mention:
 def _check_neighbours(
     mentions: Sequence[_Mention], course: MappingNode, gates: MappingNode, reporter: Reporter
 ) -> None:
-    pairs = list(pairwise(mentions))
+    pairs = list(pairwise(mentions)) if any(len(one.path) > 2 for one in mentions) else []
     laps = course.scalar("laps")
     repeated = [one for one in mentions if one.path[:2] == ("course", "lap")]
     if repeated and isinstance(laps, int) and laps > 1:

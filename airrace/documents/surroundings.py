@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from airrace.documents.figures import Figure
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.place_schema import PlaceEntry
-from airrace.documents.places import Places
+from airrace.documents.places import NOWHERE, Places
 from airrace.documents.surroundings_schema import CrowdEntry, SafetyLineEntry
 from airrace.quantities import Interval
 from airrace.track import polygons
@@ -27,7 +28,6 @@ def build_safety_lines(entries: dict[str, SafetyLineEntry], places: Places) -> d
 
 def _safety_line(name: str, entry: SafetyLineEntry, places: Places) -> SafetyLine:
     path: KeyPath = ("safety_lines", name)
-    known = len(places.reporter.findings)
     line = SafetyLine(
         name=name,
         start=places.point(entry.from_, (*path, "from")),
@@ -35,7 +35,7 @@ def _safety_line(name: str, entry: SafetyLineEntry, places: Places) -> SafetyLin
         keep_right=entry.keep == "right",
         margin=entry.margin_m,
     )
-    if len(places.reporter.findings) == known and _same(line.start, line.end):
+    if _same(line.start, line.end):
         places.reporter.value((*path, "to"), "is the same place as `from`; a line needs two different points")
     return line
 
@@ -80,10 +80,10 @@ def _corners(key: str, entry: CrowdEntry, path: KeyPath, places: Places) -> tupl
         corners = _points(entry.line, path, places)
         if len(entry.line) < 2:
             places.reporter.value(path, "a line needs at least two corners; a single place is a `point`")
-        return corners or (Point(0.0, 0.0), Point(0.0, 1.0))
+        return corners or (NOWHERE,)
     if entry.polygon is not None and key == "polygon":
         return _polygon(entry.polygon, path, places)
-    return (Point(0.0, 0.0),)
+    return (NOWHERE,)
 
 
 def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tuple[Point, ...]:
@@ -93,7 +93,7 @@ def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tupl
     known = len(places.reporter.findings)
     corners = _polygon(entries, ("airspace",), places)
     if len(places.reporter.findings) > known:
-        return ()
+        return ()  # no area to speak of
     dent = polygons.dent(corners)
     if dent is not None:
         places.reporter.value(
@@ -118,10 +118,14 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
         )
     if len(places.reporter.findings) > known:
         return corners
-    extent = max(math.hypot(one.north - corners[0].north, one.east - corners[0].east) for one in corners)
-    if abs(polygons.area(corners)) < SAME_PLACE_M * extent:
+    farthest = max(corners, key=lambda one: _between(one, corners[0]))
+    if all(abs(polygons.to_right(corners[0], farthest, one)) < SAME_PLACE_M for one in corners):
         places.reporter.value(path, "all corners lie on one line; an area needs three that do not")
         return corners
+    for index, corner in enumerate(corners):
+        if _turns_back(corners[index - 1], corner, corners[(index + 1) % len(corners)]):
+            places.reporter.value((*path, index), "the border turns back on itself at this corner; leave it out")
+            return corners
     crossing = polygons.crossing_edges(corners)
     if crossing is not None:
         one, other = (f"from corner {index} to corner {(index + 1) % len(corners)}" for index in crossing)
@@ -133,17 +137,28 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
 
 def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
     """Corners; neighbours are different places."""
-    known = len(places.reporter.findings)
     corners = tuple(places.point(entry, (*path, index)) for index, entry in enumerate(entries))
-    if len(places.reporter.findings) == known:
-        for index in range(1, len(corners)):
-            if _same(corners[index - 1], corners[index]):
-                places.reporter.value((*path, index), "is the same place as the corner before; leave one of them out")
+    for index, (before, here) in enumerate(pairwise(corners), start=1):
+        if _same(before, here):
+            places.reporter.value((*path, index), "is the same place as the corner before; leave one of them out")
     return corners
 
 
 def _same(a: Point, b: Point) -> bool:
-    return math.hypot(a.north - b.north, a.east - b.east) < SAME_PLACE_M
+    return _between(a, b) < SAME_PLACE_M
+
+
+def _between(a: Point, b: Point) -> float:
+    return math.hypot(a.north - b.north, a.east - b.east)
+
+
+def _turns_back(before: Point, corner: Point, after: Point) -> bool:
+    """Whether one of the two edges at a corner lies on the other."""
+    nearest = min(
+        polygons.distance(after, (before, corner), closed=False),
+        polygons.distance(before, (corner, after), closed=False),
+    )
+    return nearest < SAME_PLACE_M
 
 
 @dataclass(frozen=True)

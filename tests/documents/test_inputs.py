@@ -6,8 +6,9 @@ import math
 from pathlib import Path
 
 import pytest
+from language_texts import AIRCRAFT, ROOT, TRACK, edited, findings_of, understood
 
-from airrace.documents import Document, Inputs, inputs_from_documents, load_inputs
+from airrace.documents import Document, inputs_from_documents, load_inputs
 from airrace.environment.air import Profile
 from airrace.errors import Finding, InputError
 from airrace.procedure.settings import GuessKind, Settings
@@ -15,50 +16,7 @@ from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import INVERTED, KNIFE_EDGE_LEFT, Gate, Manoeuvre, Passing, Pylon
 
-ROOT = Path(__file__).parents[2]
 KNOT = 1852.0 / 3600.0
-
-TRACK = """\
-schema: airrace/track/1
-name: Test
-rules:
-  n_z_max: 10
-  start_speed_max_kt: 200
-gates:
-  g0:
-    type: level
-    north_m: 0
-    east_m: 0
-    heading_deg: 90
-  g1: {type: pylon, north_m: 0, east_m: 300, pass_side_deg: 180}
-  g2: {type: knife-edge, north_m: 200, east_m: 500, heading_deg: 270, bank: left}
-  top: {type: manoeuvre, inverted: true, height_min_m: 100}
-course:
-  start: g0
-  lap: [g1, {gate: g2, direction: planned}, top, g0]
-  laps: 2
-"""
-AIRCRAFT = (ROOT / "configs/edge540.yaml").read_text(encoding="utf-8")
-
-
-def understood(
-    track: str = TRACK, *, aircraft: str = AIRCRAFT, settings: str | None = None, overrides: tuple[str, ...] = ()
-) -> Inputs:
-    settings_file = None if settings is None else Document("s.yaml", settings)
-    return inputs_from_documents(Document("t.yaml", track), Document("a.yaml", aircraft), settings_file, overrides)
-
-
-def findings_of(
-    track: str = TRACK, *, aircraft: str = AIRCRAFT, settings: str | None = None, overrides: tuple[str, ...] = ()
-) -> list[Finding]:
-    with pytest.raises(InputError) as raised:
-        understood(track, aircraft=aircraft, settings=settings, overrides=overrides)
-    return raised.value.findings
-
-
-def edited(text: str, old: str, new: str) -> str:
-    assert text.count(old) == 1, old
-    return text.replace(old, new)
 
 
 def finding_in_track(old: str, new: str) -> str:
