@@ -66,5 +66,5 @@ def _overlaid(below: Keys, above: BaseModel) -> Keys:
 def _near(word: str, names: Collection[str]) -> str:
     """The most similar name, and all of them: seasons are too alike to leave it at one."""
     similar = difflib.get_close_matches(word[:100], names, n=1)
-    meant = f"; did you mean `{similar[0]}`?" if similar else ";"
-    return f"{meant} There are: {', '.join(names)}" if similar else f"{meant} there are: {', '.join(names)}"
+    meant = f" did you mean `{similar[0]}`?" if similar else ""
+    return f";{meant} known are {', '.join(names)}"
