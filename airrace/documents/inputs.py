@@ -29,6 +29,8 @@ from airrace.procedure.settings import Settings
 
 FINDINGS_MAX = 100
 """So many findings are told of one document."""
+QUOTED_MAX = 100
+"""So many characters of a quoted word are told."""
 NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
 
 
@@ -190,6 +192,7 @@ class _Run:
 def told(findings: Sequence[Finding]) -> list[Finding]:
     """At most `FINDINGS_MAX` findings per document, in its order; then one that says how many there are besides."""
     kept: list[Finding] = []
+    findings = [dataclasses.replace(one, message=_with_short_quotes(one.message)) for one in findings]
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
         mine = list(group)
         kept.extend(mine[:FINDINGS_MAX])
@@ -197,6 +200,12 @@ def told(findings: Sequence[Finding]) -> list[Finding]:
             rest = len(mine) - FINDINGS_MAX
             kept.append(dataclasses.replace(mine[FINDINGS_MAX], message=f"and {rest} more findings from here on"))
     return kept
+
+
+def _with_short_quotes(message: str) -> str:
+    parts = message.split("`")  # every second one is quoted
+    parts[1::2] = [part if len(part) <= QUOTED_MAX else part[:QUOTED_MAX] + "..." for part in parts[1::2]]
+    return "`".join(parts)
 
 
 def _has_schema(reporter: Reporter, schema: str) -> bool:
