@@ -18,7 +18,7 @@ construction, for every seed.
 | hairpin | a gate, the next one, the first one again in reverse |
 | pylon | passed on the outside of the turn 75 %, else on its inside |
 | knife-edge gate | right, left, either alike |
-| quad | then left, right, either alike; either passing on edge 15 %; a crossing limit of its own, 20 to 45 deg, 50 % |
+| quad | then left, right, either alike; either passing on edge 15 %; a crossing limit of its own, 20, 30 or 40 deg, 50 % |
 | direction of a gate in the file | forward 60 %, reverse 25 %, planned 15 % (of quads, those that go on either way) |
 | passing | window 50 %, point 25 %, gate by gate 25 % |
 | crossing limit | 45 or 60 deg alike |

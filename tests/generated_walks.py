@@ -241,7 +241,7 @@ def _quad(rng: random.Random, name: str, position: tuple[float, float], course: 
         if chance(rng, 0.15):
             more[key] = rng.choice(EDGES)
     if chance(rng, 0.5):
-        more["crossing_max_deg"] = rng.choice((20, 30, 45))
+        more["crossing_max_deg"] = rng.choice((20, 30, 40))
     quad = _gate(rng, name, "quad", position, course, style, fixed=then != "either", **more)
     leaving = course + (-90.0 if then == "left" else 90.0)
     return Piece(quad.gates, (replace(quad.passings[0], leaving=leaving),))

@@ -14,6 +14,8 @@ from airrace.documents.schema import Schema
 
 KnifeEdgeName = Literal["right", "left", "either"]
 BankName = Literal["level", "right", "left", "either"]
+QUAD_CROSSING_MAX_DEG = 40
+"""From 45 on one straight flight through the middle would count as both passings of a quad."""
 Reach = Annotated[float, Gt(0), Le(5000)]
 
 
@@ -86,6 +88,11 @@ class QuadEntry(GatePassingEntry, PlacedEntry):
         default="level", description="at the first passing: wings level, or the wing that points down"
     )
     second_bank: BankName = Field(default="level", description="the same at the second passing")
+    crossing_max_deg: Annotated[float, Gt(0), Le(QUAD_CROSSING_MAX_DEG)] | None = Field(
+        default=None,
+        description="largest horizontal angle between the path and the axis of either passing; without it that of "
+        f"gate_defaults, but {QUAD_CROSSING_MAX_DEG} at most",
+    )
 
 
 class PylonEntry(PassingEntry, PlacedEntry):

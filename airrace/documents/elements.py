@@ -6,6 +6,7 @@ import re
 from typing import TypeVar
 
 from airrace.documents.element_schema import (
+    QUAD_CROSSING_MAX_DEG,
     ElementEntry,
     GateDefaultsEntry,
     GatePassingEntry,
@@ -114,6 +115,8 @@ def _banked(gate: Gate, name: str) -> Gate:
 def _quad(name: str, entry: QuadEntry, defaults: GateDefaultsEntry, places: Places) -> Figure:
     """Two crossed gates. The second one's heading is counted from the first one's: flown in reverse, both turn."""
     first = _gate(name, entry, defaults, places)
+    crossing = min(first.tolerances.crossing, math.radians(QUAD_CROSSING_MAX_DEG))
+    first = dataclasses.replace(first, tolerances=dataclasses.replace(first.tolerances, crossing=crossing))
     turn_deg = -90.0 if entry.then == "left" else 90.0
     second = dataclasses.replace(first, heading=math.radians(entry.heading_deg + turn_deg))
     either = entry.then == "either"

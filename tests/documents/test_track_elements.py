@@ -86,6 +86,15 @@ def test_a_quad_has_the_tolerances_of_a_gate() -> None:
     assert gate(found["1:q/2"]).height == 21.0
 
 
+def test_no_single_flight_through_a_quad_counts_as_both_passings() -> None:
+    found = passages("gate_defaults.crossing_max_deg=70")
+    assert gate(found["0:g0"]).tolerances.crossing == math.radians(70)
+    assert gate(found["1:q/1"]).tolerances.crossing == gate(found["1:q/2"]).tolerances.crossing == math.radians(40)
+    key, message = finding("gates.q.crossing_max_deg=45")
+    assert key == "gates.q.crossing_max_deg"
+    assert "at most 40" in message
+
+
 def test_a_quad_that_depends_on_its_first_passing_cannot_be_planned() -> None:
     key, message = finding("course.lap.4.direction=planned")
     assert key == "course.lap.4.direction"

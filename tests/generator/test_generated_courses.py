@@ -20,7 +20,7 @@ from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
 
 ROOT = Path(__file__).parents[2]
 SEEDS = range(500)
-GOLDEN = "e16be73bb0b99735bb31776458fb977e81ce4c8419a65cc4cf1a4519e45af10f"
+GOLDEN = "12597b76becfa876ddf13cab1ff1ca0b8a2f504f3a4bdf9e443a614e16272071"
 AIRCRAFT = {
     name: Document(f"{name}.yaml", (ROOT / f"configs/{name}.yaml").read_text(encoding="utf-8"))
     for name in ("edge540", "pc9")
