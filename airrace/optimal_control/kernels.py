@@ -129,9 +129,13 @@ def cache_folder() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "airrace" / "kernels"
 
 
-def in_cache(system: System, scheme: RungeKutta) -> bool:
-    """Whether the compiled kernels are at hand."""
-    return _intact(_cached(system, scheme))
+def needs_compiling(system: System, scheme: RungeKutta) -> bool:
+    """Whether the kernels have yet to be compiled, by a compiler that is there."""
+    try:
+        _compiler()
+    except KernelError:
+        return False
+    return not _intact(_cached(system, scheme))
 
 
 def _cached(system: System, scheme: RungeKutta) -> Path:

@@ -10,7 +10,7 @@ import pytest
 from small_problems import rich_system
 
 from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RK4
-from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cache_folder
+from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cache_folder, needs_compiling
 
 needs_compiler = pytest.mark.skipif(
     not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="there is no C compiler"
@@ -95,6 +95,16 @@ def test_the_second_build_needs_no_compiler(cache: Path, monkeypatch: pytest.Mon
     assert second.compiled
     assert_same(first, second)
     assert {path: path.stat().st_mtime_ns for path in cache.iterdir()} == kept
+
+
+@needs_compiler
+def test_compiling_is_announced_only_where_it_will_happen(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert needs_compiling(rich_system(), RK4)
+    monkeypatch.setenv("CC", "")
+    assert not needs_compiling(rich_system(), RK4)
+    monkeypatch.delenv("CC")
+    build_kernels(rich_system(), RK4, compiled=True)
+    assert not needs_compiling(rich_system(), RK4)
 
 
 def truncated(library: bytes) -> bytes:
