@@ -41,8 +41,11 @@ def read_checkpoint(path: Path) -> Checkpoint:
     """
     try:
         return decode(tree_of(unseal(_content(path))))
+    except FileNotFoundError as error:
+        raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:
-        raise CheckpointError(f"{path}: {error.strerror or error}") from error
+        reason = error.strerror or str(error)
+        raise CheckpointError(f"the checkpoint {path} cannot be read: {reason[:1].lower()}{reason[1:]}") from error
     except CheckpointError as error:
         raise CheckpointError(f"{path}: {error}") from error
 

@@ -66,8 +66,14 @@ def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match=r"none\.h5: No such file"):
+    with pytest.raises(CheckpointError, match=r"there is no checkpoint .*none\.h5$"):
         read_checkpoint(tmp_path / "none.h5")
+
+
+def test_a_file_the_system_does_not_give_away_is_answered_with_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "loop.h5").symlink_to("loop.h5")
+    with pytest.raises(CheckpointError, match=r"the checkpoint .*loop\.h5 cannot be read: too many levels"):
+        read_checkpoint(tmp_path / "loop.h5")
 
 
 def test_a_file_beyond_the_size_limit_is_not_read(tmp_path: Path) -> None:
