@@ -225,6 +225,15 @@ def test_comments_say_whose_flight_it_is_one_line_each() -> None:
     ]
 
 
+@pytest.mark.parametrize("outcome", [Outcome.INFEASIBLE, Outcome.NOT_CONVERGED, Outcome.TIMEOUT])
+def test_comments_claim_no_race_time_where_no_flight_was_found(outcome: Outcome) -> None:
+    stream = io.StringIO()
+    export_csv(replace(result(), outcome=outcome), stream, provenance=PROVENANCE)
+    comments = [line for line in stream.getvalue().splitlines() if line.startswith("#")]
+    assert not any("race time" in line for line in comments)
+    assert f"# flight: none was found ({outcome.value}); this is where the solver gave up" in comments
+
+
 def test_without_comments_the_header_is_the_first_line() -> None:
     stream = io.StringIO(newline="")
     export_csv(replace(result(), outcome=Outcome.NOT_CERTIFIED), stream, provenance=PROVENANCE, comments=False)
