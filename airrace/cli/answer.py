@@ -1,6 +1,7 @@
 """How a command ends: one JSON object or a few lines, and an exit code. Never a raw traceback."""
 
 import json
+import logging
 import os
 import sys
 import traceback
@@ -56,13 +57,24 @@ def answering(fields: Mapping[str, object] | None = None, *, as_json: bool) -> G
         typer.Exit: with the code, unless it is 0.
     """
     answer = Answer(dict(fields or {}))
+    warnings = _Warnings(logging.WARNING)
+    logging.getLogger().addHandler(warnings)
     try:
         yield answer
     except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
         _record(answer, error)
+    finally:
+        logging.getLogger().removeHandler(warnings)
     _say(answer, as_json=as_json)
     if answer.code is not ExitCode.DONE:
         raise typer.Exit(int(answer.code))
+
+
+class _Warnings(logging.Handler):
+    """Says what libraries log, this one among them, unless a view of the run under way shows it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(f"airrace: {record.levelname.lower()}: {record.getMessage()}", file=sys.stderr)
 
 
 def debugging() -> bool:

@@ -1,6 +1,7 @@
 """How commands end: always with one object or a sentence, never with a traceback."""
 
 import json
+import logging
 
 import pytest
 import typer
@@ -74,3 +75,10 @@ def test_an_error_outranks_what_a_stage_came_to() -> None:
     with pytest.raises(typer.Exit) as left:
         fail_twice()
     assert left.value.exit_code == 8
+
+
+def test_what_the_library_logs_looks_like_every_other_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with answering(as_json=False):
+        logging.getLogger("airrace.somewhere").warning("no compiled kernels: %s", "no compiler")
+        logging.getLogger("airrace.somewhere").info("not worth a word")
+    assert capsys.readouterr().err == "airrace: warning: no compiled kernels: no compiler\n"
