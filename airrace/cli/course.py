@@ -1,18 +1,18 @@
-"""A course as people and scripts see it before anyone flies it: passages, legs, turns and limits."""
+"""A course before anyone flies it, row by row and as an object for scripts: passages, legs, turns and limits."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from rich.table import Table
-
-from airrace.cli.tables import plain_table
-from airrace.documents.units import KNOT
 from airrace.frames import angle_between
 from airrace.procedure.race import Race
+from airrace.procedure.review import Remark
 from airrace.quantities import Interval
 from airrace.track.course import Direction, Passage
 from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.limits import Crowd, Roll, SafetyLine
+from airrace.track.polygons import Point
 
 
 @dataclass(frozen=True)
@@ -47,50 +47,40 @@ class Row:
             "bank_deg": _rounded_degrees(self.bank),
             "leg_m": self.leg,
             "turn_deg": _rounded_degrees(self.turn),
+            "safety_lines": [line.name for line in self.passage.safety_lines],
+            "roll": None if self.passage.roll is None else _roll_object(self.passage.roll),
         }
 
 
-def course_object(race: Race) -> dict[str, object]:
+def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
     """What `check --json` prints of the course."""
-    rules = race.course.rules
+    course, rules = race.course, race.course.rules
     return {
-        "name": race.course.name,
+        "name": course.name,
         "aircraft": race.aircraft.name,
         "passages": [row.as_object() for row in rows(race)],
         "limits": {
             "load_factor_g": _bounds(rules.n_z.intersect(race.aircraft.envelope.n_z)),
             "speed_m_s": _bounds(race.aircraft.envelope.V),
+            "start_speed_m_s": _bounds(course.passages[0].speed),
             "height_m": _bounds(rules.height),
             "roll_rate_deg_s": _rounded_degrees(min(rules.p, race.aircraft.point_mass.p)),
+            "sideslip_deg": _rounded_degrees(rules.beta_A),
+            "lift_coefficient": _bounds(rules.C_L),
+            "angle_of_attack_deg": _bounds(rules.alpha_A, math.degrees(1.0)),
         },
+        "safety_lines": [_line_object(line) for line in safety_lines(race)],
+        "crowd": [_crowd_object(crowd) for crowd in course.crowd],
+        "airspace": [_place_object(corner) for corner in course.airspace],
+        "warnings": [
+            {"passage": remark.passage or None, "kind": remark.kind.value, "text": remark.text} for remark in remarks
+        ],
     }
 
 
-def course_tables(race: Race) -> list[Table]:
-    """The same for people."""
-    numbers = ("north\nm", "east\nm", "height\nm", "heading\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
-    cells = [
-        [
-            row.passage.name,
-            row.kind,
-            *(_cell(value, "free", digits=1) for value in (row.north, row.east, row.height)),
-            *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
-            *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),
-        ]
-        for row in rows(race)
-    ]
-    rules, envelope = race.course.rules, race.aircraft.envelope
-    speeds = Interval(*(round(bound / KNOT, 1) for bound in (envelope.V.lower, envelope.V.upper)))
-    limits = [
-        ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")],
-        ["speed", f"{_range(envelope.V, 'm/s')} ({_range(speeds, 'kt')})"],
-        ["height", _range(rules.height, "m")],
-        ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"],
-    ]
-    return [
-        plain_table(f"{race.course.name}, flown by {race.aircraft.name}", ("passage", "type"), numbers, cells),
-        plain_table("limits along the flight", ("limit", "range"), (), limits),
-    ]
+def safety_lines(race: Race) -> list[SafetyLine]:
+    """All that hold on some leg, in the order in which they are met."""
+    return list({line.name: line for passage in race.course.passages for line in passage.safety_lines}.values())
 
 
 def rows(race: Race) -> list[Row]:
@@ -132,8 +122,8 @@ def _kind(passage: Passage) -> tuple[str, float | None]:
             return ("level" if level else "knife-edge"), None if either else bank
         case Pylon():
             return "pylon", None
-        case Manoeuvre(bank=bank):
-            return "manoeuvre", bank
+        case Manoeuvre(bank=bank, kind=kind):
+            return kind, bank
 
 
 def _place(passage: Passage) -> tuple[float, float] | None:
@@ -183,20 +173,39 @@ def _rounded_degrees(angle: float | None) -> float | None:
     return None if degrees is None else round(degrees, 9)
 
 
-def _bounds(interval: Interval) -> list[float | None]:
-    return [bound if math.isfinite(bound) else None for bound in (interval.lower, interval.upper)]
+def _bounds(interval: Interval, unit: float = 1.0) -> list[float | None]:
+    return [round(bound * unit, 9) if math.isfinite(bound) else None for bound in (interval.lower, interval.upper)]
 
 
-def _cell(value: float | None, otherwise: str, digits: int = 0) -> str:
-    return otherwise if value is None else f"{value:z.{digits}f}"
+def _roll_object(roll: Roll) -> dict[str, object]:
+    return {
+        "angle_deg": _rounded_degrees(roll.angle),
+        "climb_deg": _bounds(roll.climb, math.degrees(1.0)),
+        "gain_m": roll.gain,
+        "turning": roll.turning.value,
+    }
 
 
-def _range(interval: Interval, unit: str) -> str:
-    lower, upper = interval.lower, interval.upper
-    if not interval.bounded:
-        return "free"
-    if not math.isfinite(lower):
-        return f"up to {upper:g} {unit}"
-    if not math.isfinite(upper):
-        return f"at least {lower:g} {unit}"
-    return f"{lower:.4g} to {upper:.4g} {unit}"
+def _line_object(line: SafetyLine) -> dict[str, object]:
+    return {
+        "name": line.name,
+        "from": _place_object(line.start),
+        "to": _place_object(line.end),
+        "keep": "right" if line.keep_right else "left",
+        "margin_m": line.margin,
+    }
+
+
+def _crowd_object(crowd: Crowd) -> dict[str, object]:
+    return {
+        "name": crowd.name,
+        "shape": crowd.shape.value,
+        "corners": [_place_object(corner) for corner in crowd.corners],
+        "distance_m": crowd.distance,
+        "height_m": crowd.height,
+        "measured": "slant" if crowd.slant else "over-ground",
+    }
+
+
+def _place_object(place: Point) -> dict[str, object]:
+    return {"north_m": place.north, "east_m": place.east}

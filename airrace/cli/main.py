@@ -3,6 +3,7 @@
 The modules of the commands import nothing heavy; each command imports what it needs when it is called.
 """
 
+import io
 import json
 import signal
 import sys
@@ -62,6 +63,8 @@ def main() -> None:
     """Entry point. SIGTERM ends a command just as Ctrl-C does, and neither is ignored in the background."""
     signal.signal(signal.SIGTERM, _interrupt)
     signal.signal(signal.SIGINT, _interrupt)
+    # A name that stdout's encoding does not have must not end a command.
+    cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="backslashreplace")
     try:
         code = app(standalone_mode=False)
     except _CallError as error:

@@ -1,12 +1,13 @@
 """Tables for people. Units of the cockpit appear here and in no lower layer; each column names its own."""
 
+import codecs
 import io
 import math
 import sys
 from collections.abc import Sequence
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -21,13 +22,15 @@ UNLIMITED_WIDTH = 200
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
-def rendered(table: Table) -> str:
-    """A table as text for stdout; without a terminal as plain text, whatever the environment says of colours.
+def rendered(content: RenderableType) -> str:
+    """A table or a picture as text for stdout; without a terminal as plain text, whatever the environment says of
+    colours, and where stdout takes no Unicode with rules of ASCII.
 
     A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
     """
     terminal = sys.stdout.isatty()
-    text = io.StringIO()
+    written = io.BytesIO()
+    text = io.TextIOWrapper(written, encoding=_encoding(), errors="backslashreplace", newline="\n")
     console = Console(
         file=text,
         force_terminal=terminal,
@@ -35,10 +38,21 @@ def rendered(table: Table) -> str:
         width=None if terminal else UNLIMITED_WIDTH,
         highlight=False,
     )
-    narrowest = console.measure(table, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
+    narrowest = console.measure(content, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
     console.width = max(console.width, narrowest)
-    console.print(table)
-    return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+    console.print(content)
+    text.flush()
+    return "\n".join(line.rstrip() for line in written.getvalue().decode(_encoding()).splitlines())
+
+
+def takes_unicode() -> bool:
+    """Whether stdout can show more than ASCII."""
+    return _encoding().startswith("utf")
+
+
+def terminal_columns() -> int | None:
+    """Columns of the terminal behind stdout; None where there is none."""
+    return Console().width if sys.stdout.isatty() else None
 
 
 def result_tables(result: StageResult) -> list[Table]:
@@ -110,6 +124,11 @@ def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: 
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     return table
+
+
+def _encoding() -> str:
+    """Of stdout, as Python spells it."""
+    return codecs.lookup(sys.stdout.encoding or "utf-8").name
 
 
 def _table(title: str, *names: str) -> Table:

@@ -17,7 +17,7 @@ def crowd_distance(ways: Array, heights: Array, crowd: Crowd) -> Array:
 
     A height that is not known counts as that of the people.
     """
-    ground = _ground_distance(ways, crowd)
+    ground = ground_distance(ways, crowd)
     if not crowd.slant:
         return ground.min(axis=1)
     above = np.where(np.isnan(heights), 0.0, heights - crowd.height)
@@ -50,7 +50,7 @@ def beyond_border(way: Array, corners: Sequence[Point]) -> float:
     return max(float((-sense * _beside(way, a, b)[1]).max()) for a, b in edges(corners, closed=True))
 
 
-def _ground_distance(ways: Array, crowd: Crowd) -> Array:
+def ground_distance(ways: Array, crowd: Crowd) -> Array:
     """Of every sample, shape (ways, samples); zero within an area."""
     if crowd.shape is CrowdShape.POINT:
         (corner,) = crowd.corners

@@ -1,0 +1,174 @@
+"""A course before anyone flies it, as tables for people."""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from rich.table import Table
+
+from airrace.cli.course import Row, rows, safety_lines
+from airrace.cli.tables import plain_table
+from airrace.documents.units import KNOT
+from airrace.procedure.race import Race
+from airrace.procedure.review import Remark
+from airrace.quantities import Interval
+from airrace.track.gates import Manoeuvre
+from airrace.track.limits import CrowdShape, Roll
+from airrace.track.polygons import Point, area, edges
+
+ROWS_MAX = 200  # passages; of more, only the first and the last are printed
+LAST_ROWS = 20
+REMARKS_MAX = 30
+
+
+def course_tables(race: Race) -> list[Table]:
+    """Passages, what holds on single legs, limits along the flight, and what is kept away from."""
+    tables = [_passages_table(race), _legs_table(race), _limits_table(race), _surroundings_table(race)]
+    return [table for table in tables if table.row_count]
+
+
+def remarks_text(remarks: Sequence[Remark]) -> str:
+    """One line each, the first ones of many."""
+    lines = [f"warning: {remark.text}" for remark in remarks[:REMARKS_MAX]]
+    if len(remarks) > REMARKS_MAX:
+        lines.append(f"and {len(remarks) - REMARKS_MAX} more warnings; --json has all of them")
+    return "\n".join(lines)
+
+
+def _passages_table(race: Race) -> Table:
+    numbers = ("north\nm", "east\nm", "height\nm", "heading\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
+    title = f"{race.course.name}, flown by {race.aircraft.name}"
+    flown = rows(race)
+    cells = [_passage_cells(row) for row in flown]
+    if len(cells) > ROWS_MAX:
+        left_out = len(cells) - ROWS_MAX
+        blank = [f"... {left_out} more", "", *[""] * len(numbers)]
+        cells = [*cells[: ROWS_MAX - LAST_ROWS], blank, *cells[-LAST_ROWS:]]
+        title += f" ({len(flown)} passages; --json has all of them)"
+    return plain_table(title, ("passage", "type"), numbers, cells)
+
+
+def _passage_cells(row: Row) -> list[str]:
+    return [
+        row.passage.name,
+        row.kind,
+        *(_cell(value, "free", digits=1) for value in (row.north, row.east)),
+        _height_cell(row),
+        *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
+        *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),
+    ]
+
+
+def _height_cell(row: Row) -> str:
+    """Of a free manoeuvre at least its bounds."""
+    element = row.passage.element
+    if row.height is None and isinstance(element, Manoeuvre) and element.height.bounded:
+        lower, upper = element.height.lower, element.height.upper
+        if not math.isfinite(lower):
+            return f"< {upper:.0f}"
+        return f"> {lower:.0f}" if not math.isfinite(upper) else f"{lower:.0f}-{upper:.0f}"
+    return _cell(row.height, "free", digits=1)
+
+
+def _legs_table(race: Race) -> Table:
+    """What holds on the legs that lead to single passages; the same conditions on several legs are told once."""
+    told: dict[tuple[str, str], list[str]] = {}
+    for passage in race.course.passages:
+        lines = ", ".join(line.name for line in passage.safety_lines)
+        if lines or passage.roll is not None:
+            told.setdefault((lines or "-", _roll(passage.roll)), []).append(passage.name)
+    cells = [[_listed(names), *conditions] for conditions, names in told.items()]
+    return plain_table("on the leg to", ("passage", "safety lines", "roll"), (), cells)
+
+
+def _limits_table(race: Race) -> Table:
+    rules, envelope = race.course.rules, race.aircraft.envelope
+    start = race.course.passages[0].speed
+    limits = [
+        ["load factor", _range(rules.n_z.intersect(envelope.n_z), "g")],
+        ["speed", _speeds(envelope.V)],
+        ["speed at the start", _speeds(start) if start.bounded else "free"],
+        ["height", _range(rules.height, "m")],
+        ["roll rate", f"up to {math.degrees(min(rules.p, race.aircraft.point_mass.p)):.0f} deg/s"],
+    ]
+    if math.isfinite(rules.beta_A):
+        limits.append(["sideslip", f"up to {math.degrees(rules.beta_A):.3g} deg"])
+    if rules.C_L.bounded:
+        limits.append(["lift coefficient", _range(rules.C_L, "").rstrip()])
+    if rules.alpha_A.bounded:
+        degrees = Interval(*(math.degrees(bound) for bound in (rules.alpha_A.lower, rules.alpha_A.upper)))
+        limits.append(["angle of attack", _range(degrees, "deg")])
+    return plain_table("limits along the flight", ("limit", "range"), (), limits)
+
+
+def _surroundings_table(race: Race) -> Table:
+    return plain_table("kept away from", ("name", "what", "where", "distance"), (), list(_surroundings(race)))
+
+
+def _surroundings(race: Race) -> Iterator[list[str]]:
+    shapes = {CrowdShape.POINT: "at", CrowdShape.LINE: "along", CrowdShape.AREA: "within"}
+    for crowd in race.course.crowd:
+        corners = crowd.corners
+        if crowd.shape is CrowdShape.AREA:
+            size = f"{abs(area(corners)) / 1e4:.3g} ha about"
+        elif crowd.shape is CrowdShape.LINE:
+            size = f"{sum(math.dist(*ends) for ends in itertools.pairwise(map(_pair, corners))):.0f} m about"
+        else:
+            size = ""
+        middle = np.mean([_pair(corner) for corner in corners], axis=0)
+        where = f"{shapes[crowd.shape]} {size} {_place(*middle)}".replace("  ", " ")
+        yield [crowd.name, "crowd", where, f"{crowd.distance:g} m {'slant' if crowd.slant else 'over ground'}"]
+    for line in safety_lines(race):
+        side = "right" if line.keep_right else "left"
+        where = f"{side} of {_place(*_pair(line.start))} to {_place(*_pair(line.end))}"
+        yield [line.name, "safety line", where, f"{line.margin:g} m"]
+    corners = race.course.airspace
+    if corners:
+        around = sum(math.dist(_pair(a), _pair(b)) for a, b in edges(corners, closed=True))
+        size = f"{len(corners)} corners, {abs(area(corners)) / 1e6:.3g} km2, {around / 1e3:.3g} km around"
+        yield ["airspace", "its border", size, "0 m"]
+
+
+def _pair(place: Point) -> tuple[float, float]:
+    return place.north, place.east
+
+
+def _place(north: float, east: float) -> str:
+    return f"({north:.0f}, {east:.0f})"
+
+
+def _roll(roll: Roll | None) -> str:
+    if roll is None:
+        return "-"
+    climb = " to ".join(f"{math.degrees(bound):.0f}" for bound in (roll.climb.lower, roll.climb.upper))
+    gain = f", +{roll.gain:g} m" if roll.gain else ""
+    return f"{math.degrees(roll.angle):.0f} deg {roll.turning.value}, at {climb} deg{gain}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{names[0]}, {names[1]} and {len(names) - 2} more"
+
+
+def _speeds(interval: Interval) -> str:
+    knots = Interval(*(round(bound / KNOT, 1) for bound in (interval.lower, interval.upper)))
+    return f"{_range(interval, 'm/s')} ({_range(knots, 'kt')})"
+
+
+def _degrees(angle: float | None) -> float | None:
+    return None if angle is None else math.degrees(angle)
+
+
+def _cell(value: float | None, otherwise: str, digits: int = 0) -> str:
+    return otherwise if value is None else f"{value:z.{digits}f}"
+
+
+def _range(interval: Interval, unit: str) -> str:
+    lower, upper = interval.lower, interval.upper
+    if not interval.bounded:
+        return "free"
+    if not math.isfinite(lower):
+        return f"up to {upper:.4g} {unit}"
+    if not math.isfinite(upper):
+        return f"at least {lower:.4g} {unit}"
+    return f"{lower:.4g} to {upper:.4g} {unit}"

@@ -1,0 +1,208 @@
+"""A course in the terminal, seen from above: north up, one scale in both directions."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from rich.console import Group
+from rich.text import Text
+
+from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
+from airrace.cli.scenery import Mark, Scenery
+from airrace.documents.units import KNOT
+from airrace.environment.air import StaticWind
+from airrace.procedure.clearances import ground_distance
+from airrace.track.gates import Gate
+from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.polygons import edges
+
+COLUMNS, ROWS = 100, 35  # that the picture may fill, with its scale and its legend
+NOTES = 3  # rows of them
+MARGIN = 2  # cells left free around what is drawn
+MARKS_MAX = 400  # elements; more would but hide the way
+LABELS_MAX = 60  # elements; of longer courses no names are written
+ARROWS_MAX = 60  # ways
+
+LAPS = ("cyan", "magenta", "green", "blue")
+AIRSPACE = Layer("blue", ":")
+CROWD = Layer("red", "x")
+DISTANCE = Layer("red", ",")
+SAFETY = Layer("yellow", "=")
+GATE = Layer("bold white", "#")
+PYLON = "bold white"
+LABEL = "bold"
+_ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"  # from north, clockwise
+_PLAIN_ARROWS = "^>>>v<<<"
+_AROUND = ((0, 2), (0, -1), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (0, 3), (0, -2), (-2, 0), (2, 0))
+
+
+def plan_view(seen: Scenery, wind: StaticWind | None, *, columns: int = COLUMNS, plain: bool = False) -> Group:
+    """The picture with its scale, wind and legend.
+
+    Args:
+        columns: of the terminal.
+        plain: ASCII alone.
+    """
+    canvas = _canvas(seen, max(columns, 40))
+    _draw_surroundings(canvas, seen)
+    _draw_ways(canvas, seen)
+    if len(seen.marks) <= MARKS_MAX:
+        for mark in seen.marks:
+            _draw_mark(canvas, mark, plain=plain)
+    if len(seen.marks) <= LABELS_MAX:
+        for mark in seen.marks:
+            _write_beside(canvas, mark.north, mark.east, mark.label, LABEL)
+    for crowd in seen.course.crowd:
+        _write_beside(canvas, crowd.corners[0].north, crowd.corners[0].east, crowd.name, CROWD.style)
+    for line in seen.lines:
+        _write_beside(canvas, line.start.north, line.start.east, line.name, SAFETY.style)
+    if len(seen.ways) <= ARROWS_MAX:
+        _write_arrows(canvas, seen, plain=plain)
+    return Group(*_trimmed(canvas.drawn(plain=plain)), Text(""), *_notes(canvas, seen, wind, plain=plain))
+
+
+def _trimmed(rows: Sequence[Text]) -> Sequence[Text]:
+    """Without the empty rows above and below."""
+    filled = [number for number, row in enumerate(rows) if row.plain]
+    return rows[filled[0] : filled[-1] + 1] if filled else []
+
+
+def _canvas(seen: Scenery, columns: int) -> Canvas:
+    """As large as what is to be seen, within the limits."""
+    names = max((len(mark.label) for mark in seen.marks), default=0) if len(seen.marks) <= LABELS_MAX else 0
+    across = (columns - 2 * MARGIN - min(names, columns // 4)) * ACROSS
+    down = (ROWS - NOTES - 2 * MARGIN) * DOWN
+    height, width = seen.north - seen.south, seen.east - seen.west
+    dot = max(width / across, height / down)
+    return Canvas(
+        columns=min(columns, math.ceil(width / dot / ACROSS) + 2 * MARGIN + names),
+        rows=math.ceil(height / dot / DOWN) + 2 * MARGIN,
+        north=seen.north + MARGIN * DOWN * dot,
+        west=seen.west - MARGIN * ACROSS * dot,
+        dot=dot,
+    )
+
+
+def _draw_surroundings(canvas: Canvas, seen: Scenery) -> None:
+    corners = seen.course.airspace
+    if corners:
+        border = np.array([[corner.north, corner.east] for corner in (*corners, corners[0])])
+        canvas.line(AIRSPACE, border, on=1, off=2)
+    for crowd in seen.course.crowd:
+        _draw_crowd(canvas, crowd)
+    for line in seen.lines:
+        _draw_safety_line(canvas, line)
+
+
+def _draw_crowd(canvas: Canvas, crowd: Crowd) -> None:
+    """The people themselves, and dots where their distance ends."""
+    away = ground_distance(canvas.centres, crowd)
+    down, across = np.ogrid[: away.shape[0], : away.shape[1]]
+    raster = (down + across) % 2 == 0
+    canvas.paint(DISTANCE, (np.abs(away - crowd.distance) < 0.5 * canvas.dot) & raster)
+    closed = crowd.shape is CrowdShape.AREA
+    if closed:
+        canvas.paint(CROWD, (away == 0.0) & raster)
+    for a, b in edges(crowd.corners, closed=closed):
+        canvas.line(CROWD, np.array([[a.north, a.east], [b.north, b.east]]))
+    if crowd.shape is CrowdShape.POINT:
+        canvas.paint(CROWD, away < canvas.dot)
+
+
+def _draw_safety_line(canvas: Canvas, line: SafetyLine) -> None:
+    """From border to border, with a shade on the side that is forbidden."""
+    centres = canvas.centres
+    along = np.array([line.end.north - line.start.north, line.end.east - line.start.east])
+    along /= np.hypot(*along)
+    offset = centres - (line.start.north, line.start.east)
+    right = offset[..., 1] * along[0] - offset[..., 0] * along[1]
+    forbidden = -right if line.keep_right else right
+    down, across = np.ogrid[: centres.shape[0], : centres.shape[1]]
+    shade = (down + 2 * across) % 5 == 0
+    canvas.paint(SAFETY, (np.abs(right) < 0.5 * canvas.dot) | ((forbidden > 0) & (forbidden < 4 * canvas.dot) & shade))
+
+
+def _draw_ways(canvas: Canvas, seen: Scenery) -> None:
+    """Later laps first, so that the first one is seen where they coincide."""
+    for way in reversed(seen.ways):
+        canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
+
+
+def _lap(lap: int) -> Layer:
+    return Layer(LAPS[(max(lap, 1) - 1) % len(LAPS)], ".")
+
+
+def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
+    """A gate as a stroke across its axis, to scale but long enough to be seen; everything else as a dot."""
+    if isinstance(mark.element, Gate):
+        half = max(0.5 * mark.element.width, 3.0 * canvas.dot)
+        north, east = -half * math.sin(mark.element.heading), half * math.cos(mark.element.heading)
+        ends = [[mark.north - north, mark.east - east], [mark.north + north, mark.east + east]]
+        canvas.line(GATE, np.array(ends))
+        return
+    canvas.write(*canvas.cell(mark.north, mark.east), "o" if plain else "\u2022", PYLON)
+
+
+def _write_beside(canvas: Canvas, north: float, east: float, text: str, style: str) -> None:
+    """Near a place, where the text hides least; nowhere if there is no room."""
+    row, column = canvas.cell(north, east)
+    choices: list[tuple[int, int, int]] = []
+    for number, (down, across) in enumerate(_AROUND):
+        begin = column + (across if across > 0 else across - len(text) + 1 if across < 0 else -(len(text) // 2))
+        choices.append((4 * canvas.covered(row + down, begin, len(text)) + number, row + down, begin))
+    for _, at_row, begin in sorted(choices):
+        if text and canvas.write(at_row, begin, text, style):
+            return
+
+
+def _write_arrows(canvas: Canvas, seen: Scenery, *, plain: bool) -> None:
+    """Which way it goes, amid every way that is long enough."""
+    arrows = _PLAIN_ARROWS if plain else _ARROWS
+    for way in seen.ways:
+        middle = len(way.line) // 2
+        step = way.line[middle] - way.line[middle - 1]
+        if np.ptp(way.line, axis=0).max() < 8 * DOWN * canvas.dot * 0.5:
+            continue
+        octant = round(math.degrees(math.atan2(step[1], step[0])) / 45.0) % 8
+        where = 0.5 * (way.line[middle] + way.line[middle - 1])
+        canvas.write(*canvas.cell(float(where[0]), float(where[1])), arrows[octant], _lap(way.lap).style)
+
+
+def _notes(canvas: Canvas, seen: Scenery, wind: StaticWind | None, *, plain: bool) -> list[Text]:
+    """Scale, north and wind; then what the colours mean."""
+    metres, cells = _bar(canvas)
+    left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
+    bar = f"{left}{rule * (cells - 2)}{right}"
+    north = "north is up" if plain else "\u2191 north"
+    scale = f"{bar} {metres:g} m   {north}   {_wind(wind, plain=plain)}"
+    legend = Text("", no_wrap=True, overflow="ignore")
+    laps = sorted({max(way.lap, 1) for way in seen.ways})
+    entries = [(f"lap {lap}", _lap(lap).style) for lap in laps] if len(laps) <= len(LAPS) else []
+    entries += [("gate", GATE.style)] * any(isinstance(mark.element, Gate) for mark in seen.marks)
+    for name, layer, shown in (
+        ("crowd and its distance", CROWD, seen.course.crowd),
+        ("safety line, shaded where forbidden", SAFETY, seen.lines),
+        ("airspace", AIRSPACE, seen.course.airspace),
+    ):
+        entries += [(name, layer.style)] * bool(shown)
+    return [
+        Text(scale, no_wrap=True, overflow="ignore"),
+        legend.append_text(Text("  ").join(Text(*one) for one in entries)),
+    ]
+
+
+def _bar(canvas: Canvas) -> tuple[float, int]:
+    """A round length of about an eighth of the limit, m, and the cells it takes."""
+    cell = ACROSS * canvas.dot
+    wanted = COLUMNS / 8 * cell
+    power = 10.0 ** math.floor(math.log10(wanted))
+    metres = max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= wanted)
+    return metres, max(2, round(metres / cell))
+
+
+def _wind(wind: StaticWind | None, *, plain: bool) -> str:
+    if wind is None or wind.speed == 0.0:
+        return "no wind"
+    towards = round((math.degrees(wind.origin) + 180.0) / 45.0) % 8
+    arrow = "" if plain else f"{_ARROWS[towards]} "
+    return f"{arrow}wind from {math.degrees(wind.origin) % 360.0:.0f} deg, {wind.speed / KNOT:.0f} kt"

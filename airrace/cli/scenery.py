@@ -1,0 +1,156 @@
+"""What a course looks like from above: ways, gates, pylons, people, lines. Both pictures of it are drawn from this."""
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from airrace.procedure.cruise import cruise
+from airrace.procedure.legs import PLANNED_MAX, place
+from airrace.procedure.plan import plan
+from airrace.procedure.race import Race
+from airrace.track.course import Course, Direction, Passage
+from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.limits import SafetyLine
+from airrace.trajectory import Array
+
+SAMPLE = 10.0  # m between the points of a planned way
+LEAST_EXTENT = 200.0  # m, of a course that stands on one spot
+BEYOND = 0.4  # of the course's extent, in which people and borders beside it are still shown
+
+
+@dataclass(frozen=True)
+class Mark:
+    """What stands or is flown at a place.
+
+    Attributes:
+        label: its name; empty where another mark on the same spot carries it.
+        passings: the number of each, counted over the race from 0, the start, and the course through the element (rad;
+            None where it has none).
+    """
+
+    label: str
+    element: Gate | Pylon | Manoeuvre
+    north: float
+    east: float
+    passings: tuple[tuple[int, float | None], ...]
+
+    @property
+    def headings(self) -> list[float]:
+        """The different courses through the element, rad."""
+        courses = {round(heading, 9): heading for _, heading in self.passings if heading is not None}
+        return list(courses.values())
+
+
+@dataclass(frozen=True)
+class Way:
+    """Part of a lap: north and east, shape (n, 2), m; `planned`, or but straight from place to place."""
+
+    lap: int
+    line: Array
+    planned: bool
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """A course from above, and the frame to show: least and largest north and east, m."""
+
+    course: Course
+    marks: tuple[Mark, ...]
+    ways: tuple[Way, ...]
+    lines: tuple[SafetyLine, ...]
+    south: float
+    north: float
+    west: float
+    east: float
+
+
+def scenery(race: Race) -> Scenery:
+    """All there is to see; the ways as planned before anything is optimised, on very long courses straight."""
+    course = race.course
+    marks = _marks(course)
+    ways = _planned(race) if len(course.passages) <= PLANNED_MAX else _straight(course)
+    lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
+    south, north, west, east = _frame(course, marks, ways, tuple(lines.values()))
+    return Scenery(course, marks, ways, tuple(lines.values()), south, north, west, east)
+
+
+def _marks(course: Course) -> tuple[Mark, ...]:
+    """One per element that has a place, in the order first flown."""
+    marks: dict[str, Mark] = {}
+    for number, passage in enumerate(course.passages):
+        name, where = passage.element.name, place(passage)
+        if where is None:
+            continue
+        if name not in marks:
+            marks[name] = Mark(_label(name), passage.element, where[0], where[1], ())
+        marks[name] = replace(marks[name], passings=(*marks[name].passings, (number, _heading(passage))))
+    return tuple(marks.values())
+
+
+def _label(name: str) -> str:
+    """Of the two gates of a quad the first carries its name."""
+    quad, slash, number = name.rpartition("/")
+    if not slash or number not in ("1", "2"):
+        return name
+    return quad if number == "1" else ""
+
+
+def _heading(passage: Passage) -> float | None:
+    """The course through an element, rad; of a gate still to be planned, its axis."""
+    match passage.element:
+        case Gate(heading=heading):
+            return heading + (math.pi if passage.direction is Direction.REVERSE else 0.0)
+        case Manoeuvre(heading=heading):
+            return heading
+        case Pylon():
+            return None
+
+
+def _planned(race: Race) -> tuple[Way, ...]:
+    """The plan from which an optimisation would start; straight where it leads through the vertical."""
+    planned = plan(race.course, cruise(race.aircraft, race.course.rules))
+    ways: list[Way] = []
+    last: tuple[float, float] | None = None
+    for leg, here, there in zip(planned.legs, planned.waypoints, planned.waypoints[1:], strict=False):
+        lap = there.passage.lap
+        last = here.position[:2] if here.position is not None else last
+        if leg.path is not None:
+            count = 2 + int(leg.path.length / SAMPLE)
+            north, east, _ = leg.path.points(np.linspace(0.0, leg.path.length, count))
+            ways.append(Way(lap, np.stack([north, east], axis=1), planned=True))
+        elif there.position is not None and last is not None:
+            ways.append(Way(lap, np.array([last, there.position[:2]]), planned=False))
+    return tuple(ways)
+
+
+def _straight(course: Course) -> tuple[Way, ...]:
+    """From place to place, a lap at a time."""
+    ways: list[Way] = []
+    last: list[tuple[float, float]] = []
+    for lap, passages in itertools.groupby(course.passages, key=lambda passage: passage.lap):
+        places = [where[:2] for passage in passages if (where := place(passage)) is not None]
+        if len(last + places) > 1:
+            ways.append(Way(lap, np.array(last + places), planned=False))
+        last = (last + places)[-1:]
+    return tuple(ways)
+
+
+def _frame(
+    course: Course, marks: tuple[Mark, ...], ways: tuple[Way, ...], lines: tuple[SafetyLine, ...]
+) -> tuple[float, float, float, float]:
+    """All of the course, and what lies beside it as long as that does not dwarf it."""
+    flown = [*(np.array([[mark.north, mark.east]]) for mark in marks), *(way.line for way in ways)]
+    points = np.concatenate(flown) if flown else np.zeros((1, 2))
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    extent = max(float(np.ptp(points, axis=0).max()), LEAST_EXTENT)
+    least = np.minimum(points.min(axis=0), middle - 0.5 * LEAST_EXTENT)
+    largest = np.maximum(points.max(axis=0), middle + 0.5 * LEAST_EXTENT)
+    beside = [*course.airspace, *(end for line in lines for end in (line.start, line.end))]
+    beside += [corner for crowd in course.crowd for corner in crowd.corners]
+    if beside:
+        corners = np.array([[corner.north, corner.east] for corner in beside])
+        least = np.clip(corners.min(axis=0), least - BEYOND * extent, least)
+        largest = np.clip(corners.max(axis=0), largest, largest + BEYOND * extent)
+    return float(least[0]), float(largest[0]), float(least[1]), float(largest[1])

@@ -1,0 +1,213 @@
+"""`airrace check` tells people and scripts all of a course; what it warns of does not change the exit code."""
+
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from shown_courses import AIRCRAFT, ROOT, SHIPPED, everything, many_gates, race
+from typer.testing import CliRunner
+
+from airrace.cli.course_tables import REMARKS_MAX, remarks_text
+from airrace.cli.main import app
+from airrace.procedure.review import Kind, Remark, review
+
+STYLE = re.compile(r"\x1b\[[0-9;]*m")
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+
+
+def check(*arguments: str | Path) -> str:
+    """Stdout of a check that succeeds."""
+    ran = CliRunner().invoke(app, ["check", *map(str, arguments), "--aircraft", str(AIRCRAFT)])
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    return ran.stdout
+
+
+def process(*arguments: str | Path, **environment: str) -> "subprocess.CompletedProcess[bytes]":
+    """The real command, with other environment variables."""
+    return subprocess.run(
+        [sys.executable, "-c", "from airrace.cli.main import main; main()", "check", *map(str, arguments)],
+        env={**os.environ, **environment},
+        capture_output=True,
+        check=False,
+    )
+
+
+def test_people_are_told_of_every_passage_line_roll_crowd_border_and_limit(tmp_path: Path) -> None:
+    path = everything(tmp_path)
+    shown = check(path)
+    for passage in race(path).course.passages:
+        assert f"\n{passage.name} " in shown
+    for piece in ("high-turn", "vertical-roll", "knife-edge", "> 152", "> 213", "315 deg either, at 80 to 90 deg"):
+        assert piece in shown
+    for name, what, distance in (
+        ("stands", "crowd", "90 m slant"),
+        ("tower", "crowd", "60 m over ground"),
+        ("village", "crowd", "90 m slant"),
+        ("beach", "safety line", "20 m"),
+        ("airspace", "its border", "4 corners, 1.18 km2, 4.36 km around"),
+    ):
+        assert re.search(rf"^{name} .*{what}.*{distance}", shown, re.MULTILINE), name
+    assert "10 to 400 m" in shown
+    assert "up to 200 kt" in shown
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_tables_and_map_fit_a_hundred_columns_and_the_map_thirty_five_rows(path: Path, tmp_path: Path) -> None:
+    for track in (path, everything(tmp_path)):
+        lines = check(track).splitlines()
+        assert max(len(line) for line in lines if not line.startswith("warning: ")) <= 100
+        drawn = [line for line in lines if re.search(r"[\u2800-\u28ff]", line)]
+        assert len(drawn) <= 35
+
+
+def test_warnings_are_sentences_for_people_and_objects_for_scripts(tmp_path: Path) -> None:
+    path = everything(tmp_path)
+    answered = json.loads(check(path, "--json"))
+    expected = review(race(path))
+    assert [warning["text"] for warning in answered["warnings"]] == [remark.text for remark in expected]
+    assert {(warning["passage"], warning["kind"]) for warning in answered["warnings"]} == {
+        (None, "wind"),
+        ("1:wide", "width"),
+    }
+    assert [line for line in check(path).splitlines() if line.startswith("warning: ")] == [
+        f"warning: {remark.text}" for remark in expected
+    ]
+
+
+def test_of_very_many_warnings_the_first_are_printed() -> None:
+    remarks = [Remark(f"g{i}", Kind.WIDTH, f"the gate of `g{i}`") for i in range(REMARKS_MAX + 7)]
+    lines = remarks_text(remarks).splitlines()
+    assert len(lines) == REMARKS_MAX + 1
+    assert lines[-1] == "and 7 more warnings; --json has all of them"
+    assert len(remarks_text(remarks[:3]).splitlines()) == 3
+
+
+def test_scripts_are_told_of_surroundings_and_limits(tmp_path: Path) -> None:
+    answered = json.loads(check(everything(tmp_path), "--json"))
+    passages = {passage["passage"]: passage for passage in answered["passages"]}
+    assert passages["1:q/1"]["safety_lines"] == ["beach"]
+    assert passages["1:roll"]["roll"] == {
+        "angle_deg": 315.0,
+        "climb_deg": [80.0, 90.0],
+        "gain_m": 0.0,
+        "turning": "either",
+    }
+    assert [line["name"] for line in answered["safety_lines"]] == ["beach"]
+    assert {crowd["name"]: (crowd["shape"], len(crowd["corners"])) for crowd in answered["crowd"]} == {
+        "stands": ("line", 2),
+        "tower": ("point", 1),
+        "village": ("area", 3),
+    }
+    assert len(answered["airspace"]) == 4
+    assert answered["limits"]["height_m"] == [10.0, 400.0]
+    assert answered["limits"]["start_speed_m_s"][1] == pytest.approx(200 * 1852 / 3600)
+
+
+def test_without_a_terminal_nothing_is_coloured(tmp_path: Path) -> None:
+    assert not CONTROL.search(check(everything(tmp_path)))
+
+
+def test_a_stdout_without_unicode_gets_ascii(tmp_path: Path) -> None:
+    path = everything(tmp_path)
+    text = path.read_text(encoding="utf-8").replace("Everything at once", "Über alles")
+    path.write_text(text, encoding="utf-8")
+    ran = process(path, "--aircraft", AIRCRAFT, PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert (ran.returncode, ran.stderr) == (0, b"")
+    shown = ran.stdout.decode("ascii")
+    assert "\\xdcber alles" in shown
+    assert "north is up" in shown
+    assert re.search(r"^ .*\.\.\.", shown, re.MULTILINE)
+    assert re.search(r"^\|-+\| 200 m", shown, re.MULTILINE)
+
+
+def coloured(path: Path, monkeypatch: pytest.MonkeyPatch, **environment: str) -> str:
+    """What a terminal of 80 columns is sent."""
+    from airrace.cli.check import check as command
+
+    class Terminal(io.StringIO):
+        encoding = "utf-8"
+
+        def isatty(self) -> bool:
+            return True
+
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in {"COLUMNS": "80", "TERM": "xterm-256color", **environment}.items():
+        monkeypatch.setenv(name, value)
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
+    command(path, aircraft=AIRCRAFT)
+    monkeypatch.undo()
+    return terminal.getvalue()
+
+
+def test_a_terminal_gets_colours_and_a_map_of_its_width(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = coloured(everything(tmp_path), monkeypatch)
+    drawn = [line for line in shown.splitlines() if re.search(r"[\u2800-\u28ff]", line)]
+    assert all(len(STYLE.sub("", line)) <= 80 for line in drawn)
+    assert len({style for line in drawn for style in STYLE.findall(line)}) >= 5
+
+
+def test_no_color_is_honoured_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = coloured(everything(tmp_path), monkeypatch, NO_COLOR="1")
+    assert not re.search(r"\x1b\[[0-9;]*3[0-9]", shown)
+
+
+def test_a_drawing_is_made_and_never_overwritten_unasked(tmp_path: Path) -> None:
+    path, drawing = everything(tmp_path), tmp_path / "course.png"
+    check(path, "--plot", drawing)
+    content = drawing.read_bytes()
+    assert content.startswith(b"\x89PNG")
+    refused = CliRunner().invoke(app, ["check", str(path), "--aircraft", str(AIRCRAFT), "--plot", str(drawing)])
+    assert refused.exit_code == 2
+    assert "--force" in refused.stderr
+    drawing.write_bytes(b"")
+    check(path, "--plot", drawing, "--force")
+    assert drawing.read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "said"),
+    [("course.jpg", 2, "must end in"), ("course", 2, "must end in"), ("no/a.png", 8, "folder")],
+)
+def test_a_drawing_that_cannot_be_written_is_refused(tmp_path: Path, name: str, code: int, said: str) -> None:
+    ran = CliRunner().invoke(app, ["check", str(tmp_path / "none.yaml"), "--plot", str(tmp_path / name)])
+    assert ran.exit_code == code
+    assert said in ran.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_matplotlib_the_remedy_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("airrace.cli.course_figure.find_spec", lambda name: None)
+    ran = CliRunner().invoke(app, ["check", str(SHIPPED[0]), "--plot", str(tmp_path / "a.png")])
+    assert ran.exit_code == 2
+    assert "pip install 'airrace[plot]'" in ran.stderr
+
+
+@pytest.mark.parametrize("arguments", [(), ("--json",)])
+def test_matplotlib_is_loaded_for_a_drawing_alone(arguments: Sequence[str]) -> None:
+    program = (
+        "import sys\nfrom airrace.cli.main import main\n"
+        f"sys.argv = ['airrace', 'check', {str(ROOT / 'tracks' / 'rovinj_2014.yaml')!r}, *{list(arguments)!r}]\n"
+        "try:\n    main()\nfinally:\n    print('matplotlib' in sys.modules, file=sys.stderr)\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stderr == "False\n"
+
+
+def test_a_course_of_thousands_of_gates_is_checked_within_seconds(tmp_path: Path) -> None:
+    path = many_gates(tmp_path, 5000)
+    check(path)  # what is loaded only once, is loaded
+    started = time.process_time()
+    shown = check(path)
+    assert time.process_time() - started < 2.0
+    assert "... 4800 more" in shown
+    assert "\n1:g4999 " in shown
+    assert len(json.loads(check(path, "--json"))["passages"]) == 5000
