@@ -72,10 +72,8 @@ def test_warnings_are_sentences_for_people_and_objects_for_scripts(tmp_path: Pat
     answered = json.loads(check(path, "--json"))
     expected = review(race(path))
     assert [warning["text"] for warning in answered["warnings"]] == [remark.text for remark in expected]
-    assert {(warning["passage"], warning["kind"]) for warning in answered["warnings"]} == {
-        (None, "wind"),
-        ("1:wide", "width"),
-    }
+    told = {(warning["passage"], warning["kind"]) for warning in answered["warnings"]}
+    assert {(None, "wind"), ("1:wide", "width")} <= told
     assert [line for line in check(path).splitlines() if line.startswith("warning: ")] == [
         f"warning: {remark.text}" for remark in expected
     ]
