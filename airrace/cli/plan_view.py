@@ -33,7 +33,7 @@ PYLON = "bold white"
 LABEL = "bold"
 _ARROWS = "\u2191\u2197\u2192\u2198\u2193\u2199\u2190\u2196"  # from north, clockwise
 _PLAIN_ARROWS = "^>>>v<<<"
-_AROUND = ((0, 2), (0, -1), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (0, 3), (0, -2), (-2, 0), (2, 0))
+_AROUND = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (0, 3), (0, -3), (-2, 0), (2, 0))
 
 
 def plan_view(seen: Scenery, wind: StaticWind | None, *, columns: int = COLUMNS, plain: bool = False) -> Group:
@@ -76,7 +76,7 @@ def _canvas(seen: Scenery, columns: int) -> Canvas:
     dot = max(width / across, height / down)
     return Canvas(
         columns=min(columns, math.ceil(width / dot / ACROSS) + 2 * MARGIN + names),
-        rows=math.ceil(height / dot / DOWN) + 2 * MARGIN,
+        rows=min(ROWS - NOTES, math.ceil(height / dot / DOWN) + 2 * MARGIN),  # what fits exactly may be rounded up
         north=seen.north + MARGIN * DOWN * dot,
         west=seen.west - MARGIN * ACROSS * dot,
         dot=dot,
@@ -169,26 +169,29 @@ def _write_arrows(canvas: Canvas, seen: Scenery, *, plain: bool) -> None:
 
 
 def _notes(canvas: Canvas, seen: Scenery, wind: StaticWind | None, *, plain: bool) -> list[Text]:
-    """Scale, north and wind; then what the colours mean."""
+    """Scale, north and wind; then the legend."""
     metres, cells = _bar(canvas)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
     bar = f"{left}{rule * (cells - 2)}{right}"
     north = "north is up" if plain else "\u2191 north"
     scale = f"{bar} {metres:g} m   {north}   {_wind(wind, plain=plain)}"
-    legend = Text("", no_wrap=True, overflow="ignore")
+    return [Text(scale, no_wrap=True, overflow="ignore"), _legend(seen, plain=plain)]
+
+
+def _legend(seen: Scenery, *, plain: bool) -> Text:
+    """What there is to see, in its colours; in ASCII with its character."""
     laps = sorted({max(way.lap, 1) for way in seen.ways})
-    entries = [(f"lap {lap}", _lap(lap).style) for lap in laps] if len(laps) <= len(LAPS) else []
-    entries += [("gate", GATE.style)] * any(isinstance(mark.element, Gate) for mark in seen.marks)
-    for name, layer, shown in (
-        ("crowd and its distance", CROWD, seen.course.crowd),
-        ("safety line, shaded where forbidden", SAFETY, seen.lines),
-        ("airspace", AIRSPACE, seen.course.airspace),
-    ):
-        entries += [(name, layer.style)] * bool(shown)
-    return [
-        Text(scale, no_wrap=True, overflow="ignore"),
-        legend.append_text(Text("  ").join(Text(*one) for one in entries)),
+    entries = [(f"lap {lap}", _lap(lap), True) for lap in (laps if len(laps) <= len(LAPS) else [])]
+    entries += [
+        ("gate", GATE, any(isinstance(mark.element, Gate) for mark in seen.marks)),
+        ("crowd and its distance", CROWD, bool(seen.course.crowd)),
+        ("safety line, shaded where forbidden", SAFETY, bool(seen.lines)),
+        ("airspace", AIRSPACE, bool(seen.course.airspace)),
     ]
+    texts = [Text(f"{layer.plain} {name}" if plain else name, layer.style) for name, layer, shown in entries if shown]
+    legend = Text("  ").join(texts)
+    legend.no_wrap, legend.overflow = True, "ignore"
+    return legend
 
 
 def _bar(canvas: Canvas) -> tuple[float, int]:

@@ -1,5 +1,6 @@
 """The picture in the terminal: places are where they belong, at one scale, and nothing covers anything."""
 
+import dataclasses
 import itertools
 import math
 import re
@@ -7,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from shown_courses import SHIPPED, everything, race
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
@@ -134,6 +137,15 @@ def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> N
     said = rendered(plan_view(seen, StaticWind(math.radians(origin), 10.0))).splitlines()[-2]
     assert f"{arrow} wind from {origin} deg, 19 kt" in said
     assert "no wind" in rendered(plan_view(seen, None))
+
+
+@given(height=st.floats(200.0, 5000.0), width=st.floats(200.0, 5000.0))
+def test_a_course_of_any_shape_fits(height: float, width: float) -> None:
+    seen = scenery(race(SHIPPED[0]))
+    stretched = dataclasses.replace(seen, north=seen.south + height, east=seen.west + width)
+    shown = rendered(plan_view(stretched, None)).splitlines()
+    assert len(shown) <= 35
+    assert max(map(len, shown)) <= 100
 
 
 def test_people_lines_and_borders_are_drawn_and_named(tmp_path: Path) -> None:
