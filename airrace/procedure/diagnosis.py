@@ -1,4 +1,7 @@
-"""Why a course cannot be flown: which limit, taken away, makes a flight possible, and where the conflict lies."""
+"""Why a course cannot be flown: which limit, taken away, makes a flight possible, and where the conflict lies.
+
+Only the legs around the place where the solver gave up are looked at: as they are, and without one limit at a time.
+"""
 
 import dataclasses
 import math
@@ -8,12 +11,14 @@ import numpy as np
 
 from airrace.optimal_control.problem import Iterate, Phase, Problem
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.solvers import SolverOptions
+from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.solving import Workbench
-from airrace.quantities import Quantity
+from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
 OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)  # a feasible flight is enough
+REACH = 2  # legs before and after the one that is torn
 POSITION = ("along", "right", "height", "x", "y", "z")
 
 # Limits a user knows, in the order in which they are doubted: (name, text, unit, factor from SI)
@@ -26,23 +31,33 @@ LIMITS = (
 )
 
 
-def diagnose(bench: Workbench, problem: Problem, stuck: Solution, guess: Iterate) -> str:
+def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate) -> str | None:
     """A sentence that names the phase and, where one is found, the limit that stands in the way.
+
+    None if the legs around the place can be flown as they are: then nothing there contradicts.
 
     Args:
         problem: without a solution.
         stuck: where the solver gave up.
         guess: where it started.
     """
-    phase = worst_phase(problem, stuck.iterate)
-    where = f"at {problem.phases[phase].name}"
-    for what, relaxed in relaxations(problem, phase):
+    torn = worst_phase(problem, stuck)
+    first, last = max(0, torn - REACH), min(len(problem.phases), torn + REACH + 1)
+    window = windowed(problem, first, last)
+    start = joined([phase_piece(guess, problem, index) for index in range(first, last)])
+    where = f"the limits contradict each other at {problem.phases[torn].name}"
+    if _can_be_flown(bench, window, start, "the legs around it alone"):
+        return None
+    for what, relaxed in relaxations(window, torn - first):
         bench.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
-        solver = bench.settings.solver.primary
-        solution = bench.attempt(relaxed, guess, f"without {what}", solver, OPTIONS)
-        if solution is not None and solution.success:
-            return f"the limits contradict each other {where}; without the limit of {what} there is a flight"
-    return f"the limits contradict each other {where}, most violated: {stuck.worst}; no single limit is to blame"
+        if _can_be_flown(bench, relaxed, start, f"without {what}"):
+            return f"{where}; without the limit of {what} there is a flight"
+    return f"{where}; no single limit is to blame"
+
+
+def _can_be_flown(bench: Workbench, problem: Problem, guess: Iterate, purpose: str) -> bool:
+    solution = bench.attempt(problem, guess, purpose, bench.settings.solver.primary, OPTIONS)
+    return solution is not None and solution.success
 
 
 def worst_phase(problem: Problem, stuck: Iterate) -> int:
@@ -52,18 +67,49 @@ def worst_phase(problem: Problem, stuck: Iterate) -> int:
     return int(np.searchsorted(problem.first_node, interval, side="right")) - 1
 
 
+def windowed(problem: Problem, first: int, last: int) -> Problem:
+    """Phases `first ... last - 1` alone, begun at the gate before them in any way it allows."""
+    if first == 0:
+        start = problem.start
+    else:
+        before = problem.phases[first - 1].end
+        start = dataclasses.replace(before, bounds={**before.bounds, "attitude_norm": Interval.exactly(1.0)})
+    return dataclasses.replace(problem, start=start, phases=problem.phases[first:last])
+
+
 def relaxations(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
-    """The problem without one of its limits: those along the path first, then those of the gates of a phase."""
+    """The problem without one of its limits: lines and crowd first, then those along the path, then those of gates."""
+    names = dict.fromkeys(watch.name for one in problem.phases for watch in one.watches)
+    for name in names:
+        yield name, _unwatched(problem, name)
     for name, text, unit, factor in LIMITS:
         found = [one for one in (*problem.system.states, *problem.system.path) if one.name == name]
         for quantity in found:
             allowed = sorted((factor * quantity.lower, factor * quantity.upper))
-            what = f"{text} ({allowed[0]:.4g} to {allowed[1]:.4g}{' ' + unit if unit else ''})"
-            yield what, dataclasses.replace(problem, system=_without(problem.system, name))
+            yield f"{text} ({_range(allowed[0], allowed[1], unit)})", _freed(problem, name)
     for index in (phase, phase - 1):
         if index >= 0:
             name = problem.phases[index].end.name
             yield f"attitude and course at gate {name}", _free_gate(problem, index)
+
+
+def _range(lower: float, upper: float, unit: str) -> str:
+    suffix = f" {unit}" if unit else ""
+    if not math.isfinite(upper):
+        return f"at least {lower:.4g}{suffix}"
+    return f"{lower:.4g} to {upper:.4g}{suffix}"
+
+
+def _unwatched(problem: Problem, name: str) -> Problem:
+    phases = (
+        dataclasses.replace(phase, watches=tuple(watch for watch in phase.watches if watch.name != name))
+        for phase in problem.phases
+    )
+    return dataclasses.replace(problem, phases=tuple(phases))
+
+
+def _freed(problem: Problem, name: str) -> Problem:
+    return dataclasses.replace(problem, system=_without(problem.system, name))
 
 
 def _without(system: System, name: str) -> System:

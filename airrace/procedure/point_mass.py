@@ -1,4 +1,11 @@
-"""The point-mass stage: the joint optimum over all phases, certified, on a mesh refined where it must be."""
+"""The point-mass stage: the joint optimum over all phases, certified, on a mesh refined where it must be.
+
+It can be started from several flights, and solved with several solvers. The first that leads to a certified optimum
+counts: the primary solver from all starts, then the fallback from all starts.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from airrace.optimal_control.audit import Audit, Tolerance, audit
 from airrace.optimal_control.certificate import Certificate, Item
@@ -17,28 +24,69 @@ COLD_BARRIER = 0.1
 WARM_BARRIER = 1e-2  # of a solve that starts from an optimum on a coarser mesh, or from assembled pieces
 
 
-def optimise_point_mass(
-    flight: PointMassFlight, bench: Workbench, problem: Problem, guess: Iterate, *, barrier: float, explain: bool = True
-) -> StageResult:
-    """Solve jointly, measure, refine and solve again until the certificate holds or the refinements are used up.
+@dataclass(frozen=True)
+class Start:
+    """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter."""
 
-    Where there is no solution, find out why if `explain`; that takes further solves.
+    problem: Problem
+    guess: Iterate
+    barrier: float
+
+
+@dataclass(frozen=True)
+class Failure:
+    """No optimum from a start; `solution` is where the solver gave up, None if it never came back."""
+
+    start: Start
+    solution: Solution | None
+
+
+def optimise_point_mass(
+    flight: PointMassFlight, bench: Workbench, starts: Sequence[Callable[[], Start]]
+) -> StageResult:
+    """The certified optimum; if none is found, the optimum that is not certified, or why there is none.
+
+    Args:
+        starts: in the order in which they are tried; each is made when its turn comes.
     """
+    made: list[Start] = []
+    uncertified: list[StageResult] = []
+    failures: list[Failure] = []
+    for solver in bench.solvers:
+        for number, make in enumerate(starts):
+            if number == len(made):
+                if any(failure.solution is None for failure in failures):
+                    break  # making a start takes solves, too: they would hang like the ones before
+                made.append(make())
+            found = _refined(flight, bench, made[number], solver)
+            if isinstance(found, Failure):
+                failures.append(found)
+            elif found.certified:
+                return found
+            else:
+                uncertified.append(found)
+    return uncertified[0] if uncertified else _unsolved(flight, bench, failures)
+
+
+def _refined(flight: PointMassFlight, bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly, measure, refine and solve again until the certificate holds or the refinements are used up."""
     limits = bench.settings.certificate
     total = bench.settings.mesh.refinements_max
+    problem, guess, barrier = start.problem, start.guess, start.barrier
+    solvers = (solver,)
     for refinement in range(total + 1):
         purpose = f"all {len(problem.phases)} phases" + (f", refinement {refinement}" if refinement else "")
         bench.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
-        solution = bench.solve(problem, guess, purpose, barrier=barrier)
+        solution = bench.solve(problem, guess, purpose, barrier=barrier, solvers=solvers)
         if solution is None or not solution.success:
-            return _unsolved(flight, bench, problem, solution, guess, explain=explain)
+            return Failure(start, solution)
         flown = replay(problem, solution.iterate)
         measured = audit(problem, solution.iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
         certificate = certified(solution, measured, limits)
         if certificate.certified or not measured.coarse.any() or refinement == total:
             return _finished(flight, bench, problem, solution, certificate)
         mesh, guess = bisect(problem, solution.iterate, flown, measured.coarse)
-        problem, barrier = flight.problem(mesh), WARM_BARRIER
+        problem, barrier, solvers = flight.problem(mesh), WARM_BARRIER, bench.solvers
     raise AssertionError("the last refinement returns")
 
 
@@ -80,34 +128,39 @@ def _finished(
     )
 
 
-def _unsolved(
-    flight: PointMassFlight,
-    bench: Workbench,
-    problem: Problem,
-    solution: Solution | None,
-    guess: Iterate,
-    *,
-    explain: bool,
-) -> StageResult:
+def _unsolved(flight: PointMassFlight, bench: Workbench, failures: Sequence[Failure]) -> StageResult:
     """No optimum: say what stands in the way."""
-    if solution is None:
-        outcome, message = Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
-    elif solution.infeasible:
-        outcome, message = Outcome.INFEASIBLE, f"no flight satisfies all limits, most violated: {solution.worst}"
-        if explain:
-            message = diagnose(bench, problem, solution, guess)
-    else:
-        outcome = Outcome.NOT_CONVERGED
-        message = (
-            f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}; "
-            "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
-        )
+    returned = [failure for failure in failures if failure.solution is not None]
+    claimed = [failure for failure in returned if failure.solution is not None and failure.solution.infeasible]
+    failure = (claimed or returned or list(failures))[0]
+    outcome, message = _explained(bench, failure)
+    solution = failure.solution
     return conclude(
         flight,
         bench,
-        problem,
-        guess if solution is None else solution.iterate,
+        failure.start.problem,
+        failure.start.guess if solution is None else _last_flight(failure.start, solution),
         stage=Stage.POINT_MASS,
         outcome=outcome,
         message=message,
     )
+
+
+def _last_flight(start: Start, solution: Solution) -> Iterate:
+    """Where the solver gave up; the start itself if that was on a finer mesh."""
+    same_mesh = solution.iterate.state.shape == start.guess.state.shape
+    return solution.iterate if same_mesh else start.guess
+
+
+def _explained(bench: Workbench, failure: Failure) -> tuple[Outcome, str]:
+    start, solution = failure.start, failure.solution
+    if solution is None:
+        return Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
+    gave_up = f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}"
+    advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
+    if solution.infeasible:
+        conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess)
+        if conflict is not None:
+            return Outcome.INFEASIBLE, f"{conflict}; most violated: {solution.worst}"
+        return Outcome.NOT_CONVERGED, f"{gave_up}; the legs around it can be flown by themselves; {advice}"
+    return Outcome.NOT_CONVERGED, f"{gave_up}; {advice}"

@@ -18,7 +18,7 @@ from airrace.optimal_control.transcription import transcribe
 from airrace.procedure.flight import PointMassFlight, iterate_of, mesh_of, point_mass_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import fly_homotopy
-from airrace.procedure.point_mass import COLD_BARRIER, WARM_BARRIER, optimise_point_mass, tolerances
+from airrace.procedure.point_mass import COLD_BARRIER, WARM_BARRIER, Start, optimise_point_mass, tolerances
 from airrace.procedure.progress import Progress
 from airrace.procedure.race import Race
 from airrace.procedure.result import Outcome, Stage, StageResult
@@ -84,15 +84,17 @@ def _run_stage(
 ) -> StageResult:
     if stage is Stage.HOMOTOPY:
         return fly_homotopy(flight, bench)
-    if (pieces := done.get(Stage.HOMOTOPY)) is not None:
-        problem = flight.problem(mesh_of(pieces.trajectory))
-        pieced = iterate_of(pieces.trajectory)
-        result = optimise_point_mass(flight, bench, problem, pieced, barrier=WARM_BARRIER, explain=False)
-        if result.outcome is Outcome.SOLVED:
-            return result
-        bench.progress.activity("the homotopy's flight led nowhere; starting from the plan", 0, 0)
-    mesh = first_mesh(flight.plan, bench.settings.mesh)
-    return optimise_point_mass(flight, bench, flight.problem(mesh), guess(flight.plan, mesh), barrier=COLD_BARRIER)
+    flown = done.get(Stage.HOMOTOPY)
+
+    def planned() -> Start:
+        mesh = first_mesh(flight.plan, bench.settings.mesh)
+        return Start(flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
+
+    def pieced() -> Start:
+        pieces = (flown or fly_homotopy(flight, bench)).trajectory
+        return Start(flight.problem(mesh_of(pieces)), iterate_of(pieces), WARM_BARRIER)
+
+    return optimise_point_mass(flight, bench, (pieced, planned) if flown else (planned, pieced))
 
 
 def recertify(race: Race, settings: Settings, result: StageResult) -> Certificate:

@@ -1,6 +1,7 @@
 """Solving with a second opinion: the primary solver, then the fallback, every attempt on record."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from airrace.optimal_control.messages import IterationReport
@@ -10,6 +11,8 @@ from airrace.optimal_control.solvers import Solution, SolverOptions
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
+
+POLISH = 1e-2  # of the solver's tolerance, where its solution is not good enough for the certificate
 
 
 @dataclass
@@ -29,16 +32,40 @@ class Workbench:
         self.derivative_seconds = 0.0
         self.started = time.perf_counter()
 
-    def solve(self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float) -> Solution | None:
-        """Solve to the tolerance of the settings with the primary solver, then with the fallback.
+    @property
+    def solvers(self) -> tuple[str, ...]:
+        """The primary solver, then the fallback where it is another one."""
+        chosen = self.settings.solver
+        return tuple(dict.fromkeys((chosen.primary, chosen.fallback)))
+
+    def solve(
+        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, solvers: Sequence[str] = ()
+    ) -> Solution | None:
+        """Solve to the tolerance of the settings, and closer where the solver takes too easily what it calls solved.
+
+        Args:
+            solvers: asked in this order; without any, all that there are.
 
         Returns:
             The first solution that claims success, else the last one; None if no solver came back at all.
         """
+        solution = self._first_success(problem, guess, purpose, barrier=barrier, solvers=solvers or self.solvers)
+        limit = self.settings.certificate.kkt_error
+        if solution is None or not solution.success or solution.kkt.largest <= limit:
+            return solution
+        tolerance = POLISH * self.settings.solver.tolerance
+        options = SolverOptions(tolerance, self.settings.solver.iterations_max, tolerance)
+        closer = self.attempt(problem, solution.iterate, f"{purpose}, closer", solution.solver, options)
+        better = closer is not None and closer.success and closer.kkt.largest < solution.kkt.largest
+        return closer if better else solution
+
+    def _first_success(
+        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, solvers: Sequence[str]
+    ) -> Solution | None:
         chosen = self.settings.solver
         options = SolverOptions(chosen.tolerance, chosen.iterations_max, barrier)
         solution: Solution | None = None
-        for solver in dict.fromkeys((chosen.primary, chosen.fallback)):
+        for solver in solvers:
             attempted = self.attempt(problem, guess, purpose, solver, options)
             solution = attempted or solution
             if attempted is not None and attempted.success:

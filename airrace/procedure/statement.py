@@ -9,6 +9,7 @@ from airrace.dynamics.crossing import CrossingParameters
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
+from airrace.procedure.guess import leg_seconds
 from airrace.procedure.plan import Plan
 from airrace.procedure.waypoints import Waypoint
 from airrace.quantities import Interval
@@ -16,7 +17,8 @@ from airrace.system import Observation
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
 from airrace.track.limits import Roll
 
-DURATION = Interval(0.1, 120.0)  # s, of a phase
+SHORTEST = 0.1  # s, of a phase
+DETOUR, DETOUR_SECONDS = 3.0, 10.0  # longest duration of a phase: factor on the plan and s on top
 TIME_SCALE = 3.0  # s
 PIECE_ANGLE = math.radians(10.0)  # how far a piece of the homotopy may leave the planned course and climb
 WIDE = math.radians(89.9)  # beyond this the tangent of a tolerance is too large to compute with
@@ -52,12 +54,14 @@ def race_problem(
         Phase(
             name=f"{a.passage.name} -> {b.passage.name}",
             fractions=fractions,
-            duration=DURATION,
+            duration=Interval(SHORTEST, DETOUR * seconds + DETOUR_SECONDS),
             end=end,
             bounds=COUNTING if b.passage.roll is not None else {},
             watches=watched,
         )
-        for a, b, fractions, end, watched in zip(plan.waypoints, plan.waypoints[1:], mesh, ends, watches, strict=False)
+        for a, b, fractions, end, watched, seconds in zip(
+            plan.waypoints, plan.waypoints[1:], mesh, ends, watches, leg_seconds(plan), strict=False
+        )
     ]
     return Problem(
         system=model.system,
