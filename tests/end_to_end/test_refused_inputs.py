@@ -53,14 +53,14 @@ def test_missing_gate_field_is_named(course: Path) -> None:
 
 
 def test_unknown_key_is_answered_with_a_suggestion(course: Path) -> None:
-    line = spoil(course, "n_z_max: 10 ", "n_z_mx: 10 ")
+    line = spoil(course, "rules: rbar-2014", "rules: {preset: rbar-2014, n_z_mx: 10}")
     found = findings(refused(course))
     unknown = [one for one in found if one["line"] == line]
     assert any("n_z_max" in str(one["message"]) for one in unknown)
 
 
 def test_duplicate_key_is_told_with_its_line(course: Path) -> None:
-    spoil(course, "  n_z_min: -2", "  n_z_min: -2\n  n_z_min: -3")
+    spoil(course, "rules: rbar-2014", "rules:\n  preset: rbar-2014\n  n_z_min: -2\n  n_z_min: -3")
     found = findings(refused(course))
     assert any("n_z_min" in f"{one['key']} {one['message']}" for one in found)
 
@@ -93,7 +93,7 @@ def test_aircraft_whose_lift_does_not_carry_it_is_refused(course: Path) -> None:
 
 
 def test_gate_below_the_floor_is_refused_by_name(course: Path) -> None:
-    spoil(course, "floor_m: 10", "floor_m: 90")
+    spoil(course, "rules: rbar-2014", "rules: {preset: rbar-2014, floor_m: 90}")
     found = findings(refused(course))
     assert any("gates.g0" in str(one["key"]) and "floor" in str(one["message"]) for one in found)
 
