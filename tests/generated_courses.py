@@ -2,8 +2,10 @@
 
 A course is a walk: from every element the way turns, goes on for a stretch, and the next element stands across it. The
 gates, the order and the surroundings are drawn from the distribution below, which was fixed before any of its
-courses was flown. It is not there to be narrowed: a course that is hard to fly is a find. The text is valid by
-construction, for every seed.
+courses was flown. It is not there to be narrowed: a course that is hard to fly is a find. One entry has changed since
+then: where a quad had a crossing limit of 45 deg it has 40, and none above that from the course, for the language came
+to refuse more. That was after flying: no flight was found from the plan for seeds 10, 17 and 22, all with quads, before
+the change, and one for each of them since. The text is valid by construction, for every seed.
 
 | what | drawn from |
 |---|---|
@@ -18,7 +20,7 @@ construction, for every seed.
 | hairpin | a gate, the next one, the first one again in reverse |
 | pylon | passed on the outside of the turn 75 %, else on its inside |
 | knife-edge gate | right, left, either alike |
-| quad | then left, right, either alike; either passing on edge 15 %; a crossing limit of its own, 20, 30 or 40 deg, 50 % |
+| quad | then left, right, either alike; either passing on edge 15 %; its own crossing limit, 20, 30 or 40 deg, 50 % |
 | direction of a gate in the file | forward 60 %, reverse 25 %, planned 15 % (of quads, those that go on either way) |
 | passing | window 50 %, point 25 %, gate by gate 25 % |
 | crossing limit | 45 or 60 deg alike |
