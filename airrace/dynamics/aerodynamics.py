@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from airrace.aircraft.aircraft import Lift
 from airrace.dynamics.aircraft_parameters import AircraftParameters
 from airrace.environment.elementary import smooth_clip, sqrt
+from airrace.environment.wind import WindField
 from airrace.frames import Matrix, Scalar
 
 STALL_BLEND = 0.05
@@ -45,6 +46,15 @@ def wind_airflow(V_K: Scalar, R: Matrix, V_W: Sequence[Scalar]) -> Airflow:
     v = -(R[0][1] * W_N + R[1][1] * W_E + R[2][1] * W_D)
     w = -(R[0][2] * W_N + R[1][2] * W_E + R[2][2] * W_D)
     return Airflow(sqrt(u * u + v * v + w * w), u, v, w)
+
+
+def airflow(
+    position: tuple[Scalar, Scalar, Scalar], V_K: Scalar, R: Matrix, field: WindField, wind: Sequence[Scalar]
+) -> Airflow:
+    """The air that meets an aircraft at `position` (x, y, z in O, m); the wind costs nothing where none blows."""
+    if not field.present:
+        return still_airflow(V_K)
+    return wind_airflow(V_K, R, field.velocity(*position, wind))
 
 
 def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:

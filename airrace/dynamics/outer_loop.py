@@ -31,6 +31,11 @@ class FlightPathState(Vector[T]):
         return self.q0, self.q1, self.q2, self.q3
 
 
+def turn_rates(V_K: Scalar, R: Matrix, *, n_y: Scalar, n_z: Scalar) -> tuple[Scalar, Scalar]:
+    """`(q_Kbar, r_Kbar)`, rad/s: how fast the load factors (g) turn the flight path at the speed `V_K` (m/s)."""
+    return g0 * (n_z - R[2][2]) / V_K, g0 * (n_y + R[2][1]) / V_K
+
+
 def flight_path_rates(
     state: FlightPathState[Scalar], R: Matrix, *, n_x: Scalar, n_y: Scalar, n_z: Scalar, p_Kbar: Scalar
 ) -> FlightPathState[Scalar]:
@@ -43,8 +48,7 @@ def flight_path_rates(
         p_Kbar: roll rate about the velocity, rad/s.
     """
     e_N, e_E, e_D = R[0][0], R[1][0], R[2][0]
-    q_Kbar = g0 * (n_z - R[2][2]) / state.V_K
-    r_Kbar = g0 * (n_y + R[2][1]) / state.V_K
+    q_Kbar, r_Kbar = turn_rates(state.V_K, R, n_y=n_y, n_z=n_z)
     q0_dot, q1_dot, q2_dot, q3_dot = quaternion_rates(state.q, p_Kbar, q_Kbar, r_Kbar)
     return FlightPathState(
         x=state.V_K * e_N,

@@ -10,6 +10,8 @@ from airrace.frames import Scalar
 sqrt: Callable[[Scalar], Scalar] = ca.sqrt
 exp: Callable[[Scalar], Scalar] = ca.exp
 log: Callable[[Scalar], Scalar] = ca.log
+sin: Callable[[Scalar], Scalar] = ca.sin
+cos: Callable[[Scalar], Scalar] = ca.cos
 atan2: Callable[[Scalar, Scalar], Scalar] = ca.atan2
 
 # not differentiable where their arguments meet: only for what no solver sees

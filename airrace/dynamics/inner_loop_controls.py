@@ -1,0 +1,56 @@
+"""What moves an aircraft that rotates: the rates of its control surfaces, or those of the commands to a controller."""
+
+from airrace.aircraft.aircraft import Aircraft, Lift
+from airrace.dynamics.limits import symmetric
+from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.track.course import Rules
+
+
+@vector
+class SurfaceControl(Vector[T]):
+    """Rates of the deflections, and the commanded lever."""
+
+    eta_dot: T = quantity("rad/s", text="rate of the elevator")
+    xi_dot: T = quantity("rad/s", text="rate of the ailerons")
+    zeta_dot: T = quantity("rad/s", text="rate of the rudder")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+
+
+@vector
+class CommandControl(Vector[T]):
+    """Rates of the commands, and the commanded lever."""
+
+    n_z_cmd_dot: T = quantity("1/s", scale=20.0, text="rate of the commanded load factor")
+    n_y_cmd_dot: T = quantity("1/s", scale=5.0, text="rate of the commanded lateral load factor")
+    p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+
+
+def deflection_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """How far the surfaces go."""
+    return {"eta": aircraft.surfaces.eta, "xi": aircraft.surfaces.xi, "zeta": aircraft.surfaces.zeta}
+
+
+def deflection_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """How fast they go."""
+    return dict.fromkeys(("eta_dot", "xi_dot", "zeta_dot"), symmetric(aircraft.surfaces.rate))
+
+
+def command_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """How fast a pilot moves the stick. Commands themselves are free, for what they bring about is limited."""
+    pilot = aircraft.point_mass
+    return {
+        "n_z_cmd_dot": symmetric(pilot.n_z_dot),
+        "n_y_cmd_dot": symmetric(pilot.n_y_dot),
+        "p_cmd_dot": symmetric(pilot.p_dot),
+    }
+
+
+def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:
+    """What the rules allow of the angles of attack (rad) at which the linear lift curve stays within its limits."""
+    return rules.alpha_A.intersect(linear_range(aircraft.lift))
+
+
+def linear_range(lift: Lift) -> Interval:
+    """Angles of attack (rad) between which the linear lift curve runs from `C_L_min` to `C_L_max`."""
+    return Interval((lift.C_L_min - lift.C_L0) / lift.C_Lalpha, (lift.C_L_max - lift.C_L0) / lift.C_Lalpha)

@@ -1,0 +1,89 @@
+"""The numbers of an aircraft that enter its rotation: on top of the point mass's, size, inertia and derivatives."""
+
+from dataclasses import asdict
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
+from airrace.quantities import T, quantity, vector
+
+
+@vector
+class InnerLoopParameters(AircraftParameters[T]):
+    """Everything that the models with an inner loop need; derivatives per radian."""
+
+    b: T = quantity("m", scale=10.0, text="span, the reference length of rolling and yawing moments")
+    cbar: T = quantity("m", text="mean chord, the reference length of the pitching moment")
+    I_x: T = quantity("kg m2", scale=1000.0, text="moment of inertia about x_B")
+    I_y: T = quantity("kg m2", scale=1000.0, text="moment of inertia about y_B")
+    I_z: T = quantity("kg m2", scale=1000.0, text="moment of inertia about z_B")
+    I_xz: T = quantity("kg m2", scale=1000.0, text="product of inertia")
+    C_L0: T = quantity("1", text="lift at zero angle of attack")
+    C_Lalpha: T = quantity("1/rad", text="slope of the lift curve")
+    C_Lq: T = quantity("1/rad", text="lift due to the pitch rate")
+    C_Leta: T = quantity("1/rad", text="lift due to the elevator")
+    C_L_max: T = quantity("1", text="upper end of the lift curve")
+    C_L_min: T = quantity("1", text="lower end of the lift curve")
+    C_Ybeta: T = quantity("1/rad", text="side force due to sideslip")
+    C_Yp: T = quantity("1/rad", text="side force due to the roll rate")
+    C_Yr: T = quantity("1/rad", text="side force due to the yaw rate")
+    C_Yxi: T = quantity("1/rad", text="side force due to the ailerons")
+    C_Yzeta: T = quantity("1/rad", text="side force due to the rudder")
+    C_lbeta: T = quantity("1/rad", text="rolling moment due to sideslip")
+    C_lp: T = quantity("1/rad", text="rolling moment due to the roll rate")
+    C_lr: T = quantity("1/rad", text="rolling moment due to the yaw rate, without lift")
+    C_lr_per_C_L: T = quantity("1/rad", text="what lift adds to it, per lift coefficient")
+    C_lxi: T = quantity("1/rad", text="rolling moment due to the ailerons")
+    C_lzeta: T = quantity("1/rad", text="rolling moment due to the rudder")
+    C_m0: T = quantity("1", text="pitching moment at zero angle of attack")
+    C_malpha: T = quantity("1/rad", text="pitching moment due to the angle of attack")
+    C_mq: T = quantity("1/rad", scale=10.0, text="pitching moment due to the pitch rate")
+    C_malphadot: T = quantity("1/rad", scale=10.0, text="pitching moment due to the rate of the angle of attack")
+    C_meta: T = quantity("1/rad", text="pitching moment due to the elevator")
+    C_nbeta: T = quantity("1/rad", text="yawing moment due to sideslip")
+    C_np: T = quantity("1/rad", text="yawing moment due to the roll rate, without lift")
+    C_np_per_C_L: T = quantity("1/rad", text="what lift adds to it, per lift coefficient")
+    C_nr: T = quantity("1/rad", text="yawing moment due to the yaw rate")
+    C_nxi: T = quantity("1/rad", text="yawing moment due to the ailerons")
+    C_nzeta: T = quantity("1/rad", text="yawing moment due to the rudder")
+    h_P: T = quantity("kg m2/s", scale=1000.0, text="angular momentum of the propeller along x_B")
+    Q_P: T = quantity("N m", scale=1000.0, text="torque of the propeller at full power at sea level, about -x_B")
+
+
+def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
+    """The numbers of one aircraft."""
+    body, lift, side = aircraft.airframe, aircraft.lift, aircraft.side_force
+    roll, pitch, yaw = aircraft.roll, aircraft.pitch, aircraft.yaw
+    return InnerLoopParameters(
+        **vars(aircraft_parameters(aircraft)),
+        b=body.b,
+        cbar=body.cbar,
+        I_x=body.I_x,
+        I_y=body.I_y,
+        I_z=body.I_z,
+        I_xz=body.I_xz,
+        **asdict(lift),
+        C_Ybeta=side.beta,
+        C_Yp=side.p,
+        C_Yr=side.r,
+        C_Yxi=side.xi,
+        C_Yzeta=side.zeta,
+        C_lbeta=roll.beta,
+        C_lp=roll.p,
+        C_lr=roll.r,
+        C_lr_per_C_L=roll.r_per_C_L,
+        C_lxi=roll.xi,
+        C_lzeta=roll.zeta,
+        C_m0=pitch.zero,
+        C_malpha=pitch.alpha,
+        C_mq=pitch.q,
+        C_malphadot=pitch.alphadot,
+        C_meta=pitch.eta,
+        C_nbeta=yaw.beta,
+        C_np=yaw.p,
+        C_np_per_C_L=yaw.p_per_C_L,
+        C_nr=yaw.r,
+        C_nxi=yaw.xi,
+        C_nzeta=yaw.zeta,
+        h_P=0.0,
+        Q_P=0.0,
+    )

@@ -1,0 +1,114 @@
+"""The aircraft's rotation, linear: derivatives in dimensional form, and what the modes of motion make of them.
+
+Per rad and rad/s, at airspeed and density of the moment:
+
+    M_x = qbar S cbar C_mx / I_y         Z_alpha = -qbar S (C_Lalpha + C_D) / m         Y_beta = qbar S C_Ybeta / m
+    omega_z^2 = M_q Z_alpha / V - M_alpha,    2 D_z omega_z = -(M_q + M_alphadot + Z_alpha / V)      short period
+    omega_y^2 = N_beta + N_r Y_beta / V,      2 D_y omega_y = -(N_r + Y_beta / V)                    Dutch roll
+    tau_p = -1 / L_p                                                                                 roll
+
+The modes leave the product of inertia out, the matrices of the lateral motion do not.
+"""
+
+from dataclasses import dataclass
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.attitude import body_axes, stability_axes
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.rigid_body import uncoupled
+from airrace.frames import Scalar
+
+Pair = tuple[Scalar, Scalar]
+
+
+@dataclass(frozen=True)
+class Lags:
+    """Constants of the three modes: `stiffness` omega^2 (1/s2), `damping` 2 D omega (1/s), `roll` 1/tau_p (1/s)."""
+
+    stiffness_z: Scalar
+    damping_z: Scalar
+    stiffness_y: Scalar
+    damping_y: Scalar
+    roll: Scalar
+
+
+@dataclass(frozen=True)
+class Pitching:
+    """`q' = zero + alpha alpha_A + q q_K + alphadot alpha_K' + eta eta`, in rad/s2 per rad and rad/s."""
+
+    zero: Scalar
+    alpha: Scalar
+    q: Scalar
+    alphadot: Scalar
+    eta: Scalar
+
+
+@dataclass(frozen=True)
+class LateralMotion:
+    """`(p_s', r_s')` per unit of each cause, in stability axes, rad/s2 per rad and rad/s: columns of `A` and `B`."""
+
+    beta: Pair
+    p: Pair
+    r: Pair
+    xi: Pair
+    zeta: Pair
+
+
+def lags(V_A: Scalar, rho: Scalar, C_D: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Lags:
+    """The constants of the modes at airspeed `V_A` (m/s), density `rho` (kg/m3) and drag coefficient `C_D`."""
+    qS = 0.5 * rho * V_A * V_A * aircraft.S
+    M = pitching(V_A, rho, aircraft)
+    Z_alpha, Y_beta = -qS * (aircraft.C_Lalpha + C_D) / aircraft.m, qS * aircraft.C_Ybeta / aircraft.m
+    N = qS * aircraft.b / aircraft.I_z
+    N_beta, N_r = N * aircraft.C_nbeta, N * aircraft.C_nr * aircraft.b / (2.0 * V_A)
+    return Lags(
+        stiffness_z=M.q * Z_alpha / V_A - M.alpha,
+        damping_z=-(M.q + M.alphadot + Z_alpha / V_A),
+        stiffness_y=N_beta + N_r * Y_beta / V_A,
+        damping_y=-(N_r + Y_beta / V_A),
+        roll=-qS * aircraft.b / aircraft.I_x * aircraft.C_lp * aircraft.b / (2.0 * V_A),
+    )
+
+
+def pitching(V_A: Scalar, rho: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Pitching:
+    """The derivatives of the pitching moment over the moment of inertia."""
+    M = 0.5 * rho * V_A * V_A * aircraft.S * aircraft.cbar / aircraft.I_y
+    dimensionless = aircraft.cbar / (2.0 * V_A)
+    return Pitching(
+        zero=M * aircraft.C_m0,
+        alpha=M * aircraft.C_malpha,
+        q=M * aircraft.C_mq * dimensionless,
+        alphadot=M * aircraft.C_malphadot * dimensionless,
+        eta=M * aircraft.C_meta,
+    )
+
+
+def lateral_motion(
+    V_A: Scalar, rho: Scalar, alpha_K: Scalar, C_L: Scalar, aircraft: InnerLoopParameters[Scalar]
+) -> LateralMotion:
+    """The lateral matrices `T^T A_b T` and `T^T B_b` at angle of attack `alpha_K` (rad) and lift coefficient `C_L`."""
+    moment = 0.5 * rho * V_A * V_A * aircraft.S * aircraft.b
+    dimensionless = aircraft.b / (2.0 * V_A)
+
+    def column(C_l: Scalar, C_n: Scalar) -> Pair:
+        return stability_axes(alpha_K, *uncoupled(moment * C_l, moment * C_n, aircraft))
+
+    def rate_column(p_s: float, r_s: float) -> Pair:
+        p, r = body_axes(alpha_K, p_s * dimensionless, r_s * dimensionless)
+        return column(
+            aircraft.C_lp * p + (aircraft.C_lr + aircraft.C_lr_per_C_L * C_L) * r,
+            (aircraft.C_np + aircraft.C_np_per_C_L * C_L) * p + aircraft.C_nr * r,
+        )
+
+    return LateralMotion(
+        beta=column(aircraft.C_lbeta, aircraft.C_nbeta),
+        p=rate_column(1.0, 0.0),
+        r=rate_column(0.0, 1.0),
+        xi=column(aircraft.C_lxi, aircraft.C_nxi),
+        zeta=column(aircraft.C_lzeta, aircraft.C_nzeta),
+    )
+
+
+def linear_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
+    """The numbers of one aircraft for the models with a linear inner loop."""
+    return inner_loop_parameters(aircraft)

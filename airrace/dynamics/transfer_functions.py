@@ -1,0 +1,123 @@
+"""Transfer functions: load factors follow their commands as second-order lags do, the roll rate as a first-order one.
+
+    n_z'' = omega_z^2 (n_z_cmd - n_z) - 2 D_z omega_z n_z'        (n_y likewise)
+    p_Kbar' = (p_cmd - p_Kbar) / tau_p
+
+Their constants are those of the aircraft's short period, Dutch roll and roll at the airspeed and density of the moment.
+The rest is as for the point mass.
+"""
+
+from collections.abc import Sequence
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.aerodynamics import airflow, drag_coefficient
+from airrace.dynamics.assembly import assemble
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.inner_loop_controls import CommandControl, command_rate_bounds
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.linear_derivatives import lags, linear_parameters
+from airrace.dynamics.load_factors import axial_load_factor, load_factor_coefficients
+from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates
+from airrace.dynamics.propulsion import lever_rate
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import AtmosphereParameters, density
+from airrace.environment.wind import WindField
+from airrace.frames import Scalar, rotation
+from airrace.quantities import T, Vector, quantity, vector
+from airrace.track.course import Rules
+
+
+@vector
+class TransferFunctionState(FlightPathState[T]):
+    """The flight path, the power lever, the lags and what is commanded to them."""
+
+    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
+    n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
+    n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor")
+    n_y: T = quantity("1", text="lateral load factor, to the right")
+    n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor")
+    p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
+    n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
+    n_y_cmd: T = quantity("1", text="commanded lateral load factor")
+    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
+
+
+@vector
+class TransferFunctionPath(Vector[T]):
+    """What is limited along the path besides states and controls."""
+
+    C_L: T = quantity("1", text="lift coefficient")
+    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
+
+
+def transfer_functions(
+    state: TransferFunctionState[Scalar],
+    control: CommandControl[Scalar],
+    *,
+    aircraft: InnerLoopParameters[Scalar],
+    atmosphere: AtmosphereParameters[Scalar],
+    field: WindField,
+    wind: Sequence[Scalar],
+) -> tuple[TransferFunctionState[Scalar], TransferFunctionPath[Scalar]]:
+    """Time derivatives of the state, and the path quantities.
+
+    Args:
+        state: see `TransferFunctionState`.
+        control: see `CommandControl`.
+        aircraft: its numbers, from `linear_parameters`.
+        atmosphere: the day's numbers.
+        field: the structure of the wind.
+        wind: values of `field.parameters`.
+    """
+    R, rho = rotation(state.q), density(state.z, atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, field, wind)
+    C_L, beta_A = load_factor_coefficients(state.n_z, state.n_y, flow=flow, rho=rho, aircraft=aircraft)
+    n_x = axial_load_factor(
+        state.n_z, state.n_y, C_L=C_L, beta_A=beta_A, delta_T=state.delta_T, flow=flow, rho=rho, aircraft=aircraft
+    )
+    lag = lags(flow.V_A, rho, drag_coefficient(C_L, beta_A, aircraft), aircraft)
+    flight_path = flight_path_rates(state, R, n_x=n_x, n_y=state.n_y, n_z=state.n_z, p_Kbar=state.p_Kbar)
+    rates = TransferFunctionState[Scalar](
+        **vars(flight_path),
+        delta_T=lever_rate(state.delta_T, control.delta_T_cmd, aircraft),
+        n_z=state.n_z_dot,
+        n_z_dot=lag.stiffness_z * (state.n_z_cmd - state.n_z) - lag.damping_z * state.n_z_dot,
+        n_y=state.n_y_dot,
+        n_y_dot=lag.stiffness_y * (state.n_y_cmd - state.n_y) - lag.damping_y * state.n_y_dot,
+        p_Kbar=lag.roll * (state.p_cmd - state.p_Kbar),
+        n_z_cmd=control.n_z_cmd_dot,
+        n_y_cmd=control.n_y_cmd_dot,
+        p_cmd=control.p_cmd_dot,
+    )
+    return rates, TransferFunctionPath(C_L=C_L, beta_A=beta_A)
+
+
+def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
+    """Transfer functions of an aircraft under the rules of a course in the air of the day.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    limits = flight_limits(aircraft, rules)
+    states = {
+        "z": limits.z,
+        "V_K": limits.V_K,
+        "n_z": limits.n_z,
+        "n_y": symmetric(aircraft.point_mass.n_y),
+        "p_Kbar": limits.p_Kbar,
+    }
+    return assemble(
+        "transfer-function",
+        transfer_functions,
+        (TransferFunctionState[Scalar], CommandControl[Scalar]),
+        (
+            bounded(TransferFunctionState.quantities(), states),
+            bounded(CommandControl.quantities(), command_rate_bounds(aircraft)),
+            bounded(TransferFunctionPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
+        ),
+        roll_rate=lambda state, _: state.p_Kbar,
+        aircraft=linear_parameters(aircraft),
+        air=air,
+        counting=counting,
+    )
