@@ -1,0 +1,194 @@
+"""Flight with a linear inner loop: longitudinal and lateral motion of their own, lateral rates in stability axes.
+
+    alpha_K' = q_K - q_Kbar
+    q_K'     = M_0 + M_alpha alpha_A + M_q q_K + M_alphadot alpha_K' + M_eta eta
+    beta_K'  = r_Kbar - r_s,     p_Kbar = p_s
+    (p_s', r_s') = T^T [A_b T (beta_A, p_s, r_s) + B_b (xi, zeta)],     T(alpha_K) from stability to body axes
+    n_z = [qbar S (C_L0 + C_Lalpha alpha_A + C_Lq q* + C_Leta eta) + T alpha_A] / (m g0)
+    n_y = [qbar S (C_Ybeta beta_A + C_Yp p* + C_Yr r* + C_Yxi xi + C_Yzeta zeta) - T beta_A] / (m g0)
+
+The derivatives follow airspeed, density and angle of attack; `n_x` is the point mass's. What is missing against the
+whole aircraft is the stall and what couples the two motions: products of rates above all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from airrace.dynamics.aerodynamics import Airflow, airflow
+from airrace.dynamics.attitude import Incidence, body_axes, incidence
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.linear_derivatives import LateralMotion, lateral_motion, pitching
+from airrace.dynamics.load_factors import axial_load_factor
+from airrace.dynamics.moments import Sideways, lift_coefficient, side_force_coefficient
+from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates, turn_rates
+from airrace.dynamics.propulsion import lever_rate, thrust
+from airrace.environment.atmosphere import AtmosphereParameters, density, g0
+from airrace.environment.wind import WindField
+from airrace.frames import Matrix, Scalar, rotation
+from airrace.quantities import T, quantity, vector
+
+
+@vector
+class LinearFlightState(FlightPathState[T]):
+    """The flight path, the power lever, how the body lies in it and turns."""
+
+    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
+    alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
+    beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
+    p_s: T = quantity("rad/s", scale=3.0, text="roll rate in stability axes, about the velocity")
+    q_K: T = quantity("rad/s", text="pitch rate about y_B")
+    r_s: T = quantity("rad/s", text="yaw rate in stability axes")
+
+
+@dataclass(frozen=True)
+class Deflections:
+    """Elevator, ailerons, rudder; rad."""
+
+    eta: Scalar
+    xi: Scalar
+    zeta: Scalar
+
+
+@dataclass(frozen=True)
+class Surrounding:
+    """What the inner loop is scheduled with.
+
+    Attributes:
+        R: `R_OKbar`.
+        rho: density, kg/m3.
+        flow: the air that meets the aircraft, in Kbar.
+        seen: where it comes from, seen from the body.
+        load: `qbar S / (m g0)`, g per unit of a coefficient.
+        pull: `T / (m g0)`, g.
+    """
+
+    R: Matrix
+    rho: Scalar
+    flow: Airflow
+    seen: Incidence
+    load: Scalar
+    pull: Scalar
+
+
+@dataclass(frozen=True)
+class LinearMotion:
+    """Load factors (g), total lift coefficient, and the rates of the angles (rad/s) and of the body rates (rad/s2)."""
+
+    n_z: Scalar
+    n_y: Scalar
+    C_L: Scalar
+    alpha_dot: Scalar
+    beta_dot: Scalar
+    p_dot: Scalar
+    q_dot: Scalar
+    r_dot: Scalar
+
+
+def surrounding(
+    state: LinearFlightState[Scalar],
+    *,
+    aircraft: InnerLoopParameters[Scalar],
+    atmosphere: AtmosphereParameters[Scalar],
+    field: WindField,
+    wind: Sequence[Scalar],
+) -> Surrounding:
+    """What surrounds the aircraft; arguments as of the models."""
+    R, rho = rotation(state.q), density(state.z, atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, field, wind)
+    weight = aircraft.m * g0
+    return Surrounding(
+        R=R,
+        rho=rho,
+        flow=flow,
+        seen=incidence(state.alpha_K, state.beta_K, flow, windy=field.present),
+        load=0.5 * rho * flow.V_A * flow.V_A * aircraft.S / weight,
+        pull=thrust(state.delta_T, flow.V_A, rho, aircraft) / weight,
+    )
+
+
+def normal_load_factor(
+    state: LinearFlightState[Scalar], eta: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+) -> tuple[Scalar, Scalar]:
+    """`(n_z, C_L)` of the present angle of attack and pitch rate with the elevator at `eta` (rad)."""
+    q = state.q_K * aircraft.cbar / (2.0 * here.flow.V_A)
+    C_L = lift_coefficient(here.seen.alpha_A, q, eta, aircraft, stalling=False)
+    return here.load * C_L + here.pull * here.seen.alpha_A, C_L
+
+
+def lateral_load_factor(
+    beta_A: Scalar,
+    rates: tuple[Scalar, Scalar],
+    surfaces: tuple[Scalar, Scalar],
+    alpha_K: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> Scalar:
+    """`n_y` of a sideslip, rates `(p_s, r_s)` (rad/s) and deflections `(xi, zeta)` (rad): linear in all of them."""
+    dimensionless = aircraft.b / (2.0 * here.flow.V_A)
+    p, r = body_axes(alpha_K, rates[0] * dimensionless, rates[1] * dimensionless)
+    C_Y = side_force_coefficient(Sideways(beta_A, p, r, *surfaces), aircraft)
+    return here.load * C_Y - here.pull * beta_A
+
+
+def lateral_matrices(
+    state: LinearFlightState[Scalar], C_L: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+) -> LateralMotion:
+    """The lateral motion at the present airspeed, density and angle of attack."""
+    return lateral_motion(here.flow.V_A, here.rho, state.alpha_K, C_L, aircraft)
+
+
+def linear_motion(
+    state: LinearFlightState[Scalar],
+    surfaces: Deflections,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> LinearMotion:
+    """The inner loop's answer to the deflections."""
+    seen, rates, xi_zeta = here.seen, (state.p_s, state.r_s), (surfaces.xi, surfaces.zeta)
+    n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
+    n_y = lateral_load_factor(seen.beta_A, rates, xi_zeta, state.alpha_K, here, aircraft)
+    q_Kbar, r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y, n_z=n_z)
+    alpha_dot = state.q_K - q_Kbar
+    M = pitching(here.flow.V_A, here.rho, aircraft)
+    lateral = lateral_matrices(state, C_L, here, aircraft)
+    p_dot, r_dot = lateral.accelerations(seen.beta_A, rates, xi_zeta)
+    return LinearMotion(
+        n_z=n_z,
+        n_y=n_y,
+        C_L=C_L,
+        alpha_dot=alpha_dot,
+        beta_dot=r_Kbar - state.r_s,
+        p_dot=p_dot,
+        q_dot=M.zero + M.alpha * seen.alpha_A + M.q * state.q_K + M.alphadot * alpha_dot + M.eta * surfaces.eta,
+        r_dot=r_dot,
+    )
+
+
+def linear_flight_rates(
+    state: LinearFlightState[Scalar],
+    motion: LinearMotion,
+    delta_T_cmd: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> LinearFlightState[Scalar]:
+    """Time derivatives of flight path, lever and body motion."""
+    n_x = axial_load_factor(
+        motion.n_z,
+        motion.n_y,
+        C_L=motion.C_L,
+        beta_A=here.seen.beta_A,
+        delta_T=state.delta_T,
+        flow=here.flow,
+        rho=here.rho,
+        aircraft=aircraft,
+    )
+    flight_path = flight_path_rates(state, here.R, n_x=n_x, n_y=motion.n_y, n_z=motion.n_z, p_Kbar=state.p_s)
+    return LinearFlightState[Scalar](
+        **vars(flight_path),
+        delta_T=lever_rate(state.delta_T, delta_T_cmd, aircraft),
+        alpha_K=motion.alpha_dot,
+        beta_K=motion.beta_dot,
+        p_s=motion.p_dot,
+        q_K=motion.q_dot,
+        r_s=motion.r_dot,
+    )

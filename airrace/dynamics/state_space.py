@@ -1,0 +1,109 @@
+"""Linear state space: the linear inner loop, its control surfaces moved by hand."""
+
+from collections.abc import Sequence
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.assembly import assemble
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.inner_loop_controls import (
+    SurfaceControl,
+    angle_of_attack_limits,
+    deflection_bounds,
+    deflection_rate_bounds,
+)
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.linear_derivatives import linear_parameters
+from airrace.dynamics.linear_flight import (
+    Deflections,
+    LinearFlightState,
+    linear_flight_rates,
+    linear_motion,
+    surrounding,
+)
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.wind import WindField
+from airrace.frames import Scalar
+from airrace.quantities import T, Vector, quantity, vector
+from airrace.track.course import Rules
+
+
+@vector
+class StateSpaceState(LinearFlightState[T]):
+    """Flight path, lever, body motion and the control surfaces."""
+
+    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
+    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
+    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
+
+
+@vector
+class StateSpacePath(Vector[T]):
+    """What is limited along the path besides states and controls."""
+
+    n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
+    n_y: T = quantity("1", text="lateral load factor, to the right")
+    C_L: T = quantity("1", text="lift coefficient")
+    alpha_A: T = quantity("rad", scale=0.2, text="angle of attack")
+    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
+
+
+def state_space(
+    state: StateSpaceState[Scalar],
+    control: SurfaceControl[Scalar],
+    *,
+    aircraft: InnerLoopParameters[Scalar],
+    atmosphere: AtmosphereParameters[Scalar],
+    field: WindField,
+    wind: Sequence[Scalar],
+) -> tuple[StateSpaceState[Scalar], StateSpacePath[Scalar]]:
+    """Time derivatives of the state, and the path quantities.
+
+    Args:
+        state: see `StateSpaceState`.
+        control: see `SurfaceControl`.
+        aircraft: its numbers, from `linear_parameters`.
+        atmosphere: the day's numbers.
+        field: the structure of the wind.
+        wind: values of `field.parameters`.
+    """
+    here = surrounding(state, aircraft=aircraft, atmosphere=atmosphere, field=field, wind=wind)
+    motion = linear_motion(state, Deflections(state.eta, state.xi, state.zeta), here, aircraft)
+    flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)
+    rates = StateSpaceState[Scalar](**vars(flight), eta=control.eta_dot, xi=control.xi_dot, zeta=control.zeta_dot)
+    path = StateSpacePath[Scalar](
+        n_z=motion.n_z, n_y=motion.n_y, C_L=motion.C_L, alpha_A=here.seen.alpha_A, beta_A=here.seen.beta_A
+    )
+    return rates, path
+
+
+def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
+    """The linear state space of an aircraft under the rules of a course in the air of the day.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    limits = flight_limits(aircraft, rules)
+    states = {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar, **deflection_bounds(aircraft)}
+    path = {
+        "n_z": limits.n_z,
+        "n_y": symmetric(aircraft.point_mass.n_y),
+        "C_L": limits.C_L,
+        "alpha_A": angle_of_attack_limits(aircraft, rules),
+        "beta_A": limits.beta_A,
+    }
+    return assemble(
+        "state-space",
+        state_space,
+        (StateSpaceState[Scalar], SurfaceControl[Scalar]),
+        (
+            bounded(StateSpaceState.quantities(), states),
+            bounded(SurfaceControl.quantities(), deflection_rate_bounds(aircraft)),
+            bounded(StateSpacePath.quantities(), path),
+        ),
+        roll_rate=lambda state, _: state.p_s,
+        aircraft=linear_parameters(aircraft),
+        air=air,
+        counting=counting,
+    )

@@ -1,0 +1,118 @@
+"""Linear state space with its inverse as a controller: commands move the surfaces, the surfaces move the aircraft.
+
+The deflections follow from state and commands at every instant; their travels are limits along the path.
+"""
+
+from collections.abc import Sequence
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.assembly import assemble
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.inner_loop_controls import (
+    CommandControl,
+    angle_of_attack_limits,
+    command_rate_bounds,
+    deflection_bounds,
+)
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.linear_derivatives import linear_parameters
+from airrace.dynamics.linear_flight import LinearFlightState, linear_flight_rates, linear_motion, surrounding
+from airrace.dynamics.state_space_inverse import Commands, deflections
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.wind import WindField
+from airrace.frames import Scalar
+from airrace.quantities import T, Vector, quantity, vector
+from airrace.track.course import Rules
+
+
+@vector
+class StateSpaceInversionState(LinearFlightState[T]):
+    """Flight path, lever, body motion and the commands."""
+
+    n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
+    n_y_cmd: T = quantity("1", text="commanded lateral load factor")
+    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
+
+
+@vector
+class StateSpaceInversionPath(Vector[T]):
+    """What is limited along the path besides states and controls."""
+
+    n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
+    n_y: T = quantity("1", text="lateral load factor, to the right")
+    C_L: T = quantity("1", text="lift coefficient")
+    alpha_A: T = quantity("rad", scale=0.2, text="angle of attack")
+    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
+    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
+    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
+    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
+
+
+def state_space_inversion(
+    state: StateSpaceInversionState[Scalar],
+    control: CommandControl[Scalar],
+    *,
+    aircraft: InnerLoopParameters[Scalar],
+    atmosphere: AtmosphereParameters[Scalar],
+    field: WindField,
+    wind: Sequence[Scalar],
+) -> tuple[StateSpaceInversionState[Scalar], StateSpaceInversionPath[Scalar]]:
+    """Time derivatives of the state, and the path quantities.
+
+    Args:
+        state: see `StateSpaceInversionState`.
+        control: see `CommandControl`.
+        aircraft: its numbers, from `linear_parameters`.
+        atmosphere: the day's numbers.
+        field: the structure of the wind.
+        wind: values of `field.parameters`.
+    """
+    here = surrounding(state, aircraft=aircraft, atmosphere=atmosphere, field=field, wind=wind)
+    surfaces = deflections(state, Commands(state.n_z_cmd, state.n_y_cmd, state.p_cmd), here, aircraft)
+    motion = linear_motion(state, surfaces, here, aircraft)
+    flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)
+    rates = StateSpaceInversionState[Scalar](
+        **vars(flight), n_z_cmd=control.n_z_cmd_dot, n_y_cmd=control.n_y_cmd_dot, p_cmd=control.p_cmd_dot
+    )
+    path = StateSpaceInversionPath[Scalar](
+        n_z=motion.n_z,
+        n_y=motion.n_y,
+        C_L=motion.C_L,
+        alpha_A=here.seen.alpha_A,
+        beta_A=here.seen.beta_A,
+        **vars(surfaces),
+    )
+    return rates, path
+
+
+def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
+    """The linear state space with its inversion controller, for an aircraft under the rules of a course.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    limits = flight_limits(aircraft, rules)
+    path = {
+        "n_z": limits.n_z,
+        "n_y": symmetric(aircraft.point_mass.n_y),
+        "C_L": limits.C_L,
+        "alpha_A": angle_of_attack_limits(aircraft, rules),
+        "beta_A": limits.beta_A,
+        **deflection_bounds(aircraft),
+    }
+    return assemble(
+        "state-space-inversion",
+        state_space_inversion,
+        (StateSpaceInversionState[Scalar], CommandControl[Scalar]),
+        (
+            bounded(StateSpaceInversionState.quantities(), {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar}),
+            bounded(CommandControl.quantities(), command_rate_bounds(aircraft)),
+            bounded(StateSpaceInversionPath.quantities(), path),
+        ),
+        roll_rate=lambda state, _: state.p_s,
+        aircraft=linear_parameters(aircraft),
+        air=air,
+        counting=counting,
+    )
