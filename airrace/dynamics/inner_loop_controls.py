@@ -2,6 +2,7 @@
 
 from airrace.aircraft.aircraft import Aircraft, Lift
 from airrace.dynamics.limits import symmetric
+from airrace.errors import Finding, InputError
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.track.course import Rules
 
@@ -47,8 +48,16 @@ def command_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
 
 
 def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:
-    """What the rules allow of the angles of attack (rad) at which the linear lift curve stays within its limits."""
-    return rules.alpha_A.intersect(linear_range(aircraft.lift))
+    """What the rules allow of the angles of attack (rad) at which the linear lift curve stays within its limits.
+
+    Raises:
+        InputError: the rules allow none of them.
+    """
+    allowed = rules.alpha_A.intersect(linear_range(aircraft.lift))
+    if allowed.empty:
+        message = "the rules of the course allow no angle of attack short of the stall"
+        raise InputError([Finding(aircraft.name, 0, 0, "alpha_A", message)])
+    return allowed
 
 
 def linear_range(lift: Lift) -> Interval:
