@@ -1,0 +1,139 @@
+"""What every inner controller is made of: the names of a model, and the inverse of one of its equations at a time.
+
+A model's equations are inverted through their own derivatives, so no controller holds a second copy of them. What a
+quantity `y`, affine in `c`, has to be given for the value `y_des`:
+
+    c_des = c + (y_des - y) / (dy/dc)
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from airrace.control.outer_loop import Commands, clip
+from airrace.dynamics.flight_model import FlightModel, column, named_symbols
+from airrace.dynamics.outer_loop import FlightPathState
+from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors_of_motion
+from airrace.environment.elementary import maximum
+from airrace.frames import Scalar
+from airrace.quantities import Quantity
+from airrace.system import System
+
+# Any: casadi overloads these by the type of their arguments
+jacobian: Callable[..., Any] = ca.jacobian
+solve: Callable[..., Any] = ca.solve
+substitute: Callable[..., Any] = ca.substitute
+DM: Callable[..., Any] = ca.DM
+
+FOLLOWER = 50.0
+"""How fast commands and deflections, which are states, follow what the controller wants, 1/s."""
+LEVER = 4.0
+"""How fast an error of the power lever is taken back, 1/s."""
+LEAST_AXIAL_EFFECT = 0.05
+"""g per full lever: the engine is taken to pull at least this much."""
+LEAST_LIFT_SLOPE = 2.0
+"""g/rad: beyond the stall the lift curve is taken to rise at least this steeply."""
+LEAST_SIDE_SLOPE = 0.2
+"""g/rad: sideslip is taken to make at least this much side force."""
+
+Named = dict[str, Scalar]
+
+
+@dataclass(frozen=True)
+class InnerController:
+    """Makes a model do what the outer loop commands.
+
+    Attributes:
+        controls: (x, commands) -> u, shapes (n_x,), (n_c,) -> (n_u,), with `Commands` in the order of its fields;
+            winding back of roll counters is left at zero.
+        settled: (x, commands) -> x, one step towards the state in which the model does what is commanded; repeated, it
+            finds that state.
+    """
+
+    controls: ca.Function
+    settled: ca.Function
+
+
+InnerLoopInverse = Callable[[FlightModel], InnerController]
+"""Builds the controller of a model, with the numbers of its aircraft and air."""
+
+
+class Plant:
+    """The equations of a model in symbols, with the numbers of its aircraft and air.
+
+    Attributes:
+        x: one symbol per state.
+        commands: one symbol per command.
+        rates: of the states, by name, with all controls at zero.
+        load: the load factors and the roll rate.
+        path: the path quantities.
+    """
+
+    def __init__(self, model: FlightModel) -> None:
+        self.system = model.system
+        self._numbers = DM(model.parameter_values)
+        self.x: Named = named_symbols(model.system.states)
+        self.commands = Commands[Scalar](**named_symbols(Commands.quantities()))
+        self.rates, self.load = self.motion(self.x)
+        self.path: Named = self._path()
+
+    def motion(self, x: Named, u: Named | None = None) -> tuple[Named, LoadFactors[Scalar]]:
+        """Rates, load factors and roll rate in the state `x` with the controls `u`, zero where not given."""
+        system = self.system
+        controls = [(u or {}).get(one.name, 0.0) for one in system.controls]
+        values = system.rates(column(x.values()), column(controls), self._numbers)
+        rates: Named = {one.name: values[row] for row, one in enumerate(system.states)}
+        state, change = (
+            FlightPathState[Scalar](**{name: of[name] for name in FlightPathState.names()}) for of in (x, rates)
+        )
+        return rates, load_factors_of_motion(state, change)
+
+    def lever(self) -> Scalar:
+        """`delta_T_cmd` for the commanded load factor along the velocity: the inverse of n_x, then that of the lag."""
+        x, command = self.x, self.commands
+        effect = maximum(jacobian(self.load.n_x, x["delta_T"]), LEAST_AXIAL_EFFECT)
+        wanted = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
+        rate = command.delta_T_dot + LEVER * (wanted - x["delta_T"])
+        lever = ca.SX.sym("delta_T_cmd")
+        followed = self.motion(x, {"delta_T_cmd": lever})[0]["delta_T"]
+        return clip((rate - self.rates["delta_T"]) / jacobian(followed, lever), 0.0, 1.0)
+
+    def following(self, wanted: Named) -> Named:
+        """Controls that make states, each driven by a control called its rate, follow what is wanted of them."""
+        controls: Named = {}
+        for name, value in wanted.items():
+            state, control = declared(self.system.states, name), declared(self.system.controls, f"{name}_dot")
+            inside = clip(value, state.lower, state.upper)
+            controls[control.name] = clip(FOLLOWER * (inside - self.x[name]), control.lower, control.upper)
+        return controls
+
+    def controller(self, wanted: Named, settled: Named) -> InnerController:
+        """The controller that drives the states in `wanted`, and settles those in `settled`."""
+        controls = self.following(wanted) | {"delta_T_cmd": self.lever()}
+        u = column(controls.get(one.name, 0.0) for one in self.system.controls)
+        arguments = [column(self.x.values()), column(self.commands.join())]
+        return InnerController(
+            controls=ca.Function("controls", arguments, [u], {"cse": True}),
+            settled=ca.Function("settled", arguments, [column((self.x | settled).values())], {"cse": True}),
+        )
+
+    def _path(self) -> Named:
+        system = self.system
+        if system.path_values is None:
+            return {}
+        nothing = column([0.0] * len(system.controls))
+        values = system.path_values(column(self.x.values()), nothing, self._numbers)
+        return {one.name: values[row] for row, one in enumerate(system.path)}
+
+
+def declared(quantities: Sequence[Quantity], name: str) -> Quantity:
+    """The declaration of one quantity by its name."""
+    return next(one for one in quantities if one.name == name)
+
+
+def limited(system: System, name: str, value: Scalar) -> Scalar:
+    """`value` within the bounds of the state or path quantity `name`."""
+    bounds = declared((*system.states, *system.path), name)
+    return clip(value, bounds.lower, bounds.upper)

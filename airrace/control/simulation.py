@@ -1,0 +1,260 @@
+"""A model flown along the flight of a simpler one, by error feedback.
+
+The outer loop asks for load factors and a roll rate that lead back to the reference, the inner controller makes the
+model's own controls of them. Everything advances in steps of equal time with the classical Runge-Kutta scheme; the
+reference, linear between its samples, is looked up at the beginning of a step and as far ahead as its clock can run.
+Many steps are one call.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.control.inner_controller import InnerController, InnerLoopInverse
+from airrace.control.outer_loop import Commands, PathGains, errors, path_following
+from airrace.control.reference import Reference, ReferencePoint
+from airrace.dynamics.flight_model import FlightModel, column, named_symbols
+from airrace.dynamics.outer_loop import FlightPathState
+from airrace.quantities import Quantity
+from airrace.system import System
+from airrace.trajectory import Array
+
+# Any: casadi overloads these by the type of their arguments
+_vertcat: Callable[..., Any] = ca.vertcat
+_DM: Callable[..., Any] = ca.DM
+
+STEP = 0.01
+"""s; the fastest that happens are deflections that follow at 50/s."""
+SPACING = 0.01
+"""s, at which the reference is tabulated."""
+CHUNK = 200
+"""Steps in one call."""
+SETTLING = 30
+"""Steps of Newton's method towards the state in which the flight begins."""
+LOST = 500.0
+"""m from the reference: a simulation that strays this far has departed."""
+K_COUNTER = 1.0
+"""How fast errors of roll counters are wound back, 1/s."""
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A flight along a reference.
+
+    Attributes:
+        finished: whether it reached the end of the reference; what lies beyond the end of one that departed, or got lost,
+            is not a number.
+        time: when the reference's clock showed the wanted values, s from the start; shape (N + 1,).
+        state: then; shape (n_x, N + 1).
+        control: constant controls that lead from one of these to the next, within their bounds; shape (n_u, N).
+        durations: of the reference's phases as flown, s; shape (n,).
+        strayed: largest distance from the reference, m.
+        strayed_at: the reference's clock at that distance, s.
+        end_distance: distance from the reference's end, m.
+        end_roll: roll angle to the reference's attitude there, rad.
+    """
+
+    finished: bool
+    time: Array
+    state: Array
+    control: Array
+    durations: Array
+    strayed: float
+    strayed_at: float
+    end_distance: float
+    end_roll: float
+
+
+def follow(
+    model: FlightModel,
+    inverse: InnerLoopInverse,
+    reference: Reference,
+    *,
+    nodes: Array,
+    gains: PathGains | None = None,
+    step: float = STEP,
+) -> Followed:
+    """Fly `model` along `reference`, in the air that both have in common.
+
+    Args:
+        model: with the numbers of its aircraft and air.
+        inverse: builds the model's inner controller.
+        reference: what is to be followed.
+        nodes: wanted values of the reference's clock, s; rising from zero to its end, shape (N + 1,).
+        gains: of the outer loop.
+        step: of time, s.
+    """
+    inner = inverse(model)
+    flown = _fly(model, inner, reference, gains or PathGains(), step)
+    return _followed(model.system, reference, nodes, flown)
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """Samples of a simulation: `state` (n_x, K), `control` (n_u, K), and rows of shape (K,)."""
+
+    time: Array
+    clock: Array
+    state: Array
+    control: Array
+    distance: Array
+    roll: Array
+
+
+def _fly(model: FlightModel, inner: InnerController, reference: Reference, gains: PathGains, step: float) -> _Flown:
+    n_x, n_u = len(model.system.states), len(model.system.controls)
+    advance = _step(model, inner, reference, gains, step).mapaccum("flight", CHUNK)
+    now = np.append(_beginning(model.system, inner, reference), 0.0)
+    before: list[Array] = []
+    seen: list[Array] = []
+    while not before or (before[-1][n_x, -1] < reference.duration and np.isfinite(now).all()):
+        after, outputs = (np.asarray(one) for one in advance(now))
+        before.append(np.hstack([now[:, None], after[:, :-1]]))
+        seen.append(outputs)
+        now = after[:, -1]
+        if outputs[n_u].max() > LOST:
+            break
+    rows, outputs = np.hstack(before), np.hstack(seen)
+    good = int(np.argmin(np.append(np.isfinite(rows).all(axis=0) & (outputs[n_u] < LOST), False)))
+    rows, outputs = rows[:, :good], outputs[:, :good]
+    return _Flown(
+        step * np.arange(good, dtype=float), rows[n_x], rows[:n_x], outputs[:n_u], outputs[n_u], outputs[n_u + 1]
+    )
+
+
+def _step(
+    model: FlightModel, inner: InnerController, reference: Reference, gains: PathGains, step: float
+) -> ca.Function:
+    """One step: (x, s) -> (x, s) after it, and what is seen at its beginning: controls, distance and roll error."""
+    size, width = len(model.system.states) + 1, ReferencePoint.size()
+    now, here, ahead = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
+    slope: Callable[..., tuple[ca.SX, ca.SX]] = _slope(model, inner, gains)  # its stub does not count the outputs
+
+    def rates(y: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return slope(y, here + (y[-1] - now[-1]) / step * (ahead - here))
+
+    k1, seen = rates(now)
+    k2, _ = rates(now + 0.5 * step * k1)
+    k3, _ = rates(now + 0.5 * step * k2)
+    k4, _ = rates(now + step * k3)
+    end = now + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    if model.system.projection is not None:
+        end = _vertcat(model.system.projection(end[:-1]), end[-1])
+    inside = ca.Function("inside", [now, here, ahead], [end, seen], {"cse": True})
+    lookup = _lookup(reference)
+    y = ca.MX.sym("y", size)
+    return ca.Function("step", [y], list(inside(y, lookup(y[-1]), lookup(y[-1] + step))))
+
+
+def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.Function:
+    """((x, s), reference) -> rates of both; controls, distance and roll error."""
+    system = model.system
+    x, s = named_symbols(system.states), ca.SX.sym("s")
+    r = ReferencePoint[Any](**named_symbols(ReferencePoint.quantities()))
+    state = FlightPathState[Any](**{name: x[name] for name in FlightPathState.names()})
+    commands, rate = path_following(state, r, gains)
+    values = column(x.values())
+    u = inner.controls(values, column(commands.join())) + _winding(system, x, r, rate)
+    off = errors(state, r)
+    arguments = [column([*x.values(), s]), column(r.join())]
+    rates = column([system.rates(values, u, _DM(model.parameter_values)), rate])
+    return ca.Function("slope", arguments, [rates, column([u, *off.join()])], {"cse": True})
+
+
+def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate: Any) -> ca.SX:
+    """Controls that wind roll counters as the reference does, and their errors back; zero for all others."""
+    wound = {
+        f"{name}_reset": rate * getattr(here, f"{name}_reset") + K_COUNTER * (getattr(here, name) - x[name])
+        for name in ("Phi", "gain")
+        if name in x
+    }
+    return column(wound.get(one.name, 0.0) for one in system.controls)
+
+
+def _lookup(reference: Reference) -> ca.Function:
+    """Clock -> `ReferencePoint`, linear on an even grid."""
+    points = int(np.ceil(reference.duration / SPACING)) + 1
+    grid = np.linspace(0.0, reference.duration, max(points, 2))
+    table = np.stack([np.interp(grid, reference.s, row) for row in reference.histories.join()])
+    interpolant: Callable[..., ca.Function] = ca.interpolant  # its stub knows one form only
+    values = table.ravel(order="F").tolist()
+    return interpolant("reference", "linear", [grid.tolist()], values, {"lookup_mode": ["exact"]})
+
+
+def _beginning(system: System, inner: InnerController, reference: Reference) -> Array:
+    """The state in which the model flies as the reference does at its beginning."""
+    first = ReferencePoint[float](
+        **{name: float(getattr(reference.histories, name)[0]) for name in ReferencePoint.names()}
+    )
+    V_K = float(np.linalg.norm(first.velocity))
+    known = {name: getattr(first, name) for name in ReferencePoint.names()} | {"V_K": V_K}
+    shared = (*FlightPathState.names(), "delta_T", "Phi", "gain")
+    x = np.array([known[one.name] if one.name in shared else 0.0 for one in system.states])
+    commands = Commands[float](
+        n_x=0.0,
+        delta_T_dot=0.0,
+        n_y=first.n_y,
+        n_z=first.soft_n_z,
+        n_z_dot=first.soft_n_z_dot,
+        p=first.soft_p,
+        p_dot=first.soft_p_dot,
+    )
+    for _ in range(SETTLING):
+        x = np.asarray(inner.settled(x, commands.join())).ravel()
+    return x
+
+
+def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown) -> Followed:
+    """The samples read at the wanted values of the clock."""
+    finished = bool(flown.clock[-1] >= reference.duration)
+    inside = flown.clock <= reference.duration
+    time = _at(nodes, flown.clock, flown.time)
+    state = np.stack([_at(nodes, flown.clock, row) for row in flown.state])
+    if system.projection is not None:
+        state = np.asarray(system.projection.map(len(nodes))(state))
+    worst = int(np.argmax(flown.distance[inside]))
+    end = min(reference.duration, float(flown.clock[-1]))
+    return Followed(
+        finished=finished,
+        time=time,
+        state=state,
+        control=_controls(system, flown, time, state),
+        durations=np.diff(_at(reference.boundaries, flown.clock, flown.time)),
+        strayed=float(flown.distance[worst]),
+        strayed_at=float(flown.clock[worst]),
+        end_distance=float(np.interp(end, flown.clock, flown.distance)),
+        end_roll=float(np.interp(end, flown.clock, flown.roll)),
+    )
+
+
+def _at(wanted: Array, clock: Array, row: Array) -> Array:
+    """A history read at values of the clock; not a number beyond its end."""
+    return np.interp(wanted, clock, row, right=np.nan)
+
+
+def _controls(system: System, flown: _Flown, time: Array, state: Array) -> Array:
+    """From node to node: the mean rate of what a control is the rate of; else its mean."""
+    rows = {f"{one.name}_dot": row for one, row in zip(system.states, state, strict=True)}
+    steps = np.diff(time)
+    controls: list[Array] = []
+    for one, recorded in zip(system.controls, flown.control, strict=True):
+        if one.name in rows:
+            mean = np.diff(rows[one.name]) / steps
+        else:
+            mean = np.diff(_integral(flown.time, recorded, time)) / steps
+        controls.append(_clipped(mean, one))
+    return np.stack(controls)
+
+
+def _integral(times: Array, values: Array, wanted: Array) -> Array:
+    """The integral of a history from its beginning to the wanted times."""
+    sums = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times)))
+    return np.where(np.isnan(wanted), np.nan, np.interp(wanted, times, sums))
+
+
+def _clipped(values: NDArray[np.float64], bounds: Quantity) -> Array:
+    return np.clip(values, bounds.lower, bounds.upper)
