@@ -24,7 +24,7 @@ from airrace.system import System
 # Any: casadi overloads these by the type of their arguments
 jacobian: Callable[..., Any] = ca.jacobian
 solve: Callable[..., Any] = ca.solve
-substitute: Callable[..., Any] = ca.substitute
+with_values: Callable[..., Any] = ca.substitute  # (expression, symbols, values)
 DM: Callable[..., Any] = ca.DM
 
 FOLLOWER = 50.0
@@ -33,10 +33,6 @@ LEVER = 4.0
 """How fast an error of the power lever is taken back, 1/s."""
 LEAST_AXIAL_EFFECT = 0.05
 """g per full lever: the engine is taken to pull at least this much."""
-LEAST_LIFT_SLOPE = 2.0
-"""g/rad: beyond the stall the lift curve is taken to rise at least this steeply."""
-LEAST_SIDE_SLOPE = 0.2
-"""g/rad: sideslip is taken to make at least this much side force."""
 
 Named = dict[str, Scalar]
 

@@ -46,8 +46,7 @@ class Followed:
     """A flight along a reference.
 
     Attributes:
-        finished: whether it reached the end of the reference; what lies beyond the end of one that departed, or got lost,
-            is not a number.
+        finished: whether it reached the end of the reference; what one that departed never reached is not a number.
         time: when the reference's clock showed the wanted values, s from the start; shape (N + 1,).
         state: then; shape (n_x, N + 1).
         control: constant controls that lead from one of these to the next, within their bounds; shape (n_u, N).
@@ -132,7 +131,7 @@ def _step(
     """One step: (x, s) -> (x, s) after it, and what is seen at its beginning: controls, distance and roll error."""
     size, width = len(model.system.states) + 1, ReferencePoint.size()
     now, here, ahead = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
-    slope: Callable[..., tuple[ca.SX, ca.SX]] = _slope(model, inner, gains)  # its stub does not count the outputs
+    slope: Any = _slope(model, inner, gains)  # Any: the stub does not know of two outputs
 
     def rates(y: ca.SX) -> tuple[ca.SX, ca.SX]:
         return slope(y, here + (y[-1] - now[-1]) / step * (ahead - here))
