@@ -99,6 +99,43 @@ class Propulsion:
 
 
 @dataclass(frozen=True)
+class Propeller:
+    """A propeller whose torque and angular momentum act on the aircraft.
+
+    Attributes:
+        inertia: moment of inertia about its shaft, kg m2.
+        Omega: rate of turn, rad/s; positive if it turns clockwise as seen by the pilot.
+    """
+
+    inertia: float
+    Omega: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A second-order motion: natural frequency `omega` (rad/s) and damping ratio `D`."""
+
+    omega: float
+    D: float
+
+
+@dataclass(frozen=True)
+class LinearLoops:
+    """What the models with a linear inner loop shall fly with instead of what the derivatives make of the aircraft.
+
+    Attributes:
+        V: speed at which this holds in level flight at sea level, m/s; at other speeds it follows the derivatives.
+        short_period, dutch_roll: of the load factor n_z, of n_y; None for the derivatives' own.
+        tau_p: time constant of the roll rate, s; None likewise.
+    """
+
+    V: float
+    short_period: Mode | None = None
+    dutch_roll: Mode | None = None
+    tau_p: float | None = None
+
+
+@dataclass(frozen=True)
 class Surfaces:
     """Travels of the control surfaces (rad) and the fastest stick (rad/s)."""
 
@@ -132,7 +169,7 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Aircraft:
-    """One aircraft, ready to race."""
+    """One aircraft, ready to race. `propeller` is None where it does nothing but pull, `linear` without corrections."""
 
     name: str
     airframe: Airframe
@@ -146,3 +183,5 @@ class Aircraft:
     surfaces: Surfaces
     point_mass: PointMassLimits
     envelope: Envelope
+    propeller: Propeller | None = None
+    linear: LinearLoops | None = None

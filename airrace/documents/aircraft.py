@@ -8,16 +8,27 @@ from airrace.aircraft.aircraft import (
     Drag,
     Envelope,
     Lift,
+    LinearLoops,
+    Mode,
     PitchMoment,
     PointMassLimits,
+    Propeller,
     Propulsion,
     RollMoment,
     SideForce,
     Surfaces,
     YawMoment,
 )
-from airrace.documents.aircraft_schema import AircraftEntry, AirframeEntry, PointMassEntry, SurfacesEntry
+from airrace.documents.aircraft_schema import (
+    AircraftEntry,
+    AirframeEntry,
+    LinearEntry,
+    PointMassEntry,
+    PropellerEntry,
+    SurfacesEntry,
+)
 from airrace.documents.nodes import Reporter
+from airrace.dynamics.handling import faults
 from airrace.quantities import Interval
 
 g0 = 9.80665
@@ -61,9 +72,15 @@ def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
             V=Interval(envelope.speed_min_m_s, envelope.speed_max_m_s),
             n_z=Interval(envelope.n_z_min, envelope.n_z_max),
         ),
+        propeller=_propeller(entry.propeller) if entry.propeller and entry.propeller.effects else None,
+        linear=_linear(entry.linear, reporter) if entry.linear else None,
     )
+    found = len(reporter.findings)
     _check_inertia(built.airframe, reporter)
     _check_lift(built, reporter)
+    if len(reporter.findings) == found:
+        for group, key, message in faults(built):
+            reporter.value((group, key), message)
     return built
 
 
@@ -99,6 +116,30 @@ def _point_mass(entry: PointMassEntry) -> PointMassLimits:
         n_y=entry.n_y_max,
         p=math.radians(entry.roll_rate_max_deg_s),
         p_dot=entry.roll_acceleration_max_rad_s2,
+    )
+
+
+def _propeller(entry: PropellerEntry) -> Propeller:
+    sign = 1.0 if entry.turns == "right" else -1.0
+    return Propeller(entry.inertia_kg_m2, sign * entry.rpm * 2.0 * math.pi / 60.0)
+
+
+def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:
+    def mode(axis: str, omega: float | None, D: float | None) -> Mode | None:
+        if omega is None and D is None:
+            return None
+        if omega is None or D is None:
+            missing = f"omega_{axis}_rad_s" if omega is None else f"damping_{axis}"
+            given = f"damping_{axis}" if omega is None else f"omega_{axis}_rad_s"
+            reporter.key(("linear", given), f"tells nothing without {missing}; give both or neither")
+            return None
+        return Mode(omega, D)
+
+    return LinearLoops(
+        V=entry.speed_m_s,
+        short_period=mode("z", entry.omega_z_rad_s, entry.damping_z),
+        dutch_roll=mode("y", entry.omega_y_rad_s, entry.damping_y),
+        tau_p=entry.tau_p_s,
     )
 
 

@@ -100,6 +100,42 @@ class PropulsionEntry(Schema):
     lever_lag_s: Annotated[float, Gt(0), Le(10)] = Field(description="tau_T, from lever to thrust")
 
 
+class PropellerEntry(Schema):
+    """Known for any aircraft; acts on it only where `effects` asks for it."""
+
+    what: ClassVar[str] = "the propeller"
+    inertia_kg_m2: Annotated[float, Gt(0), Le(1e4)] = Field(description="moment of inertia about its shaft")
+    rpm: Annotated[float, Gt(0), Le(20_000)] = Field(description="how fast it turns")
+    turns: Literal["right", "left"] = Field(
+        default="right", description="which way, as the pilot sees it: right is clockwise"
+    )
+    effects: bool = Field(
+        default=False, description="whether its torque and its gyroscopic moment act on the six-dof model"
+    )
+
+
+class LinearEntry(Schema):
+    """The constants of the linear models where better ones are known than the derivatives give."""
+
+    what: ClassVar[str] = "the group of linear loops"
+    speed_m_s: Annotated[float, Gt(0), Le(300)] = Field(
+        description="where the constants hold, in level flight at sea level; elsewhere they follow the derivatives"
+    )
+    omega_z_rad_s: Annotated[float, Gt(0), Le(100)] | None = Field(
+        default=None, description="natural frequency of the short period, of n_z; with damping_z"
+    )
+    damping_z: Annotated[float, Gt(0), Le(10)] | None = Field(
+        default=None, description="damping ratio of the short period"
+    )
+    omega_y_rad_s: Annotated[float, Gt(0), Le(100)] | None = Field(
+        default=None, description="natural frequency of the Dutch roll, of n_y; with damping_y"
+    )
+    damping_y: Annotated[float, Gt(0), Le(10)] | None = Field(
+        default=None, description="damping ratio of the Dutch roll"
+    )
+    tau_p_s: Annotated[float, Gt(0), Le(10)] | None = Field(default=None, description="lag of the roll rate")
+
+
 class SurfacesEntry(Schema):
     """Symmetric travels."""
 
@@ -148,3 +184,7 @@ class AircraftEntry(Schema):
     surfaces: SurfacesEntry = Field(description="travels of the control surfaces")
     point_mass: PointMassEntry = Field(description="rates that stand in for the rotational dynamics")
     envelope: EnvelopeEntry = Field(description="limits of speed and load factor")
+    propeller: PropellerEntry | None = Field(default=None, description="what the propeller does besides pulling")
+    linear: LinearEntry | None = Field(
+        default=None, description="constants of the linear models that replace those of the derivatives"
+    )

@@ -52,7 +52,7 @@ class InnerLoopParameters(AircraftParameters[T]):
 def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
     """The numbers of one aircraft."""
     body, lift, side = aircraft.airframe, aircraft.lift, aircraft.side_force
-    roll, pitch, yaw = aircraft.roll, aircraft.pitch, aircraft.yaw
+    roll, pitch, yaw, propeller = aircraft.roll, aircraft.pitch, aircraft.yaw, aircraft.propeller
     return InnerLoopParameters(
         **vars(aircraft_parameters(aircraft)),
         b=body.b,
@@ -84,6 +84,6 @@ def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
         C_nr=yaw.r,
         C_nxi=yaw.xi,
         C_nzeta=yaw.zeta,
-        h_P=0.0,
-        Q_P=0.0,
+        h_P=propeller.inertia * propeller.Omega if propeller else 0.0,
+        Q_P=aircraft.propulsion.P_max / propeller.Omega if propeller else 0.0,
     )

@@ -10,12 +10,15 @@ Per rad and rad/s, at airspeed and density of the moment:
 The modes leave the product of inertia out, the matrices of the lateral motion do not.
 """
 
+import dataclasses
 from dataclasses import dataclass
 
-from airrace.aircraft.aircraft import Aircraft
+from airrace.aircraft.aircraft import Aircraft, Mode
+from airrace.dynamics.aerodynamics import drag_coefficient
 from airrace.dynamics.attitude import body_axes, stability_axes
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.rigid_body import uncoupled
+from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.frames import Scalar
 
 Pair = tuple[Scalar, Scalar]
@@ -117,5 +120,47 @@ def lateral_motion(
 
 
 def linear_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
-    """The numbers of one aircraft for the models with a linear inner loop."""
-    return inner_loop_parameters(aircraft)
+    """The numbers of one aircraft for the models with a linear inner loop, the aircraft file's corrections applied."""
+    numbers, given = inner_loop_parameters(aircraft), aircraft.linear
+    if given is None:
+        return numbers
+    if given.short_period is not None:
+        numbers = with_short_period(numbers, given.V, given.short_period)
+    if given.dutch_roll is not None:
+        numbers = with_dutch_roll(numbers, given.V, given.dutch_roll)
+    if given.tau_p is not None:
+        numbers = dataclasses.replace(numbers, C_lp=numbers.C_lp / (given.tau_p * level_lags(numbers, given.V).roll))
+    return numbers
+
+
+def level_lags(aircraft: InnerLoopParameters[float], V: float) -> Lags:
+    """The constants of the modes in level flight at the speed `V` (m/s) at sea level."""
+    C_L = aircraft.m * g0 / (0.5 * RHO_ISA * V * V * aircraft.S)
+    return lags(V, RHO_ISA, drag_coefficient(C_L, 0.0, aircraft), aircraft)
+
+
+def with_short_period(aircraft: InnerLoopParameters[float], V: float, wanted: Mode) -> InnerLoopParameters[float]:
+    """With the short period wanted at `V` (m/s): both pitch dampings by one factor, then `C_malpha`.
+
+    The factor is not positive where the lift alone damps more than is wanted.
+    """
+    M = pitching(V, RHO_ISA, aircraft)
+    lift = level_lags(aircraft, V).damping_z + M.q + M.alphadot  # -Z_alpha / V
+    factor = (lift - 2.0 * wanted.D * wanted.omega) / (M.q + M.alphadot)
+    alpha = -factor * M.q * lift - wanted.omega * wanted.omega
+    M_unit = 0.5 * RHO_ISA * V * V * aircraft.S * aircraft.cbar / aircraft.I_y
+    return dataclasses.replace(
+        aircraft,
+        C_mq=aircraft.C_mq * factor,
+        C_malphadot=aircraft.C_malphadot * factor,
+        C_malpha=alpha / M_unit,
+    )
+
+
+def with_dutch_roll(aircraft: InnerLoopParameters[float], V: float, wanted: Mode) -> InnerLoopParameters[float]:
+    """With the Dutch roll wanted at `V` (m/s): `C_nr`, then `C_nbeta`."""
+    side = 0.5 * RHO_ISA * V * aircraft.S * aircraft.C_Ybeta / aircraft.m  # Y_beta / V
+    N_r = -2.0 * wanted.D * wanted.omega - side
+    N_beta = wanted.omega * wanted.omega - N_r * side
+    N_unit = 0.5 * RHO_ISA * V * V * aircraft.S * aircraft.b / aircraft.I_z
+    return dataclasses.replace(aircraft, C_nr=N_r / (N_unit * aircraft.b / (2.0 * V)), C_nbeta=N_beta / N_unit)

@@ -1,0 +1,200 @@
+"""How an aircraft handles, in the words of those who build and fly it.
+
+A fault is what no controller can help: commands would have no solution. A remark is a weakness that a race may show.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.inner_loop_controls import linear_range
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.linear_derivatives import lateral_motion, level_lags, linear_parameters, pitching
+from airrace.dynamics.state_space_inverse import GAINS, solve
+from airrace.environment.atmosphere import RHO_ISA, g0
+
+LEAST_INDEPENDENCE = 1e-3
+"""Below this part of their own moments, ailerons and rudder do the same."""
+
+Fault = tuple[str, str, str]
+"""Group and key of the aircraft file that is to blame, and what is wrong."""
+
+
+def faults(aircraft: Aircraft) -> tuple[Fault, ...]:
+    """Why commands could have no solution in the models with an inner loop; empty if they always have."""
+    return (*_elevator_faults(aircraft), *_lateral_faults(aircraft), *_correction_faults(aircraft))
+
+
+def remarks(aircraft: Aircraft) -> tuple[str, ...]:
+    """Weaknesses of an aircraft without faults, one sentence each; empty if it has none."""
+    return (
+        *_pitch_stability(aircraft),
+        *_elevator_power(aircraft),
+        *_aileron_power(aircraft),
+        *_rudder_power(aircraft),
+        *_lateral_stability(aircraft),
+    )
+
+
+def corner_speed(aircraft: Aircraft) -> float:
+    """The speed (m/s) at which `C_L_max` makes the greatest load factor at sea level, within the envelope."""
+    airframe, V = aircraft.airframe, aircraft.envelope.V
+    load = aircraft.envelope.n_z.upper * airframe.m * g0
+    return min(max(math.sqrt(2.0 * load / (RHO_ISA * airframe.S * aircraft.lift.C_L_max)), V.lower), V.upper)
+
+
+def _elevator_faults(aircraft: Aircraft) -> Iterator[Fault]:
+    lift, pitch, numbers = aircraft.lift, aircraft.pitch, linear_parameters(aircraft)
+    if lift.C_Lalpha - lift.C_Leta * numbers.C_malpha / pitch.eta <= 0.0:
+        yield (
+            "pitch",
+            "C_meta",
+            "no elevator power: trimming a greater angle of attack costs the elevator more lift than the wing gains",
+        )
+        return
+    V = aircraft.envelope.V.lower
+    M = pitching(V, RHO_ISA, numbers)
+    turn = 0.5 * RHO_ISA * V * numbers.S * numbers.C_Leta / numbers.m  # q_Kbar per rad of elevator
+    if M.eta - (M.alphadot + GAINS.q) * turn >= 0.0:
+        yield (
+            "pitch",
+            "C_meta",
+            f"no elevator power: at {V:g} m/s the lift that it makes undoes what its moment does",
+        )
+
+
+def _lateral_faults(aircraft: Aircraft) -> Iterator[Fault]:
+    roll, yaw = aircraft.roll, aircraft.yaw
+    own = roll.xi * yaw.zeta
+    if own - roll.zeta * yaw.xi <= LEAST_INDEPENDENCE * own:
+        yield (
+            "yaw",
+            "C_nzeta",
+            "ailerons and rudder cannot be told apart: C_lxi C_nzeta must be above C_lzeta C_nxi, or no pair of "
+            "deflections rolls without yawing",
+        )
+        return
+    if trimmed_side_force(inner_loop_parameters(aircraft)) >= 0.0:
+        yield (
+            "side_force",
+            "C_Ybeta",
+            "a trimmed sideslip makes no side force: what the rudder adds takes away all that C_Ybeta gives",
+        )
+
+
+def _correction_faults(aircraft: Aircraft) -> Iterator[Fault]:
+    given = aircraft.linear
+    if given is None or given.short_period is None:
+        return
+    before, after = inner_loop_parameters(aircraft), linear_parameters(aircraft)
+    if after.C_mq >= 0.0:
+        M = pitching(given.V, RHO_ISA, before)
+        lift = level_lags(before, given.V).damping_z + M.q + M.alphadot
+        least = lift / (2.0 * given.short_period.omega)
+        yield ("linear", "damping_z", f"the lift alone damps more than that; must be above {least:.3g}")
+
+
+def trimmed_side_force(aircraft: InnerLoopParameters[float]) -> float:
+    """`C_Y` per rad of sideslip with ailerons and rudder holding roll and yaw."""
+    xi, zeta = sideslip_trim(aircraft)
+    return aircraft.C_Ybeta + aircraft.C_Yxi * xi + aircraft.C_Yzeta * zeta
+
+
+def sideslip_trim(aircraft: InnerLoopParameters[float]) -> tuple[float, float]:
+    """`(xi, zeta)` per rad of sideslip held without rolling or yawing."""
+    return solve(
+        (aircraft.C_lxi, aircraft.C_nxi), (aircraft.C_lzeta, aircraft.C_nzeta), (-aircraft.C_lbeta, -aircraft.C_nbeta)
+    )
+
+
+def _pitch_stability(aircraft: Aircraft) -> Iterator[str]:
+    lift, pitch, V = aircraft.lift, aircraft.pitch, corner_speed(aircraft)
+    if level_lags(inner_loop_parameters(aircraft), V).stiffness_z <= 0.0:
+        yield (
+            f"unstable in pitch: the centre of gravity lies behind the manoeuvre point (C_malpha = {pitch.alpha:g}, "
+            "and the damping C_mq does not make up for it)"
+        )
+    elif pitch.alpha >= 0.0:
+        yield (
+            f"statically unstable in pitch: the centre of gravity lies {100.0 * pitch.alpha / lift.C_Lalpha:.1f} % of "
+            "the mean chord behind the neutral point, though before the manoeuvre point"
+        )
+
+
+def _elevator_power(aircraft: Aircraft) -> Iterator[str]:
+    pitch, airframe, V = aircraft.pitch, aircraft.airframe, corner_speed(aircraft)
+    angles, travel = linear_range(aircraft.lift), aircraft.surfaces.eta
+    for alpha, name in ((angles.upper, "C_L_max"), (angles.lower, "C_L_min")):
+        C_L = getattr(aircraft.lift, name)
+        n_z = 0.5 * RHO_ISA * V * V * airframe.S * C_L / (airframe.m * g0)
+        q = (n_z - 1.0) * g0 / V * airframe.cbar / (2.0 * V)
+        eta = -(pitch.zero + pitch.alpha * alpha + pitch.q * q) / pitch.eta
+        if not travel.lower <= eta <= travel.upper:
+            yield (
+                f"short of elevator: {name} at {V:.0f} m/s takes {abs(math.degrees(eta)):.0f} deg, the travel ends at "
+                f"{math.degrees(travel.upper):.0f} deg"
+            )
+
+
+def _aileron_power(aircraft: Aircraft) -> Iterator[str]:
+    V, wanted = aircraft.envelope.V.upper, aircraft.point_mass.p
+    p = aircraft.roll.xi / aircraft.roll.p * aircraft.surfaces.xi.upper * 2.0 * V / aircraft.airframe.b
+    if p < wanted:
+        yield (
+            f"short of ailerons: full deflection rolls at {math.degrees(p):.0f} deg/s at {V:g} m/s, the top of the "
+            f"envelope; the roll rate's limit of {math.degrees(wanted):.0f} deg/s is out of reach"
+        )
+
+
+def _rudder_power(aircraft: Aircraft) -> Iterator[str]:
+    beta, surfaces = aircraft.drag.beta_A_max, aircraft.surfaces
+    xi, zeta = (one * beta for one in sideslip_trim(inner_loop_parameters(aircraft)))
+    held = f"holding {math.degrees(beta):.0f} deg of sideslip takes"
+    for name, deflection, travel in (("rudder", zeta, surfaces.zeta), ("ailerons", xi, surfaces.xi)):
+        if not travel.lower <= deflection <= travel.upper:
+            yield (
+                f"short of {name} in sideslip: {held} {abs(math.degrees(deflection)):.0f} deg, the travel ends at "
+                f"{math.degrees(travel.upper):.0f} deg"
+            )
+
+
+def _lateral_stability(aircraft: Aircraft) -> Iterator[str]:
+    """Judged in level flight, at the first of three speeds that shows something."""
+    V = aircraft.envelope.V
+    for speed in (V.lower, corner_speed(aircraft), V.upper):
+        modes = lateral_modes(aircraft, speed)
+        worst = modes[int(np.argmax(modes.real))]
+        if worst.real <= 0.0:
+            continue
+        if worst.imag != 0.0:
+            yield (
+                f"Dutch roll unstable at {speed:.0f} m/s: it doubles every {math.log(2.0) / worst.real:.1f} s, with "
+                f"{abs(worst.imag):.1f} rad/s"
+            )
+        else:
+            yield (
+                f"unstable in yaw at {speed:.0f} m/s: sideslip doubles every {math.log(2.0) / worst.real:.1f} s "
+                f"(C_nbeta = {aircraft.yaw.beta:g}, C_lbeta = {aircraft.roll.beta:g})"
+            )
+        return
+
+
+def lateral_modes(aircraft: Aircraft, V: float) -> NDArray[np.complex128]:
+    """Eigenvalues (1/s) of sideslip, roll and yaw rate in level flight at `V` (m/s) at sea level, controls fixed."""
+    numbers = inner_loop_parameters(aircraft)
+    load = 0.5 * RHO_ISA * V * V * numbers.S / (numbers.m * g0)
+    C_L = 1.0 / load
+    alpha = (C_L - numbers.C_L0) / numbers.C_Lalpha
+    motion = lateral_motion(V, RHO_ISA, alpha, C_L, numbers)
+    turn = (
+        g0
+        / V
+        * load
+        * np.array([numbers.C_Ybeta, numbers.C_Yp * numbers.b / (2.0 * V), numbers.C_Yr * numbers.b / (2.0 * V)])
+    )
+    columns = (motion.beta, motion.p, motion.r)
+    matrix = np.array([turn - [0.0, 0.0, 1.0], [one[0] for one in columns], [one[1] for one in columns]])
+    return np.linalg.eigvals(matrix).astype(np.complex128)
