@@ -6,32 +6,31 @@ what does not:
     step: y = (x, u, T), own = the interval's share of the duration T, shared = p    -> x at the interval's end
     path: y = (x, u), own empty, shared = p                                          -> path quantities
 
-A compiled library is kept per machine, named by a hash of all it depends on. Without a C compiler casadi's own virtual
-machine evaluates the same functions, slower.
+Compiled, the step's derivatives are composed from those of its stages, see `step_kernel.py`; all else is the graph that
+casadi makes. A library is kept per machine, named by a hash of all it depends on. Without a C compiler casadi's own
+virtual machine evaluates the graphs, the step's among them, slower.
 """
 
 import hashlib
 import logging
-import os
 import platform
-import shutil
-import subprocess
-import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 
 from airrace.errors import KernelError
+from airrace.optimal_control import kernel_library, preparation
 from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.kernel_library import Source, generated_source
+from airrace.optimal_control.step_kernel import driver_text, step_sources
 from airrace.system import Observation, System
 
 logger = logging.getLogger(__name__)
 
-LINK_FLAGS = ("-shared",)
-COMPILE_FLAGS = ("-O1", "-fPIC")  # -O2 -march=native gains a fifth in speed and doubles the compile time
-FORMAT = 2
+DRIVER_FLAGS = ("-O3",)  # loops over sensitivities: twice as fast as with -O1
+FORMAT = 3
 
 
 @dataclass(frozen=True)
@@ -83,27 +82,78 @@ def build_kernels(system: System, scheme: RungeKutta, *, compiled: bool) -> Kern
     with_path = system.path_values is not None
     if compiled:
         try:
-            return _load(_library(system, scheme), with_path=with_path)
+            return _load(compile_kernels(system, scheme), with_path=with_path)
         except KernelError as error:
             logger.warning("no compiled kernels, evaluating in casadi's virtual machine: %s", error)
     return _assemble(symbolic_kernels(system, scheme).__getitem__, with_path=with_path, compiled=False)
 
 
+def compile_kernels(system: System, scheme: RungeKutta) -> Path:
+    """The compiled library of a system, built unless the cache has it whole.
+
+    Raises:
+        KernelError: it cannot be built.
+    """
+    library = _library(system, scheme)
+    preparation.finish(library)
+    if not kernel_library.is_intact(library):
+        kernel_library.compile_library(_sources(system, scheme), library)
+    return library
+
+
+def needs_compiling(system: System, scheme: RungeKutta) -> bool:
+    """Whether the kernels have yet to be compiled, by a compiler that is there."""
+    try:
+        kernel_library.find_compiler()
+    except KernelError:
+        return False
+    return not kernel_library.is_intact(_library(system, scheme))
+
+
+def prepare(system: System, scheme: RungeKutta) -> None:
+    """Compile the kernels in the background if they need it; `build_kernels` waits for them where it must."""
+    if needs_compiling(system, scheme):
+        preparation.start(_library(system, scheme), system, scheme)
+
+
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:
     """All kernel functions as SX graphs, by name."""
-    n_x, n_u = len(system.states), len(system.controls)
-    y = ca.SX.sym("y", n_x + n_u + 1)
-    p = ca.SX.sym("p", len(system.parameters))
-    fraction, nothing = ca.SX.sym("fraction"), ca.SX.sym("none", 0)
-    x, u, duration = y[:n_x], y[n_x : n_x + n_u], y[n_x + n_u]
-    x_next = scheme.advance(system.rates, x, u, p, duration * fraction)
-    if system.projection is not None:
-        x_next = system.projection(x_next)
-    functions = differentiate("step", y, fraction, p, x_next)
-    if system.path_values is not None:
-        both = y[: n_x + n_u]
-        functions |= differentiate("path", both, nothing, p, system.path_values(x, u, p))
-    return functions
+    y, fraction, p = _arguments(system)
+    return differentiate("step", y, fraction, p, _end(system, scheme, y, fraction, p)) | _path_functions(system)
+
+
+def _sources(system: System, scheme: RungeKutta) -> list[Source]:
+    """What is compiled: the functions of `symbolic_kernels`, the derivatives of the step composed."""
+    arguments = _arguments(system)
+    step = ca.Function("step", [*arguments], [ca.densify(_end(system, scheme, *arguments))], {"cse": True})
+    composed = step_sources(system, scheme)
+    return [
+        *(generated_source(function, hidden=True) for function in composed.generated),
+        Source("step_kernel", composed.driver, DRIVER_FLAGS),
+        *(generated_source(function) for function in (step, *_path_functions(system).values())),
+    ]
+
+
+def _arguments(system: System) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Symbols of y = (x, u, T), the interval's share of T, and p."""
+    y = ca.SX.sym("y", len(system.states) + len(system.controls) + 1)
+    return y, ca.SX.sym("fraction"), ca.SX.sym("p", len(system.parameters))
+
+
+def _end(system: System, scheme: RungeKutta, y: ca.SX, fraction: ca.SX, p: ca.SX) -> ca.SX:
+    """The state at the interval's end."""
+    n_x = len(system.states)
+    x_next = scheme.advance(system.rates, y[:n_x], y[n_x:-1], p, y[-1] * fraction)
+    return x_next if system.projection is None else system.projection(x_next)
+
+
+def _path_functions(system: System) -> dict[str, ca.Function]:
+    if system.path_values is None:
+        return {}
+    y, _, p = _arguments(system)
+    n_x, both = len(system.states), y[:-1]
+    values = system.path_values(both[:n_x], both[n_x:], p)
+    return differentiate("path", both, ca.SX.sym("none", 0), p, values)
 
 
 def _kernel(name: str, function: Callable[[str], ca.Function]) -> Kernel:
@@ -121,49 +171,8 @@ def _load(library: Path, *, with_path: bool) -> Kernels:
         raise KernelError(f"{library}: {error}") from error
 
 
-def cache_folder() -> Path:
-    """Where compiled kernels are kept: `AIRRACE_CACHE_DIR`, else the user's cache folder."""
-    if explicit := os.environ.get("AIRRACE_CACHE_DIR"):
-        return Path(explicit)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "airrace" / "kernels"
-
-
-def needs_compiling(system: System, scheme: RungeKutta) -> bool:
-    """Whether the kernels have yet to be compiled, by a compiler that is there."""
-    try:
-        _compiler()
-    except KernelError:
-        return False
-    return not _intact(_cached(system, scheme))
-
-
-def _cached(system: System, scheme: RungeKutta) -> Path:
-    return cache_folder() / f"{_fingerprint(system, scheme)}.so"
-
-
 def _library(system: System, scheme: RungeKutta) -> Path:
-    """The compiled library of a system, built unless the cache has it whole."""
-    path = _cached(system, scheme)
-    if not _intact(path):
-        _compile(symbolic_kernels(system, scheme).values(), path)
-    return path
-
-
-def _intact(library: Path) -> bool:
-    """Whether a library is what was compiled: loading a truncated one would kill the process."""
-    try:
-        return _checksum_file(library).read_bytes() == _checksum(library)
-    except OSError:
-        return False
-
-
-def _checksum(library: Path) -> bytes:
-    return hashlib.sha256(library.read_bytes()).hexdigest().encode()
-
-
-def _checksum_file(library: Path) -> Path:
-    return library.with_suffix(".sha256")
+    return kernel_library.cache_folder() / f"{_fingerprint(system, scheme)}.so"
 
 
 def _fingerprint(system: System, scheme: RungeKutta) -> str:
@@ -171,59 +180,9 @@ def _fingerprint(system: System, scheme: RungeKutta) -> str:
     digest = hashlib.sha256()
     functions = [system.rates, system.path_values, system.projection]
     parts = [function.serialize() if function is not None else "none" for function in functions]
-    parts += [repr(scheme), ca.CasadiMeta.version(), platform.machine(), *COMPILE_FLAGS, str(FORMAT)]
+    flags = (*kernel_library.COMPILE_FLAGS, *kernel_library.HIDDEN_FLAGS, *DRIVER_FLAGS)
+    parts += [repr(scheme), ca.CasadiMeta.version(), platform.machine(), *flags, driver_text(), str(FORMAT)]
     for part in parts:
         digest.update(part.encode())
         digest.update(b"\0")
     return digest.hexdigest()[:32]
-
-
-def _compiler() -> str:
-    """The C compiler: `CC` if set (empty: none), else the first found on the path."""
-    if "CC" in os.environ:
-        chosen = os.environ["CC"]
-        if not chosen or shutil.which(chosen) is None:
-            raise KernelError(f"the C compiler CC={chosen!r} is not on the path")
-        return chosen
-    for name in ("cc", "gcc", "clang"):
-        if shutil.which(name) is not None:
-            return name
-    raise KernelError("no C compiler (cc, gcc, clang) on the path")
-
-
-def _compile(functions: Iterable[ca.Function], target: Path) -> None:
-    """Generate, compile and place the library under its final name in one step, then its checksum.
-
-    Every function is a file of its own and all are compiled side by side; the Hessian's takes as long as all others.
-    """
-    compiler = _compiler()
-    logger.info("compiling kernels with %s (once per model and machine)", compiler)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-            commands = [_compilation(compiler, function, Path(folder)) for function in functions]
-            running = [subprocess.Popen(one, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) for one in commands]
-            outputs = [(process.communicate()[0], process.returncode) for process in running]
-            library, checksum = Path(folder) / "kernels.so", Path(folder) / "kernels.sha256"
-            objects = [command[-1] for command in commands]
-            link = [compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"]
-            if all(status == 0 for _, status in outputs):
-                linked = subprocess.run(link, capture_output=True, check=False)
-                outputs.append((linked.stderr, linked.returncode))
-            for text, status in outputs:
-                if status:
-                    raise KernelError(f"{compiler} failed: {text.decode(errors='replace').strip()[:500]}")
-            checksum.write_bytes(_checksum(library))
-            os.replace(library, target)
-            os.replace(checksum, _checksum_file(target))
-    except OSError as error:
-        raise KernelError(f"the kernel cache {target.parent} cannot be used: {error}") from error
-
-
-def _compilation(compiler: str, function: ca.Function, folder: Path) -> list[str]:
-    """Write the C source of one function; the command that compiles it, the object file last."""
-    generator = ca.CodeGenerator(f"{function.name()}.c", {"with_header": False})
-    generator.add(function)
-    generator.generate(str(folder) + os.sep)
-    source = folder / f"{function.name()}.c"
-    return [compiler, *COMPILE_FLAGS, "-c", str(source), "-o", str(source.with_suffix(".o"))]

@@ -10,7 +10,8 @@ import pytest
 from small_problems import rich_system
 
 from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RK4
-from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cache_folder, needs_compiling
+from airrace.optimal_control.kernel_library import cache_folder
+from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling
 
 needs_compiler = pytest.mark.skipif(
     not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="there is no C compiler"

@@ -1,0 +1,135 @@
+"""Libraries of compiled kernels: where they are kept, whether they are whole, how they are made."""
+
+import hashlib
+import logging
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from airrace.errors import KernelError
+
+logger = logging.getLogger(__name__)
+
+COMPILE_FLAGS = ("-fPIC",)
+LINK_FLAGS = ("-shared",)
+GENERATED_FLAGS = ("-O1",)  # straight lines of scalar arithmetic: -O2 takes twice the time and gains nothing
+HIDDEN_FLAGS = (*GENERATED_FLAGS, '-DCASADI_SYMBOL_EXPORT=__attribute__((visibility("hidden")))')
+
+
+@dataclass(frozen=True)
+class Source:
+    """One C file to be.
+
+    Attributes:
+        name: of the file, without suffix.
+        text: its contents.
+        flags: for the compiler, besides `COMPILE_FLAGS`.
+    """
+
+    name: str
+    text: str
+    flags: tuple[str, ...]
+
+
+def generated_source(function: ca.Function, *, hidden: bool = False) -> Source:
+    """A casadi function in C; `hidden` if only other functions of the same library call it."""
+    generator = ca.CodeGenerator(f"{function.name()}.c", {"with_header": False})
+    generator.add(function)
+    return Source(function.name(), generator.dump(), HIDDEN_FLAGS if hidden else GENERATED_FLAGS)
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: `AIRRACE_CACHE_DIR`, else the user's cache folder."""
+    if explicit := os.environ.get("AIRRACE_CACHE_DIR"):
+        return Path(explicit)
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "airrace" / "kernels"
+
+
+def is_intact(library: Path) -> bool:
+    """Whether a library is what was compiled: loading a truncated one would kill the process."""
+    try:
+        return _checksum_file(library).read_bytes() == _checksum(library)
+    except OSError:
+        return False
+
+
+def find_compiler() -> str:
+    """The C compiler: `CC` if set (empty: none), else the first found on the path.
+
+    Raises:
+        KernelError: there is none.
+    """
+    if "CC" in os.environ:
+        chosen = os.environ["CC"]
+        if not chosen or shutil.which(chosen) is None:
+            raise KernelError(f"the C compiler CC={chosen!r} is not on the path")
+        return chosen
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name) is not None:
+            return name
+    raise KernelError("no C compiler (cc, gcc, clang) on the path")
+
+
+def compile_library(sources: Sequence[Source], target: Path) -> None:
+    """Compile all sources side by side, place the library under its final name in one step, then its checksum.
+
+    Raises:
+        KernelError: there is no compiler, it fails, or the folder cannot be written to.
+    """
+    compiler = find_compiler()
+    logger.info("compiling kernels with %s (once per model and machine)", compiler)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+            commands = [_compilation(compiler, source, Path(folder)) for source in sources]
+            _run(commands)
+            library, checksum = Path(folder) / "kernels.so", Path(folder) / "kernels.sha256"
+            objects = [command[-1] for command in commands]
+            _run([[compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"]])
+            checksum.write_bytes(_checksum(library))
+            os.replace(library, target)
+            os.replace(checksum, _checksum_file(target))
+    except OSError as error:
+        raise KernelError(f"the kernel cache {target.parent} cannot be used: {error}") from error
+
+
+def _checksum(library: Path) -> bytes:
+    return hashlib.sha256(library.read_bytes()).hexdigest().encode()
+
+
+def _checksum_file(library: Path) -> Path:
+    return library.with_suffix(".sha256")
+
+
+def _compilation(compiler: str, source: Source, folder: Path) -> list[str]:
+    """Write a C source; the command that compiles it, the object file last."""
+    path = folder / f"{source.name}.c"
+    path.write_text(source.text, encoding="utf-8")
+    return [compiler, *COMPILE_FLAGS, *source.flags, "-c", str(path), "-o", str(path.with_suffix(".o"))]
+
+
+def _run(commands: Sequence[Sequence[str]]) -> None:
+    """Run commands side by side; none goes on when this is left before they end."""
+    running: list[subprocess.Popen[bytes]] = []
+    try:
+        for command in commands:
+            running.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT))
+        for command, process in zip(commands, running, strict=True):
+            text, _ = process.communicate()
+            if process.returncode:
+                message = text.decode(errors="replace").strip()[:500]
+                raise KernelError(f"{command[0]} failed: {message}")
+    finally:
+        for process in running:
+            if process.poll() is None:
+                process.terminate()
+                process.communicate()
+            assert process.stdout is not None
+            process.stdout.close()

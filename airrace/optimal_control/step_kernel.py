@@ -1,0 +1,198 @@
+"""The C sources of a step's derivatives: those of f as casadi writes them, and a driver that composes them.
+
+The graph of a whole Runge-Kutta step's Hessian takes a compiler minutes. Here only the Jacobian of f and the Hessian of
+lam . f are written out. `step_kernel.c` says how the step's derivatives follow from them; this file writes the tables
+that it reads: sizes, scheme and patterns.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatterns, derivatives, step_patterns
+from airrace.system import System
+
+LANES = 4
+"""Rows of sensitivities are padded to a multiple of so many numbers, for the sake of vector instructions."""
+
+
+@dataclass(frozen=True)
+class StepSources:
+    """What makes the library's functions `step_jacobian` and `step_hessian`.
+
+    Attributes:
+        generated: casadi functions that the driver calls, to be translated each into a file of its own.
+        driver: the driver's C source, tables included.
+    """
+
+    generated: list[ca.Function]
+    driver: str
+
+
+def driver_text() -> str:
+    """The driver without tables: the same for all models."""
+    return Path(__file__).with_name("step_kernel.c").read_text(encoding="utf-8")
+
+
+def step_sources(system: System, scheme: RungeKutta) -> StepSources:
+    """The derivatives of one step of a system."""
+    x, u = ca.SX.sym("x", len(system.states)), ca.SX.sym("u", len(system.controls))
+    p = ca.SX.sym("p", len(system.parameters))
+    rates = derivatives("rates", [x, u, p], ca.vertcat(x, u), system.rates(x, u, p))
+    projection = None
+    if system.projection is not None:
+        projection = derivatives("projection", [x], x, system.projection(x))
+    parts = [rates] if projection is None else [rates, projection]
+    generated = [function for part in parts for function in (part.linear, part.curved)]
+    patterns = step_patterns(scheme, rates, projection)
+    lines = [
+        *_sizes(scheme, parts, patterns),
+        *_scheme(scheme),
+        *_places(parts[0], patterns),
+        *(
+            line
+            for part, seen in zip(parts, (patterns.stage, patterns.end), strict=False)
+            for line in _derivative_tables(part, seen[:, patterns.active])
+        ),
+        *_results(len(system.states), len(system.parameters), patterns),
+    ]
+    return StepSources(generated, "\n".join(lines) + "\n\n" + driver_text())
+
+
+def _sizes(scheme: RungeKutta, parts: Sequence[Derivatives], patterns: StepPatterns) -> list[str]:
+    n_x, n_z = parts[0].jacobian.shape
+    functions = [function for part in parts for function in (part.linear, part.curved)]
+    sizes = {
+        "NX": n_x,
+        "NU": n_z - n_x,
+        "STAGES": len(scheme.a),
+        "STEPS": scheme.steps,
+        "LANES": LANES,
+        "COLUMNS": len(patterns.active),
+        "PADDED": _padded(patterns),
+        "ACTING_STATES": len(_acting(parts[0])),
+        "JACOBIAN_NONZEROS": int(patterns.jacobian.sum()),
+        "HESSIAN_NONZEROS": int(patterns.hessian.sum()),
+        "ARGUMENTS": max(4, *(function.sz_arg() for function in functions)),
+        "RESULTS": max(2, *(function.sz_res() for function in functions)),
+        "INTEGERS": max(1, *(function.sz_iw() for function in functions)),
+        "REALS": max(1, *(function.sz_w() for function in functions)),
+        "PROJECTED": len(parts) - 1,
+    }
+    for part in parts:
+        prefix = part.name.upper()
+        sizes[f"{prefix}_JACOBIAN_NONZEROS"] = max(1, part.linear.nnz_out(1))
+        sizes[f"{prefix}_HESSIAN_NONZEROS"] = max(1, part.curved.nnz_out(0))
+        sizes[f"{prefix}_VARIABLES"] = len(_variables(part))
+    return [f"#define {name} {size}" for name, size in sizes.items()]
+
+
+def _scheme(scheme: RungeKutta) -> list[str]:
+    stages = len(scheme.a)
+    rows = [", ".join(repr(weight) for weight in (*row, *[0.0] * (stages - len(row)))) for row in scheme.a]
+    return [
+        f"static const double A[][{stages}] = {{{', '.join(f'{{{row}}}' for row in rows)}}};",
+        f"static const double B[] = {{{', '.join(map(repr, scheme.b))}}};",
+    ]
+
+
+def _places(rates: Derivatives, patterns: StepPatterns) -> list[str]:
+    """Where an entry of y has its column, -1 for none; and the states that f depends on."""
+    place = {entry: number for number, entry in enumerate(patterns.active)}
+    return [
+        _integers("COLUMN_OF", [place.get(entry, -1) for entry in range(len(patterns.hessian))]),
+        _integers("ACTING_STATE", _acting(rates)),
+    ]
+
+
+def _derivative_tables(part: Derivatives, sensitivity: Pattern) -> list[str]:
+    """Tables of a function's Jacobian and Hessian, and by column on which of them its curved arguments depend."""
+    variables, prefix = _variables(part), part.name.upper()
+    number = {variable: place for place, variable in enumerate(variables)}
+    jacobian = [(row, column, source) for source, (row, column) in enumerate(_entries(part.linear.sparsity_out(1)))]
+    upper = [
+        (number[row], number[column], source)
+        for source, (row, column) in enumerate(_entries(part.curved.sparsity_out(0)))
+    ]
+    lower = [(column, row, source) for row, column, source in upper if row != column]
+    columns, dependent = np.nonzero(sensitivity[variables].T)
+    return [
+        _integers(f"{prefix}_VARIABLE", variables),
+        *_compressed(f"{prefix}_JACOBIAN", len(part.jacobian), jacobian),
+        *_compressed(f"{prefix}_HESSIAN", len(variables), upper + lower),
+        *_compressed(
+            f"{prefix}_DEPENDENT",
+            sensitivity.shape[1],
+            [(int(column), int(variable), 0) for column, variable in zip(columns, dependent, strict=True)],
+        ),
+    ]
+
+
+def _results(n_x: int, n_p: int, patterns: StepPatterns) -> list[str]:
+    """Where the nonzeros of the results come from, and the patterns of arguments and results."""
+    padded, n_y = _padded(patterns), len(patterns.hessian)
+    place = {entry: number for number, entry in enumerate(patterns.active)}
+    jacobian, hessian = _sparsity(patterns.jacobian), _sparsity(patterns.hessian)
+    drawn = [row * padded + place[column] if column in place else -1 for row, column in _entries(jacobian)]
+    return [
+        _integers("JACOBIAN_SOURCE", drawn),
+        _integers("HESSIAN_SOURCE", [place[row] * padded + place[column] for row, column in _entries(hessian)]),
+        _encoded("PATTERN_Y", ca.Sparsity.dense(n_y)),
+        _encoded("PATTERN_SCALAR", ca.Sparsity.dense(1)),
+        _encoded("PATTERN_P", ca.Sparsity.dense(n_p)),
+        _encoded("PATTERN_X", ca.Sparsity.dense(n_x)),
+        _encoded("PATTERN_JACOBIAN", jacobian),
+        _encoded("PATTERN_HESSIAN", hessian),
+    ]
+
+
+def _padded(patterns: StepPatterns) -> int:
+    return -(-len(patterns.active) // LANES) * LANES
+
+
+def _acting(rates: Derivatives) -> list[int]:
+    """The states that f depends on."""
+    n_x = len(rates.jacobian)
+    return np.flatnonzero(np.any(rates.jacobian[:, :n_x], axis=0)).tolist()
+
+
+def _variables(part: Derivatives) -> list[int]:
+    """The arguments in which a function is not linear."""
+    return np.flatnonzero(np.any(part.hessian, axis=0)).tolist()
+
+
+def _entries(sparsity: ca.Sparsity) -> list[tuple[int, int]]:
+    """Rows and columns of the nonzeros in casadi's order."""
+    rows, columns = sparsity.get_triplet()
+    return list(zip(rows, columns, strict=True))
+
+
+def _sparsity(pattern: Pattern) -> ca.Sparsity:
+    rows, columns = np.nonzero(pattern)
+    return ca.Sparsity.triplet(len(pattern), pattern.shape[1], rows.tolist(), columns.tolist())
+
+
+def _compressed(name: str, rows: int, entries: Iterable[tuple[int, int, int]]) -> list[str]:
+    """Row-compressed tables of (row, column, source)."""
+    ordered = sorted(entries)
+    starts = np.searchsorted([row for row, _, _ in ordered], np.arange(rows + 1))
+    return [
+        _integers(f"{name}_START", starts.tolist()),
+        _integers(f"{name}_COLUMN", [column for _, column, _ in ordered]),
+        _integers(f"{name}_SOURCE", [source for _, _, source in ordered]),
+    ]
+
+
+def _integers(name: str, values: Sequence[int]) -> str:
+    """A table; C has none without entries."""
+    return f"static const int {name}[] = {{{', '.join(map(str, values or [0]))}}};"
+
+
+def _encoded(name: str, sparsity: ca.Sparsity) -> str:
+    """A pattern as casadi encodes it: rows, columns, starts of the columns, rows of the nonzeros."""
+    numbers = [*sparsity.shape, *sparsity.colind(), *sparsity.row()]
+    return f"static const long long int {name}[] = {{{', '.join(map(str, numbers))}}};"
