@@ -20,6 +20,7 @@ import numpy as np
 from airrace.documents.inputs import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
+from airrace.dynamics.six_dof import build_six_dof
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.optimal_control.integrators import DORMAND_PRINCE_5
 from airrace.optimal_control.kernel_library import compile_library, generated_source
@@ -31,7 +32,7 @@ WIND = Air(
     thermals=(Thermal(0.0, 0.0, 2.0, 1000.0), Thermal(50.0, 80.0, 2.0, 1000.0)),
 )
 AIRS = {"still": Air(), "wind": WIND}
-BUILDERS = {"point-mass": build_point_mass}
+BUILDERS = {"point-mass": build_point_mass, "six-dof": build_six_dof}
 CENTRES = {"z": -200.0, "V_K": 80.0, "q0": 1.0, "delta_T": 0.7}
 SPREADS = {"x": 100.0, "y": 100.0, "z": 10.0, "V_K": 5.0, "delta_T": 0.05}
 FUNCTIONS = ("step", "step_jacobian", "step_hessian")

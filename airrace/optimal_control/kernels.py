@@ -29,7 +29,7 @@ from airrace.system import Observation, System
 
 logger = logging.getLogger(__name__)
 
-DRIVER_FLAGS = ("-O3",)  # loops over sensitivities: twice as fast as with -O1
+DRIVER_FLAGS = ("-O3",)  # loops over sensitivities: a third faster than with -O2
 FORMAT = 3
 
 

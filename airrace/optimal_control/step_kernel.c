@@ -187,7 +187,7 @@ INLINE real mean_slope(real (*K)[NX], int r)
     return slope;
 }
 
-INLINE int one_step(struct flight *flight, struct stage *stages, real (*K)[NX])
+static int one_step(struct flight *flight, struct stage *stages, real (*K)[NX])
 {
     real dK[STAGES][NX][PADDED];
     for (int i = 0; i < STAGES; i++) {
@@ -210,7 +210,7 @@ INLINE int one_step(struct flight *flight, struct stage *stages, real (*K)[NX])
 
 /* the backward sweep */
 
-INLINE int one_step_back(
+static int one_step_back(
     const struct flight *flight, struct stage *stages, real (*K)[NX], real *lam, real *gradient, real *w, real (*hessian)[PADDED])
 {
     real zbar[STAGES][NZ] = {{0}};

@@ -69,7 +69,7 @@ def derivatives(name: str, arguments: list[ca.SX], z: ca.SX, values: ca.SX) -> D
         name=name,
         linear=ca.Function(f"{name}_linear", arguments, [ca.densify(values), jacobian], options),
         curved=ca.Function(f"{name}_curved", [*arguments, lam], [upper], options),
-        values=pattern(values.sparsity())[:, 0],
+        values=pattern(ca.sparsify(values).sparsity())[:, 0],
         jacobian=pattern(jacobian.sparsity()),
         hessian=curved | curved.T,
         untouched=np.array([_is_unit(jacobian[:, place], place) for place in range(z.numel())], dtype=bool),

@@ -1,21 +1,28 @@
 """Compiled or not, a kernel is the same function; and without a compiler everything still works."""
 
 import logging
-import shutil
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from kernel_comparison import needs_compiler
 from small_problems import rich_system
 
 from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RK4
 from airrace.optimal_control.kernel_library import cache_folder
-from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling
+from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling, prepare
 
-needs_compiler = pytest.mark.skipif(
-    not any(shutil.which(name) for name in ("cc", "gcc", "clang")), reason="there is no C compiler"
-)
+SLOW_COMPILER = """#!/bin/sh
+touch "$STARTED"
+exec sleep 60
+"""
 
 
 @pytest.fixture
@@ -151,3 +158,60 @@ def test_cache_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytes
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path))
     assert cache_folder() == tmp_path / ".cache" / "airrace" / "kernels"
+
+
+@needs_compiler
+def test_kernels_prepared_in_the_background_need_no_compiler_later(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepare(rich_system(), RK4)
+    prepare(rich_system(), DORMAND_PRINCE_5)
+    monkeypatch.setenv("CC", "")
+    for scheme in (RK4, DORMAND_PRINCE_5):
+        prepared = build_kernels(rich_system(), scheme, compiled=True)
+        assert prepared.compiled
+        assert_same(prepared, build_kernels(rich_system(), scheme, compiled=False))
+    assert len(list(cache.iterdir())) == 4
+
+
+@needs_compiler
+def test_a_preparation_that_failed_is_made_up_for(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "false")
+    prepare(rich_system(), RK4)
+    monkeypatch.delenv("CC")
+    assert build_kernels(rich_system(), RK4, compiled=True).compiled
+
+
+@needs_compiler
+def test_what_is_there_is_not_prepared_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    build_kernels(rich_system(), RK4, compiled=True)
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process was started"))
+    prepare(rich_system(), RK4)
+
+
+@pytest.mark.usefixtures("no_compiler")
+def test_without_a_compiler_nothing_is_prepared(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process was started"))
+    prepare(rich_system(), RK4)
+    assert not cache.exists()
+
+
+def test_a_preparation_that_is_ended_leaves_nothing_behind(cache: Path, tmp_path: Path) -> None:
+    compiler, started = tmp_path / "slow-compiler", tmp_path / "started"
+    compiler.write_text(SLOW_COMPILER)
+    compiler.chmod(0o755)
+    environment = dict(os.environ, CC=str(compiler), STARTED=str(started))
+    command = [sys.executable, "-m", "airrace.optimal_control.prepare"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+        assert process.stdin is not None
+        process.stdin.write(pickle.dumps((rich_system(), RK4)))
+        process.stdin.close()
+        deadline = time.monotonic() + 60.0
+        while not started.exists() and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert len(list(cache.iterdir())) == 1
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=30.0) == 128 + signal.SIGTERM
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+    assert not list(cache.iterdir())
