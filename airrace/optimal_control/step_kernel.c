@@ -7,9 +7,9 @@
  *
  *     X_i = x + h V_i,   V_i = sum_j a_ij K_j,   K_i = f(X_i, u),   x+ = x + h sum_i b_i K_i.
  *
- * Forward, with S_i = dz_i/dy:    dX_i = dx + h sum_j a_ij dK_j + g V_i e_T',    dK_i = f_z S_i.
+ * Forward, with S_i = dz_i/dy:  dX_i = dx + h sum_j a_ij dK_j + g V_i e_T',    dK_i = f_z S_i.
  *
- * Backward, for lam . x+:         k_i = b_i lam + sum_j a_ji Xbar_j,    zbar_i = f_z' k_i,    Xbar_i = h zbar_i (its x),
+ * Backward, for lam . x+:  k_i = b_i lam + sum_j a_ji Xbar_j,    zbar_i = f_z' k_i,    Xbar_i = h zbar_i (its x),
  *
  *     lam <- lam + sum_i Xbar_i,   ubar = h sum_i zbar_i (its u),   Tbar = g sum_i k_i . K_i,
  *     Hessian = sum_i S_i' (h k_i . f)_zz S_i + e_T w' + w e_T',   w' = g sum_i zbar_i' S_i.
@@ -211,7 +211,8 @@ static int one_step(struct flight *flight, struct stage *stages, real (*K)[NX])
 /* the backward sweep */
 
 static int one_step_back(
-    const struct flight *flight, struct stage *stages, real (*K)[NX], real *lam, real *gradient, real *w, real (*hessian)[PADDED])
+    const struct flight *flight, struct stage *stages, real (*K)[NX], real *lam, real *gradient, real *w,
+    real (*hessian)[PADDED])
 {
     real zbar[STAGES][NZ] = {{0}};
     for (int i = STAGES - 1; i >= 0; i--) {
