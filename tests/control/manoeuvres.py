@@ -1,15 +1,22 @@
 """Manoeuvres flown by the point mass from scripted commands: the references of the tests."""
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 
-from airrace.aircraft.aircraft import Aircraft
 from airrace.control.reference import Reference, from_histories
+from airrace.documents import load_inputs
+from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
+from airrace.dynamics.six_dof import build_six_dof
+from airrace.dynamics.state_space import build_state_space
+from airrace.dynamics.state_space_inversion import build_state_space_inversion
+from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air
 from airrace.frames import quaternion
 from airrace.optimal_control.integrators import RK4
@@ -17,9 +24,16 @@ from airrace.quantities import Interval
 from airrace.track.course import Rules
 from airrace.trajectory import Array
 
+EDGE_540 = load_inputs(Path(__file__).parents[2] / "tracks" / "half_cuban_eight.yaml").race.aircraft
 GRID = 0.01  # s
 SPACE = Rules(n_z=Interval(-4.0, 10.0), height=Interval(0.0, 2000.0))
 """Room for any manoeuvre."""
+LADDER = {
+    "transfer-function": build_transfer_functions,
+    "state-space-inversion": build_state_space_inversion,
+    "state-space": build_state_space,
+    "six-dof": build_six_dof,
+}
 
 Corners = tuple[tuple[float, float], ...]
 """Times (s) and values between which a command runs straight."""
@@ -91,7 +105,7 @@ SCRIPTS: Mapping[str, Script] = {
         n_y=pulse(1.1, 2.6, -0.4, 0.0, 0.4),
         p=together(roll(1.0, math.pi / 2, 4.5), roll(2.4, -math.pi / 2, -4.5)),
     ),
-    "push at -2 g": Script(4.0, 85.0, n_z=together(pulse(1.0, 2.2, -2.0, 1.0, 0.4), pulse(2.4, 3.2, 4.0, 1.0, 0.4))),
+    "push at -2 g": Script(4.0, 85.0, n_z=together(pulse(1.0, 2.2, -2.0, 1.0, 0.4), pulse(2.7, 3.4, 4.0, 1.0, 0.4))),
     "vertical roll": Script(
         7.5,
         110.0,
@@ -102,18 +116,40 @@ SCRIPTS: Mapping[str, Script] = {
 }
 
 
-def flown(script: Script, aircraft: Aircraft, air: Air | None = None) -> Reference:
+@dataclass(frozen=True)
+class Flown:
+    """A script as the point mass flew it: on the grid, the last control held; and as a reference."""
+
+    model: FlightModel
+    s: Array
+    state: Array
+    control: Array
+
+    @property
+    def reference(self) -> Reference:
+        return from_histories(self.model, self.s, self.state, self.control, self.s[[0, -1]])
+
+
+@functools.cache
+def flown(name: str, air: Air = Air(), *, counting: bool = False) -> Flown:  # noqa: B008 (it is frozen)
     """The point mass flies a script."""
-    model = build_point_mass(aircraft, SPACE, air or Air())
+    script = SCRIPTS[name]
+    model = build_point_mass(EDGE_540, SPACE, air, counting=counting)
     system = model.system
     s = np.linspace(0.0, script.duration, round(script.duration / GRID) + 1)
     commands = np.stack([_history(corners, s) for corners in (script.n_z, script.n_y, script.p)])
     lever = _history(script.delta_T, s)
-    control = np.vstack([np.diff(commands, axis=1) / GRID, lever[:-1]])
+    resets = np.zeros((len(system.controls) - 4, len(s) - 1))
+    control = np.vstack([np.diff(commands, axis=1) / GRID, lever[:-1], resets])
     q = quaternion(0.0, 0.0, 0.0)
-    start = np.array([0.0, 0.0, -300.0, script.V_K, *q, lever[0], *commands[:, 0]])
+    start = np.array([0.0, 0.0, -300.0, script.V_K, *q, lever[0], *commands[:, 0], *resets[:, 0]])
     state = np.hstack([start[:, None], _fold(system.rates, system.projection, model.parameter_values)(start, control)])
-    return from_histories(model, s, state, np.hstack([control, control[:, -1:]]), s[[0, -1]])
+    return Flown(model, s, state, np.hstack([control, control[:, -1:]]))
+
+
+def ladder_model(stage: str, air: Air = Air(), *, counting: bool = False) -> FlightModel:  # noqa: B008 (it is frozen)
+    """A model of the ladder in the air of the test."""
+    return LADDER[stage](EDGE_540, SPACE, air, counting=counting)
 
 
 def _history(corners: Corners, s: Array) -> Array:
