@@ -15,13 +15,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from airrace.dynamics.aerodynamics import Airflow, airflow
-from airrace.dynamics.attitude import Incidence, body_axes, incidence
+from airrace.dynamics.attitude import Incidence, body_axes, incidence, stability_axes
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
-from airrace.dynamics.linear_derivatives import LateralMotion, lateral_motion, pitching
+from airrace.dynamics.linear_derivatives import pitching
 from airrace.dynamics.load_factors import axial_load_factor
-from airrace.dynamics.moments import Sideways, lift_coefficient, side_force_coefficient
+from airrace.dynamics.moments import (
+    Sideways,
+    lift_coefficient,
+    rolling_moment_coefficient,
+    side_force_coefficient,
+    yawing_moment_coefficient,
+)
 from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates, turn_rates
 from airrace.dynamics.propulsion import lever_rate, thrust
+from airrace.dynamics.rigid_body import uncoupled
 from airrace.environment.atmosphere import AtmosphereParameters, density, g0
 from airrace.environment.wind import WindField
 from airrace.frames import Matrix, Scalar, rotation
@@ -115,26 +122,45 @@ def normal_load_factor(
     return here.load * C_L + here.pull * here.seen.alpha_A, C_L
 
 
-def lateral_load_factor(
-    beta_A: Scalar,
-    rates: tuple[Scalar, Scalar],
+def sideways(
+    state: LinearFlightState[Scalar],
+    causes: tuple[Scalar, Scalar, Scalar],
     surfaces: tuple[Scalar, Scalar],
-    alpha_K: Scalar,
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
-) -> Scalar:
-    """`n_y` of a sideslip, rates `(p_s, r_s)` (rad/s) and deflections `(xi, zeta)` (rad): linear in all of them."""
+) -> Sideways:
+    """What the lateral coefficients depend on.
+
+    Args:
+        state: its angle of attack turns the axes.
+        causes: `(beta_A, p_s, r_s)`, rad and rad/s.
+        surfaces: `(xi, zeta)`, rad.
+        here: what surrounds the aircraft.
+        aircraft: its numbers.
+    """
+    beta_A, p_s, r_s = causes
     dimensionless = aircraft.b / (2.0 * here.flow.V_A)
-    p, r = body_axes(alpha_K, rates[0] * dimensionless, rates[1] * dimensionless)
-    C_Y = side_force_coefficient(Sideways(beta_A, p, r, *surfaces), aircraft)
-    return here.load * C_Y - here.pull * beta_A
+    p, r = body_axes(state.alpha_K, p_s * dimensionless, r_s * dimensionless)
+    return Sideways(beta_A, p, r, *surfaces)
 
 
-def lateral_matrices(
-    state: LinearFlightState[Scalar], C_L: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
-) -> LateralMotion:
-    """The lateral motion at the present airspeed, density and angle of attack."""
-    return lateral_motion(here.flow.V_A, here.rho, state.alpha_K, C_L, aircraft)
+def lateral_load_factor(motion: Sideways, here: Surrounding, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
+    """`n_y`, linear in all that it depends on."""
+    return here.load * side_force_coefficient(motion, aircraft) - here.pull * motion.beta_A
+
+
+def lateral_accelerations(
+    state: LinearFlightState[Scalar],
+    motion: Sideways,
+    C_L: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> tuple[Scalar, Scalar]:
+    """`(p_s', r_s')`, rad/s2, linear in sideslip, rates and deflections."""
+    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
+    roll = moment * rolling_moment_coefficient(motion, C_L, aircraft)
+    yaw = moment * yawing_moment_coefficient(motion, C_L, aircraft)
+    return stability_axes(state.alpha_K, *uncoupled(roll, yaw, aircraft))
 
 
 def linear_motion(
@@ -144,14 +170,14 @@ def linear_motion(
     aircraft: InnerLoopParameters[Scalar],
 ) -> LinearMotion:
     """The inner loop's answer to the deflections."""
-    seen, rates, xi_zeta = here.seen, (state.p_s, state.r_s), (surfaces.xi, surfaces.zeta)
+    alpha_A, causes = here.seen.alpha_A, (here.seen.beta_A, state.p_s, state.r_s)
+    aside = sideways(state, causes, (surfaces.xi, surfaces.zeta), here, aircraft)
     n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
-    n_y = lateral_load_factor(seen.beta_A, rates, xi_zeta, state.alpha_K, here, aircraft)
+    n_y = lateral_load_factor(aside, here, aircraft)
     q_Kbar, r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y, n_z=n_z)
     alpha_dot = state.q_K - q_Kbar
     M = pitching(here.flow.V_A, here.rho, aircraft)
-    lateral = lateral_matrices(state, C_L, here, aircraft)
-    p_dot, r_dot = lateral.accelerations(seen.beta_A, rates, xi_zeta)
+    p_dot, r_dot = lateral_accelerations(state, aside, C_L, here, aircraft)
     return LinearMotion(
         n_z=n_z,
         n_y=n_y,
@@ -159,7 +185,7 @@ def linear_motion(
         alpha_dot=alpha_dot,
         beta_dot=r_Kbar - state.r_s,
         p_dot=p_dot,
-        q_dot=M.zero + M.alpha * seen.alpha_A + M.q * state.q_K + M.alphadot * alpha_dot + M.eta * surfaces.eta,
+        q_dot=M.zero + M.alpha * alpha_A + M.q * state.q_K + M.alphadot * alpha_dot + M.eta * surfaces.eta,
         r_dot=r_dot,
     )
 

@@ -45,6 +45,11 @@ def uncoupled(roll: Scalar, yaw: Scalar, aircraft: InnerLoopParameters[Scalar]) 
     )
 
 
+def coupled(p_dot: Scalar, r_dot: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
+    """Moments about x_B and z_B (N m) that make the accelerations (rad/s2): the inverse of `uncoupled`."""
+    return aircraft.I_x * p_dot - aircraft.I_xz * r_dot, aircraft.I_z * r_dot - aircraft.I_xz * p_dot
+
+
 def angle_rates(
     angles: tuple[Scalar, Scalar], rates: Triple, q_Kbar: Scalar, r_Kbar: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:

@@ -12,17 +12,20 @@ and then the deflections that make these accelerations. The surfaces' own forces
 
 from dataclasses import dataclass
 
+from airrace.dynamics.attitude import body_axes
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
-from airrace.dynamics.linear_derivatives import LateralMotion, Pair, pitching
+from airrace.dynamics.linear_derivatives import Pair, pitching
 from airrace.dynamics.linear_flight import (
     Deflections,
     LinearFlightState,
     Surrounding,
     lateral_load_factor,
-    lateral_matrices,
     normal_load_factor,
+    sideways,
 )
+from airrace.dynamics.moments import rolling_moment_coefficient, yawing_moment_coefficient
 from airrace.dynamics.outer_loop import turn_rates
+from airrace.dynamics.rigid_body import coupled
 from airrace.environment.atmosphere import g0
 from airrace.frames import Scalar
 
@@ -60,8 +63,7 @@ def deflections(
     """The deflections (rad) that bring the load factors and the roll rate to what is commanded."""
     eta = elevator(state, commands.n_z, here, aircraft, gains)
     C_L = normal_load_factor(state, eta, here, aircraft)[1]
-    lateral = lateral_matrices(state, C_L, here, aircraft)
-    xi, zeta = ailerons_and_rudder(state, commands, lateral, here, aircraft, gains)
+    xi, zeta = ailerons_and_rudder(state, commands, C_L, here, aircraft, gains)
     return Deflections(eta, xi, zeta)
 
 
@@ -98,7 +100,7 @@ def elevator(
 def sideslip(
     n_y: Scalar,
     state: LinearFlightState[Scalar],
-    lateral: LateralMotion,
+    C_L: Scalar,
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> Scalar:
@@ -106,9 +108,9 @@ def sideslip(
     r_trim = turn_rates(state.V_K, here.R, n_y=n_y, n_z=0.0)[1]
 
     def trimmed(beta_A: float, r_s: Scalar) -> Scalar:
-        roll, yaw = lateral.accelerations(beta_A, (0.0, r_s), (0.0, 0.0))
-        surfaces = solve(lateral.xi, lateral.zeta, (-roll, -yaw))
-        return lateral_load_factor(beta_A, (0.0, r_s), surfaces, state.alpha_K, here, aircraft)
+        causes = (beta_A, 0.0, r_s)
+        surfaces = surfaces_for((0.0, 0.0), state, causes, C_L, here, aircraft)
+        return lateral_load_factor(sideways(state, causes, surfaces, here, aircraft), here, aircraft)
 
     return (n_y - trimmed(0.0, r_trim)) / trimmed(1.0, 0.0)
 
@@ -116,25 +118,48 @@ def sideslip(
 def ailerons_and_rudder(
     state: LinearFlightState[Scalar],
     commands: Commands,
-    lateral: LateralMotion,
+    C_L: Scalar,
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
     gains: Gains = GAINS,
 ) -> Pair:
-    """`(xi, zeta)` (rad) for the commanded lateral load factor and roll rate."""
-    beta_A, rates, neutral = here.seen.beta_A, (state.p_s, state.r_s), (0.0, 0.0)
-    n_y_neutral = lateral_load_factor(beta_A, rates, neutral, state.alpha_K, here, aircraft)
+    """`(xi, zeta)` (rad) for the commanded lateral load factor and roll rate.
+
+    The side force of the surfaces themselves turns the path, and more yaw is wanted: `f = f_0 + s f`, with `f_0` of the
+    deflections that leave it out of account and `s` of those that one unit more of yaw acceleration takes.
+    """
+    beta_A = here.seen.beta_A
+    causes, neutral = (beta_A, state.p_s, state.r_s), (0.0, 0.0)
+    n_y_neutral = lateral_load_factor(sideways(state, causes, neutral, here, aircraft), here, aircraft)
     r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y_neutral, n_z=0.0)[1]
-    turn = g0 * here.load / state.V_K  # r_Kbar per unit of C_Y
-    error = sideslip(commands.n_y, state, lateral, here, aircraft) - beta_A
-    roll, yaw = lateral.accelerations(beta_A, rates, neutral)
-    wanted_roll = gains.p * (commands.p - state.p_s)
-    wanted_yaw = gains.r * (r_Kbar - gains.beta * error - state.r_s)
-    return solve(
-        (lateral.xi[0], lateral.xi[1] - gains.r * turn * aircraft.C_Yxi),
-        (lateral.zeta[0], lateral.zeta[1] - gains.r * turn * aircraft.C_Yzeta),
-        (wanted_roll - roll, wanted_yaw - yaw),
+    error = sideslip(commands.n_y, state, C_L, here, aircraft) - beta_A
+    roll = gains.p * (commands.p - state.p_s)
+    yaw = gains.r * (r_Kbar - gains.beta * error - state.r_s)
+    xi_0, zeta_0 = surfaces_for((roll, yaw), state, causes, C_L, here, aircraft)
+    xi_1, zeta_1 = surfaces_for((0.0, 1.0), state, (0.0, 0.0, 0.0), C_L, here, aircraft)
+    turn = gains.r * g0 * here.load / state.V_K  # yaw acceleration wanted per unit of C_Y
+    f_0 = turn * (aircraft.C_Yxi * xi_0 + aircraft.C_Yzeta * zeta_0)
+    f = f_0 / (1.0 - turn * (aircraft.C_Yxi * xi_1 + aircraft.C_Yzeta * zeta_1))
+    return xi_0 + f * xi_1, zeta_0 + f * zeta_1
+
+
+def surfaces_for(
+    accelerations: Pair,
+    state: LinearFlightState[Scalar],
+    causes: tuple[Scalar, Scalar, Scalar],
+    C_L: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> Pair:
+    """`(xi, zeta)` (rad) that make `(p_s', r_s')` (rad/s2) at `(beta_A, p_s, r_s)`: the moments' balance backwards."""
+    roll, yaw = coupled(*body_axes(state.alpha_K, *accelerations), aircraft)
+    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
+    present = sideways(state, causes, (0.0, 0.0), here, aircraft)
+    missing = (
+        roll / moment - rolling_moment_coefficient(present, C_L, aircraft),
+        yaw / moment - yawing_moment_coefficient(present, C_L, aircraft),
     )
+    return solve((aircraft.C_lxi, aircraft.C_nxi), (aircraft.C_lzeta, aircraft.C_nzeta), missing)
 
 
 def solve(one: Pair, other: Pair, right: Pair) -> Pair:

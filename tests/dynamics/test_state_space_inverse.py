@@ -23,7 +23,7 @@ from scipy.optimize import root
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.linear_flight import lateral_matrices, normal_load_factor, surrounding
+from airrace.dynamics.linear_flight import normal_load_factor, surrounding
 from airrace.dynamics.six_dof import SixDofState
 from airrace.dynamics.state_space import StateSpaceState
 from airrace.dynamics.state_space_inverse import GAINS, Commands, Gains, angle_of_attack, deflections, sideslip
@@ -58,7 +58,7 @@ def test_inner_loop_answers_its_inverse_with_the_accelerations_asked_for(
     R = rotation(state.q)
     q_Kbar, r_Kbar = g0 * (path.n_z - R[2][2]) / state.V_K, g0 * (path.n_y + R[2][1]) / state.V_K
     C_L = normal_load_factor(state, plant.eta, here, number)[1]
-    beta_des = sideslip(wanted.n_y, state, lateral_matrices(state, C_L, here, number), here, number)
+    beta_des = sideslip(wanted.n_y, state, C_L, here, number)
     alpha_error = angle_of_attack(wanted.n_z, state, here, number) - path.alpha_A
     q_des = q_Kbar + GAINS.alpha * alpha_error
     r_des = r_Kbar - GAINS.beta * (beta_des - path.beta_A)
