@@ -4,15 +4,15 @@ The reference is followed along its path, not its clock. With `t` the direction 
 `q_e` the rotation from the aircraft's attitude to the reference's, its scalar part not negative:
 
     s'   = clip((v . t + k_t e_s) / V_ref)           e_s = (r - r_ref) . t
-    f_O  = [s'^2 a_ref - g0 e_z + K_p (r_ref - r) + K_v (s' v_ref - v)] / g0           f = R^T f_O
+    f    = R^T [s'^2 a_ref - g0 e_z + K_p (r_ref - r)_across - K_v v_across] / g0
     e_t  = 2 atan2(q_e1, q_e0)
     e_mu = clip(e_t + clip(n_z,ref (f_y cos e_t + f_z sin e_t - n_y,ref) / (n_z,ref^2 + eps^2)))
 
-`f` is the specific force that is wanted. What of it lies across the reference's lift is reached by banking further (f_y
-to the right, f_z down), as far as there is lift to be turned; near zero g the bank is the reference's own, and side
-force takes over:
+`f` is the specific force that is wanted; errors along the path are left to the clock and the engine. What of it lies
+across the reference's lift is reached by banking further (f_y to the right, f_z down), as far as there is lift to be
+turned; near zero g the bank is the reference's own, and side force takes over:
 
-    n_x,cmd = f_O . t + K_V (V_ref - V_K) / g0           n_z,cmd = -f_z           p_cmd = s' p_ref + K_mu e_mu
+    n_x,cmd = [s'^2 a_ref . t + K_V (V_ref - V_K)] / g0 - R31      n_z,cmd = -f_z      p_cmd = s' p_ref + K_mu e_mu
     n_y,cmd = n_y,ref + clip(eps^2 (f_y - n_y,ref) / (f_y^2 + f_z^2 + eps^2))
 
 The reference's own part in `n_z,cmd` and `p_cmd` is taken without its corners (`softened` in the module on references),
@@ -40,9 +40,9 @@ class PathGains:
 
     K_p: float = 2.0
     K_v: float = 3.0
-    K_mu: float = 6.0
+    K_mu: float = 5.0
     k_t: float = 1.0
-    K_V: float = 0.5
+    K_V: float = 1.0
     eps: float = 1.0
     along: tuple[float, float] = (0.5, 1.5)
     bank: float = 1.2
@@ -107,9 +107,10 @@ def path_following(
     lean = clip(n_ref * (across - here.n_y) / (n_ref * n_ref + gains.eps**2), -gains.bank, gains.bank)
     e_mu = clip(twist + lean, -gains.bank_total, gains.bank_total)
     V_ref = sqrt(sum_of_products(here.velocity, here.velocity))
+    faster = sum_of_products(here.velocity, here.acceleration) / V_ref
     sideways = gains.eps**2 * (f_y - here.n_y) / (f_y * f_y + f_z * f_z + gains.eps**2)
     commands = Commands(
-        n_x=sum_of_products(here.velocity, wanted) / V_ref + gains.K_V * (V_ref - state.V_K) / g0,
+        n_x=(rate * rate * faster + gains.K_V * (V_ref - state.V_K)) / g0 - R[2][0],
         delta_T_dot=rate * here.delta_T_dot,
         n_y=here.n_y + clip(sideways, -gains.n_y, gains.n_y),
         n_z=here.soft_n_z - here.n_z - f_z,
@@ -123,15 +124,21 @@ def path_following(
 def _wanted_force(
     state: FlightPathState[Scalar], here: ReferencePoint[Scalar], rate: Scalar, gains: PathGains
 ) -> list[Scalar]:
-    """`f` in O, g."""
-    v = [state.V_K * row[0] for row in rotation(state.q)]
-    behind = _difference(here.position, (state.x, state.y, state.z))
-    slow = _difference([rate * one for one in here.velocity], v)
+    """`f_O`, g."""
+    beside = _across(_difference(here.position, (state.x, state.y, state.z)), here)
+    drifting = _across([-state.V_K * row[0] for row in rotation(state.q)], here)
     wanted = [
         (rate * rate * a + gains.K_p * position + gains.K_v * velocity) / g0
-        for a, position, velocity in zip(here.acceleration, behind, slow, strict=True)
+        for a, position, velocity in zip(here.acceleration, beside, drifting, strict=True)
     ]
     return [wanted[0], wanted[1], wanted[2] - 1.0]
+
+
+def _across(vector: Sequence[Scalar], here: ReferencePoint[Scalar]) -> list[Scalar]:
+    """The part of a vector in O that lies across the reference's path."""
+    v = here.velocity
+    along = sum_of_products(vector, v) / sum_of_products(v, v)
+    return [one - along * other for one, other in zip(vector, v, strict=True)]
 
 
 def _roll_error(q: Sequence[Scalar], q_ref: Sequence[Scalar]) -> Scalar:

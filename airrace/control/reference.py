@@ -14,7 +14,7 @@ from airrace.optimal_control.replay import interval_durations, replay
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.trajectory import Array, Trajectory
 
-SOFTENING = 0.15
+SOFTENING = 0.2
 """s: how long before a corner in load factor or roll rate it begins to be rounded off."""
 HALF_WINDOW = 20
 

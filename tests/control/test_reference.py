@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from manoeuvres import SCRIPTS, flown
 
-from airrace.control.reference import from_optimum, softened
+from airrace.control.reference import SOFTENING, from_optimum, softened
 from airrace.optimal_control.problem import Boundary, Phase, Problem, uniform
 from airrace.quantities import Interval
 from airrace.trajectory import Trajectory
@@ -31,7 +31,7 @@ def test_speed_is_the_length_of_the_velocity(name: str) -> None:
 
 def test_softening_leaves_straight_histories_alone() -> None:
     s = np.linspace(0.0, 3.0, 400)
-    inside = (s > 0.2) & (s < 2.8)
+    inside = (s > SOFTENING + 0.01) & (s < 2.99 - SOFTENING)
     assert softened(s, 2.0 - 3.0 * s)[inside] == pytest.approx((2.0 - 3.0 * s)[inside])
     assert softened(s, np.full(400, 4.0)) == pytest.approx(np.full(400, 4.0))
 
@@ -43,7 +43,7 @@ def test_softening_is_neither_early_nor_late_and_keeps_the_integral() -> None:
     assert soft + soft[::-1] == pytest.approx(np.ones(2001), abs=1e-3)
     assert np.trapezoid(soft, s) == pytest.approx(np.trapezoid(ramp, s), abs=1e-4)
     assert np.all(np.diff(soft) >= -1e-12)
-    assert soft[s < 0.74].max() < 1e-9
+    assert soft[s < 0.89 - SOFTENING].max() < 1e-9
 
 
 def test_optimum_is_sampled_as_it_was_flown() -> None:
