@@ -7,10 +7,10 @@ import numpy as np
 from airrace.checkpoint.checkpoint import STAGE_ORDER, Checkpoint, StoredDocument, StoredInputs, StoredStage
 from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, Version
 from airrace.checkpoint.place import Place
-from airrace.checkpoint.tree import Attribute, Group, rows_of
+from airrace.checkpoint.tree import Attribute, Group, R, rows_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.result import Attempt, Facts, GateSplit, Outcome, Stage, StageResult, Timings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -54,14 +54,11 @@ def _document(place: Place) -> StoredDocument:
 _TRAJECTORY = ("time", "interval_time", "states", "controls", "phases", "first_node", "durations")
 _TEXTS = ("outcome", "message", "inputs_hash", "chain_hash")
 _MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
-_TABLES = ("splits", "attempts", "timings")
+_TABLES = ("splits", "attempts", "timings", "facts")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
     place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, optional=("certificate",))
-    timings = rows_of(Timings, place.table("timings"), f"{place.path}/timings")
-    if len(timings) != 1:
-        raise CheckpointError(f"{place.path}/timings: {len(timings)} rows instead of one")
     result = StageResult(
         stage=stage,
         outcome=_outcome(place),
@@ -72,9 +69,17 @@ def _stage(place: Place, stage: Stage) -> StoredStage:
         certificate=_certificate(place.group("certificate")) if "certificate" in place.node.members else None,
         splits=rows_of(GateSplit, place.table("splits"), f"{place.path}/splits"),
         attempts=rows_of(Attempt, place.table("attempts"), f"{place.path}/attempts"),
-        timings=timings[0],
+        timings=_one_row(place, "timings", Timings),
+        facts=_one_row(place, "facts", Facts),
     )
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
+
+
+def _one_row(place: Place, name: str, record: type[R]) -> R:
+    rows = rows_of(record, place.table(name), f"{place.path}/{name}")
+    if len(rows) != 1:
+        raise CheckpointError(f"{place.path}/{name}: {len(rows)} rows instead of one")
+    return rows[0]
 
 
 def _outcome(place: Place) -> Outcome:

@@ -13,7 +13,7 @@
     first_node, durations
     constraint_multipliers, bound_multipliers
     certificate/solver_status, items   (absent where the stage is not certified by design)
-    splits, attempts, timings       tables, SI and radians
+    splits, attempts, timings, facts    tables, SI and radians
 """
 
 import re
@@ -25,11 +25,11 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInpu
 from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, GateSplit, Timings
+from airrace.procedure.result import Attempt, Facts, GateSplit, Timings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
-SCHEMA = 1
+SCHEMA = 2
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 
@@ -86,6 +86,7 @@ def _stage(stored: StoredStage) -> Group:
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
+        "facts": table_of(Facts, [result.facts]),
     }
     if result.certificate is not None:
         members["certificate"] = _certificate(result.certificate)

@@ -71,6 +71,9 @@ class CertificateEntry(Schema):
         default=None, description="largest excess of bank, climb and crossing angle at a gate"
     )
     replay: Positive | None = Field(default=None, description="largest deviation of the controls flown again, scaled")
+    variation: Positive | None = Field(
+        default=None, description="how much the controls may be moved on average, as a share of their fastest rate"
+    )
 
 
 class SettingsEntry(Schema):
@@ -135,6 +138,7 @@ def _limits(entry: CertificateEntry, silent: CertificateLimits, reporter: Report
         ("gate_length_m", "gate_length", 1.0),
         ("gate_angle_deg", "gate_angle", degree),
         ("replay", "replay", 1.0),
+        ("variation", "variation", 1.0),
     ):
         value: float | None = getattr(entry, key)
         if value is None:

@@ -5,34 +5,36 @@ import numpy as np
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers
-from airrace.procedure.flight import PointMassFlight, gate_splits, trajectory
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.flight import Flight, gate_splits, trajectory
+from airrace.procedure.result import NO_FACTS, Facts, Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench
 
 
 def conclude(
-    flight: PointMassFlight,
+    flight: Flight,
     bench: Workbench,
     problem: Problem,
     iterate: Iterate,
     *,
-    stage: Stage,
     outcome: Outcome,
+    stage: Stage | None = None,
     message: str = "",
     multipliers: Multipliers | None = None,
     certificate: Certificate | None = None,
+    facts: Facts = NO_FACTS,
 ) -> StageResult:
-    """The result of a stage; without multipliers theirs are empty."""
+    """The result of a stage, by default the flight's own; without multipliers theirs are empty."""
     flown = trajectory(problem, iterate)
     return StageResult(
-        stage=stage,
+        stage=stage or flight.stage,
         outcome=outcome,
         message=message,
         trajectory=flown,
         constraint_multipliers=np.zeros(0) if multipliers is None else multipliers.constraints,
         bound_multipliers=np.zeros(0) if multipliers is None else multipliers.bounds,
         certificate=certificate,
-        splits=gate_splits(flight.plan, flown),
+        splits=gate_splits(flight, flown),
         attempts=tuple(bench.attempts),
         timings=bench.timings(),
+        facts=facts,
     )

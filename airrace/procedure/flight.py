@@ -1,7 +1,7 @@
 """A race made ready for optimisation: its plan, the equations of the aircraft and the problem on any mesh."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,35 +9,32 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import crossing_observation
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.point_mass import build_point_mass
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.cruise import cruise
+from airrace.procedure.models import BUILDERS, regularised
 from airrace.procedure.plan import Plan, plan
 from airrace.procedure.race import Race
-from airrace.procedure.result import GateSplit
+from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings
 from airrace.procedure.statement import race_problem
 from airrace.procedure.watches import leg_watches
 from airrace.system import Observation
-from airrace.trajectory import Trajectory
-
-REGULARISED = ("n_z_dot", "n_y_dot", "p_Kbar_dot")
-DETERMINED = {"Phi_reset": 1e-7, "gain_reset": 1e-7}
-"""Weights of controls that matter nowhere but where a roll begins: just enough to make them unique."""
+from airrace.trajectory import Array, Trajectory
 
 
 @dataclass(frozen=True)
-class PointMassFlight:
-    """The point mass flying a planned race."""
+class Flight:
+    """The model of one stage flying a planned race; `weights` of its squared, scaled controls, by name."""
 
+    stage: Stage
     plan: Plan
     model: FlightModel
     observation: Observation
     watches: tuple[tuple[Watch, ...], ...]
     aircraft: Aircraft
-    regularisation: float
+    weights: Mapping[str, float]
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """The joint problem over all phases; `mesh` holds the fractions of each."""
@@ -48,24 +45,26 @@ class PointMassFlight:
             model=self.model,
             observation=self.observation,
             aircraft=self.aircraft,
-            regularised=dict.fromkeys(REGULARISED, self.regularisation) | (DETERMINED if self.plan.counting else {}),
+            regularised=self.weights,
         )
 
 
-def point_mass_flight(race: Race, settings: Settings) -> PointMassFlight:
-    """Plan the race and build the point mass's equations.
+def stage_flight(stage: Stage, race: Race, settings: Settings) -> Flight:
+    """Plan the race and build the equations of a stage.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    model = build_point_mass(race.aircraft, race.course.rules, race.air, counting=race.course.has_rolls)
-    return PointMassFlight(
-        plan=plan(race.course, cruise(race.aircraft, race.course.rules)),
+    course = race.course
+    model = BUILDERS[stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+    return Flight(
+        stage=stage,
+        plan=plan(course, cruise(race.aircraft, course.rules)),
         model=model,
         observation=crossing_observation(model.system.states),
-        watches=leg_watches(race.course, model.system.states),
+        watches=leg_watches(course, model.system.states),
         aircraft=race.aircraft,
-        regularisation=settings.regularisation,
+        weights=regularised(model.system.controls, settings.regularisation),
     )
 
 
@@ -98,12 +97,12 @@ def iterate_of(flown: Trajectory) -> Iterate:
     return Iterate(flown.durations, flown.state, flown.control)
 
 
-def gate_splits(course_plan: Plan, flown: Trajectory) -> tuple[GateSplit, ...]:
+def gate_splits(flight: Flight, flown: Trajectory) -> tuple[GateSplit, ...]:
     """One row per passage."""
     q = [flown.of(name) for name in ("q0", "q1", "q2", "q3")]
-    V_K, z, n_z = flown.of("V_K"), flown.of("z"), flown.of("n_z")
+    V_K, z, n_z = flown.of("V_K"), flown.of("z"), history(flight, flown, "n_z")
     splits: list[GateSplit] = []
-    for waypoint, node in zip(course_plan.waypoints, flown.first_node.tolist(), strict=True):
+    for waypoint, node in zip(flight.plan.waypoints, flown.first_node.tolist(), strict=True):
         heading, climb, bank = angles(rotation([float(one[node]) for one in q]))
         splits.append(
             GateSplit(
@@ -118,3 +117,16 @@ def gate_splits(course_plan: Plan, flown: Trajectory) -> tuple[GateSplit, ...]:
             )
         )
     return tuple(splits)
+
+
+def history(flight: Flight, flown: Trajectory, name: str) -> Array:
+    """A state or a path quantity at the nodes, shape (N + 1,); the last node has the controls of the last interval."""
+    system = flight.model.system
+    names = [quantity.name for quantity in system.path]
+    if name not in names:
+        return flown.of(name)
+    assert system.path_values is not None  # it has path quantities
+    control = np.hstack([flown.control, flown.control[:, -1:]])
+    p = np.repeat(flight.model.parameter_values[:, None], control.shape[1], axis=1)
+    values = system.path_values.map(control.shape[1])(flown.state, control, p)
+    return np.asarray(values)[names.index(name)]

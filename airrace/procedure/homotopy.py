@@ -16,11 +16,11 @@ import numpy as np
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
 from airrace.optimal_control.solvers import SolverOptions
 from airrace.procedure.conclusion import conclude
-from airrace.procedure.flight import PointMassFlight
+from airrace.procedure.flight import Flight
 from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.joint import COLD_BARRIER
 from airrace.procedure.phase_family import PhaseFamily, phase_family
 from airrace.procedure.pieces import joined, moved, phase_piece
-from airrace.procedure.point_mass import COLD_BARRIER
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench
 from airrace.procedure.statement import piece_boundary
@@ -35,7 +35,7 @@ TOLERANCE, ITERATIONS_MAX = 1e-2, 100  # of a piece: it is only a guess
 STEP_BARRIER = 1e-2  # of a solve that starts from the neighbouring solution
 
 
-def fly_homotopy(flight: PointMassFlight, bench: Workbench) -> StageResult:
+def fly_homotopy(flight: Flight, bench: Workbench) -> StageResult:
     """Fly all phases one after the other; a phase that cannot be flown is left as planned."""
     return _Homotopy(flight, bench).fly()
 
@@ -43,7 +43,7 @@ def fly_homotopy(flight: PointMassFlight, bench: Workbench) -> StageResult:
 class _Homotopy:
     """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
-    def __init__(self, flight: PointMassFlight, bench: Workbench) -> None:
+    def __init__(self, flight: Flight, bench: Workbench) -> None:
         self.flight = flight
         self.bench = bench
         self.mesh = first_mesh(flight.plan, bench.settings.mesh)
@@ -151,7 +151,7 @@ class _Homotopy:
         return held(self.flight, self.pieces[first].state[:, 0])
 
 
-def held(flight: PointMassFlight, state: Array) -> Boundary:
+def held(flight: Flight, state: Array) -> Boundary:
     """Begin exactly in a state, shape (n_x,)."""
     names = [quantity.name for quantity in flight.model.system.states]
     return Boundary("", {name: Interval.exactly(float(value)) for name, value in zip(names, state, strict=True)})

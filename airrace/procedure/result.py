@@ -68,6 +68,27 @@ class Timings:
 
 
 @dataclass(frozen=True)
+class Facts:
+    """Where a stage started and what its regularisation costs.
+
+    Attributes:
+        regularisation: its share of the objective, s.
+        source: the stage along whose optimum this one's model was flown for a first guess; empty without one.
+        strayed, strayed_at: farthest from that optimum (m), and when (s).
+        missed: how far beside its end that flight ended, m.
+    """
+
+    regularisation: float = 0.0
+    source: str = ""
+    strayed: float = 0.0
+    strayed_at: float = 0.0
+    missed: float = 0.0
+
+
+NO_FACTS = Facts()
+
+
+@dataclass(frozen=True)
 class StageResult:
     """One stage, finished.
 
@@ -82,6 +103,7 @@ class StageResult:
         splits: one row per passage.
         attempts: every solver call, in order.
         timings: where the time went.
+        facts: where it started, what its regularisation costs.
     """
 
     stage: Stage
@@ -94,6 +116,7 @@ class StageResult:
     splits: tuple[GateSplit, ...]
     attempts: tuple[Attempt, ...]
     timings: Timings
+    facts: Facts = NO_FACTS
 
     @property
     def certified(self) -> bool:

@@ -36,7 +36,10 @@ class SolverSettings:
 
 @dataclass(frozen=True)
 class CertificateLimits:
-    """Largest values a certified result may show; lengths in m, angles in rad, load factors in g."""
+    """Largest values a certified result may show; lengths in m, angles in rad, load factors in g.
+
+    `variation` is what the controls may be moved on average, as a share of their fastest rate.
+    """
 
     kkt_error: float = 1e-6
     load_factor: float = 0.02
@@ -46,6 +49,7 @@ class CertificateLimits:
     gate_length: float = 0.01
     gate_angle: float = math.radians(0.1)
     replay: float = 1e-4
+    variation: float = 0.5
 
 
 @dataclass(frozen=True)

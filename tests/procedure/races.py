@@ -8,7 +8,7 @@ from pathlib import Path
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
 from airrace.procedure.cruise import cruise
-from airrace.procedure.flight import PointMassFlight, point_mass_flight
+from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.plan import Plan, plan
 from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
@@ -112,9 +112,9 @@ def planned(race: Race) -> Plan:
     return plan(race.course, cruise(race.aircraft, race.course.rules))
 
 
-def prepared(race: Race) -> PointMassFlight:
+def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
     """A race made ready for optimisation with the default settings."""
-    return point_mass_flight(race, Settings())
+    return stage_flight(stage, race, Settings())
 
 
 def settings(guess: GuessKind, *, compiled: bool = True) -> Settings:

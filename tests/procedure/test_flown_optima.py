@@ -256,4 +256,4 @@ def test_mesh_and_unknowns_of_a_flight_are_a_round_trip() -> None:
     problem = prepared(SMALL).problem(mesh_of(result.trajectory))
     iterate = iterate_of(result.trajectory)
     assert interval_durations(problem, iterate.durations) == pytest.approx(np.diff(result.trajectory.time), rel=1e-12)
-    assert gate_splits(prepared(SMALL).plan, result.trajectory) == result.splits
+    assert gate_splits(prepared(SMALL), result.trajectory) == result.splits

@@ -1,36 +1,44 @@
-"""The point-mass stage: the joint optimum over all phases, certified, on a mesh refined where it must be.
+"""The joint optimum of a stage over all phases, certified, on a mesh refined where it must be.
 
 It can be started from several flights, and solved with several solvers. The first that leads to a certified optimum
 counts: the primary solver from all starts, then the fallback from all starts.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from airrace.optimal_control.audit import Audit, Tolerance, audit
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import bisect
-from airrace.optimal_control.replay import replay
+from airrace.optimal_control.replay import interval_durations, replay
 from airrace.optimal_control.solvers import Solution
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.diagnosis import diagnose
-from airrace.procedure.flight import PointMassFlight
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.flight import Flight
+from airrace.procedure.result import NO_FACTS, Facts, Outcome, StageResult
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
 
+RATE = "_dot"  # what the names of controls that move something end with
 COLD_BARRIER = 0.1
 WARM_BARRIER = 1e-2  # of a solve that starts from an optimum on a coarser mesh, or from assembled pieces
 
 
 @dataclass(frozen=True)
 class Start:
-    """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter."""
+    """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
+
+    `facts` say where it comes from.
+    """
 
     problem: Problem
     guess: Iterate
     barrier: float
+    facts: Facts = NO_FACTS
 
 
 @dataclass(frozen=True)
@@ -41,9 +49,7 @@ class Failure:
     solution: Solution | None
 
 
-def optimise_point_mass(
-    flight: PointMassFlight, bench: Workbench, starts: Sequence[Callable[[], Start]]
-) -> StageResult:
+def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
     """The certified optimum; if none is found, the optimum that is not certified, or why there is none.
 
     Args:
@@ -68,7 +74,7 @@ def optimise_point_mass(
     return uncertified[0] if uncertified else _unsolved(flight, bench, failures)
 
 
-def _refined(flight: PointMassFlight, bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
+def _refined(flight: Flight, bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, refine and solve again until the certificate holds or the refinements are used up."""
     limits = bench.settings.certificate
     total = bench.settings.mesh.refinements_max
@@ -82,9 +88,9 @@ def _refined(flight: PointMassFlight, bench: Workbench, start: Start, solver: st
             return Failure(start, solution)
         flown = replay(problem, solution.iterate)
         measured = audit(problem, solution.iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
-        certificate = certified(solution, measured, limits)
+        certificate = certified(problem, solution, measured, limits)
         if certificate.certified or not measured.coarse.any() or refinement == total:
-            return _finished(flight, bench, problem, solution, certificate)
+            return _finished(flight, bench, problem, solution, certificate, start.facts)
         mesh, guess = bisect(problem, solution.iterate, flown, measured.coarse)
         problem, barrier, solvers = flight.problem(mesh), WARM_BARRIER, bench.solvers
     raise AssertionError("the last refinement returns")
@@ -104,15 +110,32 @@ def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
     )
 
 
-def certified(solution: Solution, measured: Audit, limits: CertificateLimits) -> Certificate:
+def certified(problem: Problem, solution: Solution, measured: Audit, limits: CertificateLimits) -> Certificate:
     """The certificate of a solution."""
     solved = Item("solver", 0.0 if solution.success else 1.0, 0.0, "", solution.status)
     kkt = Item("kkt_error", solution.kkt.largest, limits.kkt_error, "scaled", "")
-    return Certificate(f"{solution.solver}: {solution.status}", (solved, kkt, *measured.items))
+    items = (solved, kkt, *measured.items, *variations(problem, solution.iterate, limits))
+    return Certificate(f"{solution.solver}: {solution.status}", items)
+
+
+def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Iterator[Item]:
+    """Total variation per second of everything a pilot moves: what its bounded rate adds up to, whichever way."""
+    steps = interval_durations(problem, iterate.durations)
+    for quantity, rates in zip(problem.system.controls, iterate.control, strict=True):
+        fastest = max(-quantity.lower, quantity.upper)
+        if quantity.name.endswith(RATE) and math.isfinite(fastest):
+            name = quantity.name.removesuffix(RATE)
+            mean = float(np.abs(rates) @ steps / steps.sum())
+            yield Item(f"variation_{name}", mean, limits.variation * fastest, quantity.unit, "mean over the race")
 
 
 def _finished(
-    flight: PointMassFlight, bench: Workbench, problem: Problem, solution: Solution, certificate: Certificate
+    flight: Flight,
+    bench: Workbench,
+    problem: Problem,
+    solution: Solution,
+    certificate: Certificate,
+    facts: Facts,
 ) -> StageResult:
     failed = ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} ({item.where})" for item in certificate.failed)
     return conclude(
@@ -120,15 +143,15 @@ def _finished(
         bench,
         problem,
         solution.iterate,
-        stage=Stage.POINT_MASS,
         outcome=Outcome.SOLVED if certificate.certified else Outcome.NOT_CERTIFIED,
         message=f"solved but not certified: {failed}" if failed else "",
         multipliers=solution.multipliers,
         certificate=certificate,
+        facts=replace(facts, regularisation=solution.objective - float(solution.iterate.durations.sum())),
     )
 
 
-def _unsolved(flight: PointMassFlight, bench: Workbench, failures: Sequence[Failure]) -> StageResult:
+def _unsolved(flight: Flight, bench: Workbench, failures: Sequence[Failure]) -> StageResult:
     """No optimum: say what stands in the way."""
     returned = [failure for failure in failures if failure.solution is not None]
     claimed = [failure for failure in returned if failure.solution is not None and failure.solution.infeasible]
@@ -140,7 +163,6 @@ def _unsolved(flight: PointMassFlight, bench: Workbench, failures: Sequence[Fail
         bench,
         failure.start.problem,
         failure.start.guess if solution is None else _last_flight(failure.start, solution),
-        stage=Stage.POINT_MASS,
         outcome=outcome,
         message=message,
     )
