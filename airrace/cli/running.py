@@ -16,7 +16,7 @@ from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode
 from airrace.cli.live import watching
 from airrace.cli.summary import summarise
-from airrace.cli.tables import rendered, result_tables
+from airrace.cli.tables import rendered, result_tables, stages_table
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import StorageError, UsageError
 from airrace.procedure import run as procedure
@@ -101,7 +101,8 @@ def fly(
     finally:
         summarise(answer, run.name, results, time.perf_counter() - started)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-        answer.texts.extend(rendered(table) for table in result_tables(results[-1]))
+        tables = [stages_table(results), *result_tables(results[-1])]
+        answer.texts.extend(rendered(table) for table in tables)
 
 
 def stage_named(text: str | None) -> Stage:

@@ -98,22 +98,29 @@ def certificate_table(certificate: Certificate) -> Table:
 
 
 def stages_table(results: Sequence[StageResult]) -> Table:
-    """One row per finished stage."""
+    """One row per finished stage; `cost` is what its fidelity adds to the time of the certified stage before it."""
     table = _table("stages", "stage", "status")
-    _numbers(table, "time\ns", "iterations", "solve\ns", "wall\ns")
+    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iterations", "solve\ns", "wall\ns")
     table.add_column("certified")
+    before: float | None = None
     for result in results:
         guess = result.certificate is None and result.outcome is Outcome.SOLVED
         certified = "yes" if result.certified else "-" if guess else "NO"
+        race_time, facts = result.trajectory.race_time, result.facts
+        optimum = is_flight(result) and not guess
         table.add_row(
             result.stage.value,
             result.outcome.value,
-            f"{result.trajectory.race_time:.3f}" if is_flight(result) else "-",
+            f"{race_time:.3f}" if is_flight(result) else "-",
+            f"{race_time - before:+.3f}" if optimum and before is not None else "-",
+            f"{facts.regularisation:.3f}" if optimum else "-",
+            f"{facts.strayed:.2f}" if facts.source else "-",
             str(result.iterations),
             f"{result.timings.solve:.2f}",
             f"{result.timings.wall:.2f}",
             certified,
         )
+        before = race_time if result.certified else before
     return table
 
 
