@@ -1,9 +1,11 @@
 """The ladder: every stage's flight, and where its joint problem is started from."""
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.handover import followed, recorded
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, WARM_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
@@ -68,6 +70,15 @@ class Ladder:
 
         return (pieced, planned) if flown else (planned, pieced)
 
-    def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start]]:
-        """Of a higher fidelity: from the stage before, then from those further below."""
-        return iter(())
+    def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start | None]]:
+        """Of a higher fidelity: from the stage before, then from the point mass."""
+        below = STAGES[: STAGES.index(flight.stage)]
+        for stage in dict.fromkeys((below[-1], Stage.POINT_MASS)):
+            yield functools.partial(self._handed_over, flight, stage, bench)
+
+    def _handed_over(self, flight: Flight, stage: Stage, bench: Workbench) -> Start | None:
+        source, optimum = self.flight(stage), self.done[stage]
+        if flight.stage is Stage.STATE_SPACE and stage is Stage.STATE_SPACE_INVERSION:
+            return recorded(flight, source, optimum)
+        bench.progress.activity(f"flying along the optimum of {stage.value} by error feedback", 0, 0)
+        return followed(flight, source, optimum)

@@ -1,0 +1,62 @@
+"""From the optimum of one fidelity to a start for the next.
+
+Where the equations change, the higher fidelity's model is flown along the lower one's optimum by error feedback. Where
+only the controls change, from commands to the deflections they made, the recorded ones are flown.
+"""
+
+import numpy as np
+
+from airrace.control.reference import from_optimum
+from airrace.control.simulation import follow
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.flight import Flight, history, mesh_of
+from airrace.procedure.joint import WARM_BARRIER, Start
+from airrace.procedure.models import INVERSES, RATE
+from airrace.procedure.result import Facts, StageResult
+from airrace.trajectory import Array
+
+
+def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | None:
+    """A stage's model flown along the optimum of another stage; None if it departs.
+
+    Args:
+        flight: of the stage to be started.
+        source: of the stage whose optimum is followed.
+        optimum: its result.
+    """
+    flown = optimum.trajectory
+    reference = from_optimum(source.model, source.problem(mesh_of(flown)), flown)
+    simulated = follow(flight.model, INVERSES[flight.stage], reference, nodes=flown.time)
+    if not simulated.finished:
+        return None
+    steps = np.split(np.diff(simulated.time), flown.first_node[1:-1])
+    mesh = [tuple((one / one.sum()).tolist()) for one in steps]
+    guess = Iterate(simulated.durations, simulated.state, simulated.control)
+    facts = Facts(
+        source=source.stage.value,
+        strayed=simulated.strayed,
+        strayed_at=simulated.strayed_at,
+        missed=simulated.end_distance,
+    )
+    return Start(flight.problem(mesh), guess, WARM_BARRIER, facts)
+
+
+def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
+    """The very flight of a stage, told in the states and controls of another one that flies the same equations."""
+    flown = optimum.trajectory
+    steps = np.diff(flown.time)
+    states = {one.name: history(source, flown, one.name) for one in flight.model.system.states}
+    held = {one.name: row for one, row in zip(flown.controls, flown.control, strict=True)}
+
+    def control(name: str, lower: float, upper: float) -> Array:
+        values = held[name] if name in held else np.diff(states[name.removesuffix(RATE)]) / steps
+        return np.clip(values, lower, upper)
+
+    guess = Iterate(
+        flown.durations,
+        np.vstack(list(states.values())),
+        np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
+    )
+    return Start(flight.problem(mesh_of(flown)), guess, WARM_BARRIER, Facts(source=source.stage.value))
+
+
