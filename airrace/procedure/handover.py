@@ -6,14 +6,18 @@ only the controls change, from commands to the deflections they made, the record
 
 import numpy as np
 
+from airrace.control.inner_loops import inner_controller_for
 from airrace.control.reference import from_optimum
 from airrace.control.simulation import follow
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.flight import Flight, history, mesh_of
 from airrace.procedure.joint import WARM_BARRIER, Start
-from airrace.procedure.models import INVERSES, RATE
+from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Trajectory
+
+LONGEST_INTERVAL = 0.1
+"""s, of the mesh a stage with rotational dynamics begins with: the roll mode's time constant is 0.08 s."""
 
 
 def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | None:
@@ -26,10 +30,11 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | No
     """
     flown = optimum.trajectory
     reference = from_optimum(source.model, source.problem(mesh_of(flown)), flown)
-    simulated = follow(flight.model, INVERSES[flight.stage], reference, nodes=flown.time)
+    nodes, first_node = finer(flown)
+    simulated = follow(flight.model, inner_controller_for(flight.stage.value), reference, nodes=nodes)
     if not simulated.finished:
         return None
-    steps = np.split(np.diff(simulated.time), flown.first_node[1:-1])
+    steps = np.split(np.diff(simulated.time), first_node[1:-1])
     mesh = [tuple((one / one.sum()).tolist()) for one in steps]
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
     facts = Facts(
@@ -39,6 +44,17 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | No
         missed=simulated.end_distance,
     )
     return Start(flight.problem(mesh), guess, WARM_BARRIER, facts)
+
+
+def finer(flown: Trajectory) -> tuple[Array, list[int]]:
+    """Times of the nodes with long intervals divided, and the node at which each phase begins and, last, the end."""
+    steps = np.diff(flown.time)
+    parts = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(int)
+    nodes = [
+        start + step / count * np.arange(count) for start, step, count in zip(flown.time, steps, parts, strict=False)
+    ]
+    counted = np.concatenate([[0], np.cumsum(parts)])
+    return np.append(np.concatenate(nodes), flown.time[-1]), counted[flown.first_node].tolist()
 
 
 def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -58,5 +74,3 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
     )
     return Start(flight.problem(mesh_of(flown)), guess, WARM_BARRIER, Facts(source=source.stage.value))
-
-

@@ -4,13 +4,12 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.control.inner_controller import InnerLoopInverse
-from airrace.control.inversion_deflections import invert_six_dof
-from airrace.control.inversion_transfer_functions import invert_transfer_functions
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.roll_counter import RollReset
 from airrace.dynamics.six_dof import build_six_dof
+from airrace.dynamics.state_space import build_state_space
+from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air
 from airrace.procedure.result import Stage
@@ -34,14 +33,10 @@ BUILDERS: Mapping[Stage, Builder] = {
     Stage.HOMOTOPY: build_point_mass,
     Stage.POINT_MASS: build_point_mass,
     Stage.TRANSFER_FUNCTION: build_transfer_functions,
+    Stage.STATE_SPACE_INVERSION: build_state_space_inversion,
+    Stage.STATE_SPACE: build_state_space,
     Stage.SIX_DOF: build_six_dof,
 }
-
-INVERSES: Mapping[Stage, InnerLoopInverse] = {
-    Stage.TRANSFER_FUNCTION: invert_transfer_functions,
-    Stage.SIX_DOF: invert_six_dof,
-}
-"""How each stage's model is made to follow a flight."""
 
 
 def regularised(controls: tuple[Quantity, ...], weight: float) -> dict[str, float]:
