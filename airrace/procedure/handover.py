@@ -49,12 +49,11 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | No
 def finer(flown: Trajectory) -> tuple[Array, list[int]]:
     """Times of the nodes with long intervals divided, and the node at which each phase begins and, last, the end."""
     steps = np.diff(flown.time)
-    parts = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(int)
-    nodes = [
-        start + step / count * np.arange(count) for start, step, count in zip(flown.time, steps, parts, strict=False)
-    ]
-    counted = np.concatenate([[0], np.cumsum(parts)])
-    return np.append(np.concatenate(nodes), flown.time[-1]), counted[flown.first_node].tolist()
+    parts = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(np.int64)
+    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    nodes = np.repeat(flown.time[:-1], parts) + within * np.repeat(steps / parts, parts)
+    first_node = np.concatenate([[0], np.cumsum(parts)])[flown.first_node]
+    return np.append(nodes, flown.time[-1]), first_node.tolist()
 
 
 def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
