@@ -5,6 +5,7 @@ only the controls change, from commands to the deflections they made, the record
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.control.inner_loops import inner_controller_for
 from airrace.control.reference import from_optimum
@@ -15,6 +16,8 @@ from airrace.procedure.joint import WARM_BARRIER, Start
 from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
 from airrace.trajectory import Array, Trajectory
+
+Indices = NDArray[np.int64]
 
 LONGEST_INTERVAL = 0.1
 """s, of the mesh a stage with rotational dynamics begins with: the roll mode's time constant is 0.08 s."""
@@ -50,8 +53,8 @@ def finer(flown: Trajectory) -> tuple[Array, list[int]]:
     """Times of the nodes with long intervals divided, and the node at which each phase begins and, last, the end."""
     steps = np.diff(flown.time)
     parts = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(np.int64)
-    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    nodes = np.repeat(flown.time[:-1], parts) + within * np.repeat(steps / parts, parts)
+    within: Indices = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    nodes: Array = np.repeat(flown.time[:-1], parts) + within * np.repeat(steps / parts, parts)
     first_node = np.concatenate([[0], np.cumsum(parts)])[flown.first_node]
     return np.append(nodes, flown.time[-1]), first_node.tolist()
 
