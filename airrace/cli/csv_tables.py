@@ -34,6 +34,7 @@ def flight_text(run: Run, result: StageResult, rate: float | None) -> str:
         result,
         text,
         rate_hz=rate,
+        derived=procedure.derived_quantities(race, run.inputs.settings, result),
         sampler=None if rate is None else procedure.sampler(race, run.inputs.settings, result),
         provenance=Provenance(race.course.name, race.aircraft.name, run.checkpoint.versions.get("airrace", "unknown")),
     )

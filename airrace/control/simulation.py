@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.control.inner_controller import InnerController, InnerLoopInverse
-from airrace.control.outer_loop import Commands, PathGains, errors, path_following
+from airrace.control.outer_loop import PathGains, errors, path_following
 from airrace.control.reference import Reference, ReferencePoint
+from airrace.control.settling import at, settled_states
 from airrace.dynamics.flight_model import FlightModel, column, named_symbols
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.quantities import Quantity
@@ -33,8 +34,6 @@ SPACING = 0.01
 """s, at which the reference is tabulated."""
 CHUNK = 200
 """Steps in one call."""
-SETTLING = 30
-"""Steps of Newton's method towards the state in which the flight begins."""
 LOST = 500.0
 """m from the reference: a simulation that strays this far has departed."""
 K_COUNTER = 1.0
@@ -186,25 +185,7 @@ def _lookup(reference: Reference) -> ca.Function:
 
 def _beginning(system: System, inner: InnerController, reference: Reference) -> Array:
     """The state in which the model flies as the reference does at its beginning."""
-    first = ReferencePoint[float](
-        **{name: float(getattr(reference.histories, name)[0]) for name in ReferencePoint.names()}
-    )
-    V_K = float(np.linalg.norm(first.velocity))
-    known = {name: getattr(first, name) for name in ReferencePoint.names()} | {"V_K": V_K}
-    shared = (*FlightPathState.names(), "delta_T", "Phi", "gain")
-    x = np.array([known[one.name] if one.name in shared else 0.0 for one in system.states])
-    commands = Commands[float](
-        n_x=0.0,
-        delta_T_dot=0.0,
-        n_y=first.n_y,
-        n_z=first.soft_n_z,
-        n_z_dot=first.soft_n_z_dot,
-        p=first.soft_p,
-        p_dot=first.soft_p_dot,
-    )
-    for _ in range(SETTLING):
-        x = np.asarray(inner.settled(x, commands.join())).ravel()
-    return x
+    return settled_states(system, inner, at(reference, np.zeros(1))).ravel()
 
 
 def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown) -> Followed:

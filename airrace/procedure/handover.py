@@ -5,19 +5,17 @@ only the controls change, from commands to the deflections they made, the record
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.control.inner_loops import inner_controller_for
 from airrace.control.reference import from_optimum
+from airrace.control.settling import settle
 from airrace.control.simulation import follow
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.flight import Flight, history, mesh_of
-from airrace.procedure.joint import WARM_BARRIER, Start
+from airrace.procedure.joint import COLD_BARRIER, WARM_BARRIER, Start
 from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
 from airrace.trajectory import Array, Trajectory
-
-Indices = NDArray[np.int64]
 
 LONGEST_INTERVAL = 0.1
 """s, of the mesh a stage with rotational dynamics begins with: the roll mode's time constant is 0.08 s."""
@@ -49,14 +47,25 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | No
     return Start(flight.problem(mesh), guess, WARM_BARRIER, facts)
 
 
+def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
+    """A stage's model at rest, node by node, in what the optimum of another stage does: where nothing else leads on."""
+    flown = optimum.trajectory
+    reference = from_optimum(source.model, source.problem(mesh_of(flown)), flown)
+    nodes, first_node = finer(flown)
+    state, control = settle(flight.model, inner_controller_for(flight.stage.value), reference, nodes=nodes)
+    mesh = [tuple((one / one.sum()).tolist()) for one in np.split(np.diff(nodes), first_node[1:-1])]
+    guess = Iterate(flown.durations, state, control)
+    return Start(flight.problem(mesh), guess, COLD_BARRIER, Facts(source=source.stage.value))
+
+
 def finer(flown: Trajectory) -> tuple[Array, list[int]]:
     """Times of the nodes with long intervals divided, and the node at which each phase begins and, last, the end."""
     steps = np.diff(flown.time)
-    parts = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(np.int64)
-    within: Indices = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    nodes: Array = np.repeat(flown.time[:-1], parts) + within * np.repeat(steps / parts, parts)
+    parts: list[int] = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(int).tolist()
+    times: list[float] = flown.time.tolist()
+    nodes = [a + (b - a) * part / n for a, b, n in zip(times, times[1:], parts, strict=False) for part in range(n)]
     first_node = np.concatenate([[0], np.cumsum(parts)])[flown.first_node]
-    return np.append(nodes, flown.time[-1]), first_node.tolist()
+    return np.array([*nodes, times[-1]]), first_node.tolist()
 
 
 def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.handover import followed, recorded
+from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, WARM_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
@@ -71,10 +71,11 @@ class Ladder:
         return (pieced, planned) if flown else (planned, pieced)
 
     def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start | None]]:
-        """Of a higher fidelity: from the stage before, then from the point mass."""
+        """Of a higher fidelity: from the stage before, then from the point mass, flown or at rest."""
         below = STAGES[: STAGES.index(flight.stage)]
         for stage in dict.fromkeys((below[-1], Stage.POINT_MASS)):
             yield functools.partial(self._handed_over, flight, stage, bench)
+        yield functools.partial(settled, flight, self.flight(Stage.POINT_MASS), self.done[Stage.POINT_MASS])
 
     def _handed_over(self, flight: Flight, stage: Stage, bench: Workbench) -> Start | None:
         source, optimum = self.flight(stage), self.done[stage]

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from airrace.optimal_control.integration import load_in_background
 from airrace.optimal_control.service import SolverService
+from airrace.procedure.derived import derived_quantities
 from airrace.procedure.ladder import STAGES, Ladder, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.race import Race
@@ -12,7 +13,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stored import recertify, sampler
 
-__all__ = ["STAGES", "optimise", "recertify", "sampler"]
+__all__ = ["STAGES", "derived_quantities", "optimise", "recertify", "sampler"]
 
 
 def optimise(

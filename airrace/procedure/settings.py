@@ -24,7 +24,7 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """`primary` is tried first, then `fallback` on the same problem."""
+    """`primary` is tried first, from every start; then `fallback`, from the same starts."""
 
     primary: str = "fatrop"
     fallback: str = "ipopt"

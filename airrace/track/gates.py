@@ -20,7 +20,7 @@ class Passing(Enum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What a `window` passing allows at a gate; `point` passings ignore all but `crossing`.
+    """What a `window` passing allows at a gate; `point` passings ignore all but `climb` and `crossing`.
 
     Attributes:
         clearance: least distance of the wing tips from a pylon, m.
