@@ -115,6 +115,10 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
     return certificate(kkt_error=1e-3 if os.environ.get("CANNED_SCENARIO") == "loose" else 2e-9)
 
 
+def derived_quantities(race: Race, settings: Settings, result: StageResult) -> Mapping[Quantity, object]:
+    return {}
+
+
 def sampler(race: Race, settings: Settings, result: StageResult) -> "Sampler":
     return Sampler(result)
 
@@ -135,7 +139,7 @@ def main() -> None:
     from airrace.cli.main import main as airrace
     from airrace.procedure import run
 
-    for name in ("STAGES", "optimise", "recertify", "sampler"):
+    for name in ("STAGES", "derived_quantities", "optimise", "recertify", "sampler"):
         setattr(run, name, globals()[name])
     airrace()
 

@@ -13,6 +13,8 @@ ROOT = Path(__file__).parents[2]
 HALF_CUBAN = ROOT / "tracks" / "half_cuban_eight.yaml"
 SIXTEEN = ROOT / "tracks" / "sixteen_phases.yaml"
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"
+POINT_MASS = ("--until", "point-mass")
+"""Options of a run that stops before the inner loops."""
 COMMAND = str(Path(sys.executable).parent / "airrace")
 
 

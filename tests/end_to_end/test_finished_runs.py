@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from airrace_command import HALF_CUBAN, ROOT, Ran, airrace
+from airrace_command import HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace
 
 CERTIFICATE = {
     "solver",
@@ -23,6 +23,9 @@ CERTIFICATE = {
     "gate_attitude",
     "gate_length",
     "gate_speed",
+    "variation_n_z",
+    "variation_n_y",
+    "variation_p_Kbar",
 }
 KNOT = 1852.0 / 3600.0
 
@@ -66,18 +69,19 @@ def test_progress_goes_to_stderr_in_plain_lines(optimised: Ran) -> None:
     assert "\x1b" not in optimised.err
 
 
-def test_default_run_flies_the_homotopy_first(tmp_path: Path) -> None:
+def test_default_run_climbs_the_whole_ladder(tmp_path: Path) -> None:
     ran = airrace("optimize", HALF_CUBAN, "--json", "--quiet", cwd=tmp_path)
     assert ran.code == 0
     assert ran.err == ""
-    assert ran.stages == ["homotopy", "point-mass"]
+    ladder = ["homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof"]
+    assert ran.stages == ladder
     assert (tmp_path / "half_cuban_eight.h5").exists()
 
 
 def test_run_without_a_compiler_and_without_ready_kernels_is_certified(optimised: Ran, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     nothing = {"CC": "", "AIRRACE_CACHE_DIR": str(cache)}
-    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", "--json", cwd=tmp_path, environment=nothing)
+    ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--json", cwd=tmp_path, environment=nothing)
     assert ran.code == 0
     assert ran.answer["certified"] is True
     assert ran.race_time == pytest.approx(optimised.race_time, rel=1e-6)
@@ -90,7 +94,9 @@ def test_run_without_a_compiler_and_without_ready_kernels_is_certified(optimised
 def test_long_run_without_a_compiler_is_certified(track: str, guess: str, tmp_path: Path) -> None:
     nothing = {"CC": "", "AIRRACE_CACHE_DIR": str(tmp_path / "cache")}
     path = ROOT / "tracks" / f"{track}.yaml"
-    ran = airrace("optimize", path, "--guess", guess, "--json", "--quiet", cwd=tmp_path, environment=nothing)
+    ran = airrace(
+        "optimize", path, *POINT_MASS, "--guess", guess, "--json", "--quiet", cwd=tmp_path, environment=nothing
+    )
     assert (ran.code, ran.answer["certified"]) == (0, True)
 
 
@@ -105,7 +111,7 @@ def test_long_run_is_certified(track: str, tmp_path: Path) -> None:
 
 def test_wind_is_set_on_the_command_line(optimised: Ran, tmp_path: Path) -> None:
     wind = ("--set", "environment.wind.from_deg=180", "--set", "environment.wind.speed_m_s=8")
-    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", *wind, "--json", cwd=tmp_path)
+    ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", *wind, "--json", cwd=tmp_path)
     assert (ran.code, ran.answer["certified"]) == (0, True)
     assert ran.race_time != pytest.approx(optimised.race_time, abs=1e-3)
 
@@ -149,14 +155,14 @@ def test_damaged_checkpoint_is_told_from_a_good_one(command: tuple[str, ...], da
 
 
 def test_finished_run_is_not_flown_again(run_file: Path, optimised: Ran) -> None:
-    ran = airrace("resume", run_file, "--json", cwd=run_file.parent)
+    ran = airrace("resume", run_file, *POINT_MASS, "--json", cwd=run_file.parent)
     assert ran.code == 0
     assert ran.race_time == optimised.race_time
     assert "started" not in ran.err
 
 
 def test_run_can_be_flown_again_from_a_stage_on(run_file: Path, optimised: Ran) -> None:
-    ran = airrace("resume", run_file, "--from", "point-mass", "--json", cwd=run_file.parent)
+    ran = airrace("resume", run_file, *POINT_MASS, "--from", "point-mass", "--json", cwd=run_file.parent)
     assert ran.code == 0
     assert "point-mass: started" in ran.err
     assert ran.race_time == pytest.approx(optimised.race_time, rel=1e-9)
@@ -164,7 +170,9 @@ def test_run_can_be_flown_again_from_a_stage_on(run_file: Path, optimised: Ran) 
 
 def test_existing_output_is_refused_and_kept(run_file: Path) -> None:
     before = run_file.read_bytes()
-    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", "--out", run_file, "--json", cwd=run_file.parent)
+    ran = airrace(
+        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--out", run_file, "--json", cwd=run_file.parent
+    )
     assert ran.code == 2
     assert "--force" in str(ran.answer["error"])
     assert run_file.read_bytes() == before

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from airrace_command import SIXTEEN, Ran, airrace, children, gone, start, wait_for
+from airrace_command import POINT_MASS, SIXTEEN, Ran, airrace, children, gone, start, wait_for
 
 # One lap takes a few seconds without compiled kernels: time enough to be stopped in the middle of the joint solve.
 ONE_LAP = ("--set", "course.laps=1", "--set", "settings.solver.compile_kernels=false")
@@ -16,7 +16,7 @@ linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="fi
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     """The run that nobody stops."""
-    ran = airrace("optimize", SIXTEEN, *ONE_LAP, "--json", cwd=tmp_path_factory.mktemp("uninterrupted"))
+    ran = airrace("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", cwd=tmp_path_factory.mktemp("uninterrupted"))
     assert ran.code == 0
     return ran
 
@@ -29,7 +29,7 @@ def interrupted(
     Returns:
         Exit code, stdout, seconds from the signal to the end, and the processes it had started.
     """
-    with start("optimize", SIXTEEN, *ONE_LAP, "--json", "--out", "run.h5", cwd=folder) as running:
+    with start("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", "--out", "run.h5", cwd=folder) as running:
         wait_for(running, text)
         time.sleep(after)
         started = children(running.pid)
@@ -50,7 +50,7 @@ def test_run_stopped_in_the_joint_solve_keeps_its_homotopy_and_goes_on_to_the_sa
     assert len(started) == 1
     assert all(gone(process) for process in started)
     assert Ran(code, out, "").stages == ["homotopy"]
-    resumed = airrace("resume", "run.h5", "--json", cwd=tmp_path)
+    resumed = airrace("resume", "run.h5", *POINT_MASS, "--json", cwd=tmp_path)
     assert resumed.code == 0
     assert "homotopy: started" not in resumed.err
     assert resumed.answer["certified"] is True
@@ -67,7 +67,7 @@ def test_run_stopped_in_the_homotopy_begins_again(tmp_path: Path, uninterrupted:
     assert seconds < 5.0
     assert all(gone(process) for process in started)
     assert Ran(code, out, "").stages == []
-    resumed = airrace("resume", "run.h5", "--json", cwd=tmp_path)
+    resumed = airrace("resume", "run.h5", *POINT_MASS, "--json", cwd=tmp_path)
     assert resumed.code == 0
     assert resumed.race_time == pytest.approx(uninterrupted.race_time, rel=1e-6)
 
@@ -78,7 +78,7 @@ def test_killed_run_leaves_a_checkpoint_to_go_on_with_and_no_process(tmp_path: P
     assert code == -signal.SIGKILL
     assert all(gone(process) for process in started)
     assert airrace("show", "run.h5", "--json", cwd=tmp_path).stages == ["homotopy"]
-    resumed = airrace("resume", "run.h5", "--json", cwd=tmp_path)
+    resumed = airrace("resume", "run.h5", *POINT_MASS, "--json", cwd=tmp_path)
     assert resumed.code == 0
     assert resumed.race_time == pytest.approx(uninterrupted.race_time, rel=1e-6)
 
@@ -88,7 +88,7 @@ def test_run_stopped_before_anything_is_finished_can_be_taken_up(tmp_path: Path)
     code, out, seconds, _ = interrupted(tmp_path, "homotopy: started", signal.SIGINT, after=0.0)
     assert (code, Ran(code, out, "").stages) == (130, [])
     assert seconds < 5.0
-    planned = airrace("resume", "run.h5", "--dry-run", "--json", cwd=tmp_path)
+    planned = airrace("resume", "run.h5", *POINT_MASS, "--dry-run", "--json", cwd=tmp_path)
     steps = planned.answer["steps"]
     assert isinstance(steps, list)
     assert [(step["stage"], step["action"]) for step in steps] == [("homotopy", "run"), ("point-mass", "run")]
@@ -96,7 +96,7 @@ def test_run_stopped_before_anything_is_finished_can_be_taken_up(tmp_path: Path)
 
 @linux_only
 def test_worker_killed_in_mid_solve_is_a_failure_of_the_system(tmp_path: Path) -> None:
-    with start("optimize", SIXTEEN, *ONE_LAP, "--json", "--out", "run.h5", cwd=tmp_path) as running:
+    with start("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", "--out", "run.h5", cwd=tmp_path) as running:
         wait_for(running, "phase 3 of 8")
         (worker,) = children(running.pid)
         os.kill(worker, signal.SIGKILL)

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from airrace_command import AIRCRAFT, HALF_CUBAN, ROOT, Ran, airrace
+from airrace_command import AIRCRAFT, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace
 
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 
@@ -106,7 +106,7 @@ def test_missing_track_is_named(tmp_path: Path) -> None:
 
 def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path: Path) -> None:
     limit = ("--set", "rules.ceiling_m=100")
-    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", *limit, "--json", cwd=tmp_path)
+    ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", *limit, "--json", cwd=tmp_path)
     assert ran.code == 4
     assert ran.answer["certified"] is False
     assert "height between floor and ceiling (10 to 100 m)" in str(ran.answer["error"])
@@ -118,7 +118,7 @@ def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path
 
 def test_flight_that_is_not_certified_is_no_success(tmp_path: Path) -> None:
     strict = ("--set", "settings.certificate.replay=1e-13", "--set", "settings.mesh.refinements_max=0")
-    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", *strict, "--json", cwd=tmp_path)
+    ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", *strict, "--json", cwd=tmp_path)
     assert ran.code == 5
     assert ran.answer["certified"] is False
     assert "replay_defect" in str(ran.answer["error"])
@@ -131,17 +131,28 @@ def small_files(limit: int) -> None:
 
 
 def test_full_disk_ends_a_run_with_its_own_code(tmp_path: Path) -> None:
-    ran = airrace("optimize", HALF_CUBAN, "--guess", "plan", "--json", cwd=tmp_path, before=lambda: small_files(4096))
+    ran = airrace(
+        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--json", cwd=tmp_path, before=lambda: small_files(4096)
+    )
     assert ran.code == 8
     assert not list(tmp_path.iterdir())
 
 
 def test_full_disk_leaves_the_old_checkpoint_as_it_was(tmp_path: Path) -> None:
-    assert airrace("optimize", HALF_CUBAN, "--guess", "plan", "--quiet", cwd=tmp_path).code == 0
+    assert airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--quiet", cwd=tmp_path).code == 0
     run_file = tmp_path / "half_cuban_eight.h5"
     before = run_file.read_bytes()
     limit = len(before) - 1000
-    ran = airrace("resume", run_file, "--from", "point-mass", "--json", cwd=tmp_path, before=lambda: small_files(limit))
+    ran = airrace(
+        "resume",
+        run_file,
+        *POINT_MASS,
+        "--from",
+        "point-mass",
+        "--json",
+        cwd=tmp_path,
+        before=lambda: small_files(limit),
+    )
     assert ran.code == 8
     assert list(tmp_path.iterdir()) == [run_file]
     assert json.loads(airrace("show", run_file, "--json", cwd=tmp_path).out)
