@@ -101,8 +101,8 @@ def fly(
     finally:
         summarise(answer, run.name, results, time.perf_counter() - started)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-        tables = [stages_table(results), *result_tables(results[-1])]
-        answer.texts.extend(rendered(table) for table in tables)
+        climbed = [stages_table(results)] if any(result.certified for result in results) else []
+        answer.texts.extend(rendered(table) for table in (*climbed, *result_tables(results[-1])))
 
 
 def stage_named(text: str | None) -> Stage:
