@@ -38,13 +38,19 @@ def deflection_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
 
 
 def command_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
-    """How fast a pilot moves the stick. Commands themselves are free, for what they bring about is limited."""
+    """How fast a pilot moves the stick."""
     pilot = aircraft.point_mass
     return {
         "n_z_cmd_dot": symmetric(pilot.n_z_dot),
         "n_y_cmd_dot": symmetric(pilot.n_y_dot),
         "p_cmd_dot": symmetric(pilot.p_dot),
     }
+
+
+def command_bounds(aircraft: Aircraft) -> dict[str, Interval]:
+    """How far the stick goes: to what the aircraft is built for, also where the rules allow less of the answer."""
+    pilot = aircraft.point_mass
+    return {"n_z_cmd": aircraft.envelope.n_z, "n_y_cmd": symmetric(pilot.n_y), "p_cmd": symmetric(pilot.p)}
 
 
 def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:

@@ -11,6 +11,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
     CommandControl,
     angle_of_attack_limits,
+    command_bounds,
     command_rate_bounds,
     deflection_bounds,
 )
@@ -94,6 +95,7 @@ def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, c
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     limits = flight_limits(aircraft, rules)
+    states = {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar, **command_bounds(aircraft)}
     path = {
         "n_z": limits.n_z,
         "n_y": symmetric(aircraft.point_mass.n_y),
@@ -107,7 +109,7 @@ def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, c
         state_space_inversion,
         (StateSpaceInversionState[Scalar], CommandControl[Scalar]),
         (
-            bounded(StateSpaceInversionState.quantities(), {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar}),
+            bounded(StateSpaceInversionState.quantities(), states),
             bounded(CommandControl.quantities(), command_rate_bounds(aircraft)),
             bounded(StateSpaceInversionPath.quantities(), path),
         ),

@@ -13,7 +13,7 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow, drag_coefficient
 from airrace.dynamics.assembly import assemble
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.inner_loop_controls import CommandControl, command_rate_bounds
+from airrace.dynamics.inner_loop_controls import CommandControl, command_bounds, command_rate_bounds
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.linear_derivatives import lags, linear_parameters
@@ -104,8 +104,11 @@ def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, coun
         "z": limits.z,
         "V_K": limits.V_K,
         "n_z": limits.n_z,
+        "n_z_dot": symmetric(aircraft.point_mass.n_z_dot),
         "n_y": symmetric(aircraft.point_mass.n_y),
+        "n_y_dot": symmetric(aircraft.point_mass.n_y_dot),
         "p_Kbar": limits.p_Kbar,
+        **command_bounds(aircraft),
     }
     return assemble(
         "transfer-function",

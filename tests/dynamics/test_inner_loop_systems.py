@@ -201,7 +201,10 @@ def test_what_moves_the_aircraft_is_bounded_by_stick_or_surfaces(edge540: Aircra
             (-10.0, 10.0),
             (-40.0, 40.0),
         ]
-        assert found["n_z_cmd"] == (-math.inf, math.inf)
+        assert (found["n_z_cmd"], found["n_y_cmd"]) == ((-10.0, 12.0), (-1.0, 1.0))
+        assert found["p_cmd"] == pytest.approx((-420.0 * DEGREE, 420.0 * DEGREE))
+    if "n_z_dot" in found:
+        assert (found["n_z_dot"], found["n_y_dot"]) == ((-40.0, 40.0), (-10.0, 10.0))
     if "eta" in found:
         assert found["xi"] == pytest.approx((-25.0 * DEGREE, 25.0 * DEGREE))
         assert found["zeta"] == pytest.approx((-30.0 * DEGREE, 30.0 * DEGREE))
