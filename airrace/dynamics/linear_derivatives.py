@@ -56,13 +56,6 @@ class LateralMotion:
     xi: Pair
     zeta: Pair
 
-    def accelerations(self, beta_A: Scalar, rates: Pair, surfaces: Pair) -> Pair:
-        """`(p_s', r_s')`, rad/s2, of a sideslip, rates `(p_s, r_s)` (rad/s) and deflections `(xi, zeta)` (rad)."""
-        causes = (beta_A, *rates, *surfaces)
-        columns = (self.beta, self.p, self.r, self.xi, self.zeta)
-        roll, yaw = (sum(one[axis] * cause for one, cause in zip(columns, causes, strict=True)) for axis in (0, 1))
-        return roll, yaw
-
 
 def lags(V_A: Scalar, rho: Scalar, C_D: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Lags:
     """The constants of the modes at airspeed `V_A` (m/s), density `rho` (kg/m3) and drag coefficient `C_D`."""
