@@ -36,8 +36,8 @@ from airrace.frames import Scalar
 
 K_ALPHA, K_BETA = 8.0, 4.0
 K_P, K_Q, K_R = 12.0, 16.0, 8.0
-"""1/s. With twice the gains in yaw whole races are lost: the surfaces move at a limited rate, and fast reversals of a roll
-at high load factors need all of it."""
+"""1/s. With twice the gains in yaw whole races are lost: the surfaces move at a limited rate, and fast reversals of a
+roll at high load factors need all of it."""
 
 LEAST_LIFT_SLOPE = 2.0
 """g/rad: beyond the stall the lift curve is taken to rise at least this steeply."""
