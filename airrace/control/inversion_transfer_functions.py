@@ -2,32 +2,33 @@
 
 With the lags `n'' = w^2 (n_cmd - n) - 2 D w n'` and `p' = (p_cmd - p) / tau`, what is wanted is
 
-    n'_des = n_dot_ref + K_n (n_ref - n)      n''_des = K_n_dot (n'_des - n')      p'_des = p_dot_ref + K_p (p_ref - p)
+    n'_des = n_dot_ref + w (n_ref - n)      n''_des = 3 w (n'_des - n')      p'_des = p_dot_ref + K_p (p_ref - p)
 
-and the commands follow by inverting the lags exactly.
+and the commands follow by inverting the lags exactly. The bandwidth is the lag's own, for a faster answer takes
+commands that move faster than a pilot's hand: a slow aircraft would be shaken instead of flown.
 """
 
-from airrace.control.inner_controller import InnerController, Named, Plant, jacobian, limited
+from airrace.control.inner_controller import InnerController, Named, Plant, declared, jacobian, limited
+from airrace.control.outer_loop import clip
 from airrace.dynamics.flight_model import FlightModel
+from airrace.environment.elementary import maximum, minimum, sqrt
 from airrace.frames import Scalar
 
-K_N_Z = 7.0
-K_N_Y = 5.0
-K_N_DOT = 20.0
 K_P = 12.0
+HEADROOM = 1.1
+"""Times the limits of lift and sideslip that may be used: a reference flown at its limits leaves nothing to correct."""
 
 
 def invert_transfer_functions(model: FlightModel) -> InnerController:
     """The controller of a model with the states `n_z, n_z_dot, n_y, n_y_dot, p_Kbar` and commands of these."""
     plant = Plant(model)
     x, command = plant.x, plant.commands
-    n_z = limited(plant.system, "n_z", command.n_z)
-    n_y = limited(plant.system, "n_y", command.n_y)
+    n_z = _allowed(plant, "n_z", command.n_z, "C_L")
+    n_y = _allowed(plant, "n_y", command.n_y, "beta_A")
     p = limited(plant.system, "p_Kbar", command.p)
-    n_z_dot = command.n_z_dot + K_N_Z * (n_z - x["n_z"])
     wanted: Named = {
-        "n_z_cmd": _command_for(plant, "n_z_dot", K_N_DOT * (n_z_dot - x["n_z_dot"]), "n_z_cmd"),
-        "n_y_cmd": _command_for(plant, "n_y_dot", K_N_DOT * (K_N_Y * (n_y - x["n_y"]) - x["n_y_dot"]), "n_y_cmd"),
+        "n_z_cmd": _command_for(plant, "n_z_dot", _answer(plant, "n_z", n_z, command.n_z_dot), "n_z_cmd"),
+        "n_y_cmd": _command_for(plant, "n_y_dot", _answer(plant, "n_y", n_y, 0.0), "n_y_cmd"),
         "p_cmd": _command_for(plant, "p_Kbar", command.p_dot + K_P * (p - x["p_Kbar"]), "p_cmd"),
     }
     settled: Named = {
@@ -41,6 +42,22 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
         "p_cmd": _command_for(plant, "p_Kbar", command.p_dot, "p_cmd"),
     }
     return plant.controller(wanted, settled)
+
+
+def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
+    """A load factor within its own bounds and within those of the path quantity `by`, which is proportional to it."""
+    largest = declared(plant.system.path, by).upper
+    smallest = declared(plant.system.path, by).lower
+    slope = jacobian(plant.path[by], plant.x[name])
+    one, other = HEADROOM * largest / slope, HEADROOM * smallest / slope  # whichever way the slope goes
+    return limited(plant.system, name, clip(value, minimum(one, other), maximum(one, other)))
+
+
+def _answer(plant: Plant, name: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
+    """`n''_des` of a load factor."""
+    now, rate = plant.x[name], plant.x[f"{name}_dot"]
+    w = sqrt(jacobian(plant.rates[f"{name}_dot"], plant.x[f"{name}_cmd"]))
+    return 3.0 * w * (wanted_dot + w * (wanted - now) - rate)
 
 
 def _command_for(plant: Plant, name: str, rate: Scalar, by: str) -> Scalar:

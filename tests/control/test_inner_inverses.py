@@ -111,6 +111,18 @@ def test_step_of_one_command_is_answered_and_moves_nothing_else(stage: str, quan
 
 
 @pytest.mark.parametrize("stage", LADDER)
+@pytest.mark.parametrize("V_K", [55.0, 90.0])
+def test_reversals_faster_than_the_controls_die_out(stage: str, V_K: float) -> None:
+    fly = closed_loop(MODELS[stage], CONTROLLERS[stage])
+    low, high = commands(-1.5), commands(3.0)
+    start = settled(stage, low, V_K, mu=0.0)
+    states = fly(start, [*([high] * 40), *([low] * 40), *([high] * 40), *([low] * 240)])
+    flown = [flown_factors(stage, x, low) for x in states.T[::4]]
+    assert max(abs(one.n_z) for one in flown) < 5.0
+    assert flown[-1].n_z == pytest.approx(-1.5, abs=0.25)
+
+
+@pytest.mark.parametrize("stage", LADDER)
 @given(
     n_z=st.floats(-20.0, 20.0),
     n_y=st.floats(-3.0, 3.0),
