@@ -25,7 +25,8 @@ from airrace.procedure.solving import Workbench
 
 RATE = "_dot"  # what the names of controls that move something end with
 COLD_BARRIER = 0.1
-WARM_BARRIER = 1e-2  # of a solve that starts from an optimum on a coarser mesh, or from assembled pieces
+WARM_BARRIER = 1e-2  # of a solve that starts from assembled pieces, or from another stage
+REFINED_BARRIER = 1e-3  # of one that starts from an optimum on a coarser mesh
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def _refined(flight: Flight, bench: Workbench, start: Start, solver: str) -> Sta
         if certificate.certified or not measured.coarse.any() or refinement == total:
             return _finished(flight, bench, problem, solution, certificate, start.facts)
         mesh, guess = bisect(problem, solution.iterate, flown, measured.coarse)
-        problem, barrier, solvers = flight.problem(mesh), WARM_BARRIER, bench.solvers
+        problem, barrier, solvers = flight.problem(mesh), REFINED_BARRIER, bench.solvers
     raise AssertionError("the last refinement returns")
 
 
