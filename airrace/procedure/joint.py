@@ -24,6 +24,7 @@ from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
 
 RATE = "_dot"  # what the names of controls that move something end with
+MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
 COLD_BARRIER = 0.1
 WARM_BARRIER = 1e-2  # of a solve that starts from assembled pieces, or from another stage
 REFINED_BARRIER = 1e-3  # of one that starts from an optimum on a coarser mesh
@@ -107,6 +108,7 @@ def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
     """
     return (
         Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle, "attitude"),
+        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / MOMENT, limits.load_factor / MOMENT),
         Tolerance("length", ("m",), limits.length, limits.gate_length),
         Tolerance("angle", ("rad",), limits.angle, limits.gate_angle),
         Tolerance("angular_rate", ("rad/s",), limits.angle, limits.gate_angle),
