@@ -1,0 +1,410 @@
+"""The ladder from the point mass to six degrees of freedom: what its stages share, and what each hands to the next."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ladders import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, climbed, motion, rung, seconds
+from races import EDGE_540, RACES, SMALL, prepared
+from test_solving import STALLED, Canned, asked
+
+from airrace.control.reference import from_optimum
+from airrace.control.settling import at
+from airrace.dynamics import state_space_inversion
+from airrace.dynamics.linear_flight import Surrounding
+from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.environment.atmosphere import g0
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.flight import history, iterate_of, mesh_of
+from airrace.procedure.handover import LONGEST_INTERVAL, finer, recorded, settled
+from airrace.procedure.joint import WARM_BARRIER, Start, optimise_jointly
+from airrace.procedure.ladder import Ladder
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.run import derived_quantities, optimise
+from airrace.procedure.settings import MeshSettings, Settings
+from airrace.procedure.solving import Workbench
+from airrace.trajectory import Array, Trajectory
+
+each_race = pytest.mark.parametrize("name", QUICK)
+each_stage = pytest.mark.parametrize("stage", OPTIMA, ids=lambda stage: stage.value)
+LIMITS = PLAN.certificate
+SURFACES = (Stage.STATE_SPACE, Stage.SIX_DOF)
+FASTER = 0.02
+"""s, that a higher fidelity may gain on a lower one."""
+
+
+@each_race
+def test_every_stage_is_certified(name: str) -> None:
+    assert_certified(RACES[name])
+
+
+@each_race
+@pytest.mark.parametrize(
+    ("lower", "higher"), list(itertools.combinations(OPTIMA, 2)), ids=lambda stage: stage.value.replace("-", "_")
+)
+def test_higher_fidelity_is_not_faster(name: str, lower: Stage, higher: Stage) -> None:
+    """The largest gain is that of the linear state space over the transfer functions on the four gates, 8 ms."""
+    assert seconds(name, higher) > seconds(name, lower) - FASTER
+
+
+def test_what_the_linear_state_space_gains_is_the_thrust_that_carries_the_aircraft(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its thrust carries `T alpha`, for it is tilted by the angle of attack, which transfer functions do not know.
+
+    Without that term nothing is gained: not 8 ms, but 0.1 ms.
+    """
+    true = state_space_inversion.surrounding
+
+    def without_pull(*args: object, **named: object) -> Surrounding:
+        return dataclasses.replace(true(*args, **named), pull=0.0)
+
+    monkeypatch.setattr(state_space_inversion, "surrounding", without_pull)
+    (level,) = optimise(
+        SMALL,
+        PLAN,
+        until=Stage.STATE_SPACE_INVERSION,
+        threads=1,
+        finished=climbed(SMALL)[:2],
+        progress=Silent(),
+    )
+    assert level.certified
+    tilted, without_angles = (
+        seconds("four_gates", stage) for stage in (Stage.STATE_SPACE_INVERSION, Stage.TRANSFER_FUNCTION)
+    )
+    assert tilted < without_angles - 0.004
+    assert level.trajectory.race_time > without_angles - 0.001
+
+
+# limits
+
+
+@each_race
+@each_stage
+def test_load_factors_and_roll_rate_have_the_same_limits_in_all_stages(name: str, stage: Stage) -> None:
+    """Measured from the path that is flown, not from what the models say of it."""
+    seen, rules, pilot = motion(name, stage), RACES[name].course.rules, EDGE_540.point_mass
+    assert rules.n_z.lower - LIMITS.load_factor < seen.n_z.min()
+    assert seen.n_z.max() < rules.n_z.upper + LIMITS.load_factor
+    assert np.abs(seen.n_y).max() < pilot.n_y + LIMITS.load_factor
+    assert np.abs(seen.p_Kbar).max() < pilot.p + LIMITS.angle
+
+
+@each_stage
+def test_load_factor_limit_binds_in_all_stages(stage: Stage) -> None:
+    assert motion("four_gates", stage).n_z.max() == pytest.approx(10.0, abs=LIMITS.load_factor)
+
+
+@each_race
+@each_stage
+def test_lift_and_sideslip_have_the_same_limits_in_all_stages(name: str, stage: Stage) -> None:
+    """The lift is what the propeller leaves to carry; the limits of coefficients count as load factors."""
+    seen, lift = motion(name, stage), EDGE_540.lift
+    assert lift.C_L_min - LIMITS.load_factor < seen.C_L.min()
+    assert seen.C_L.max() < lift.C_L_max + LIMITS.load_factor
+    assert np.abs(seen.beta_A).max() < EDGE_540.drag.beta_A_max + LIMITS.angle
+
+
+@each_race
+@pytest.mark.parametrize("stage", SURFACES, ids=lambda stage: stage.value)
+def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
+    flown, surfaces = rung(name, stage).trajectory, EDGE_540.surfaces
+    for surface, travel in (("eta", surfaces.eta), ("xi", surfaces.xi), ("zeta", surfaces.zeta)):
+        deflection = flown.of(surface)
+        rates = np.diff(deflection) / np.diff(flown.time)
+        assert travel.lower - 1e-6 < deflection.min()
+        assert deflection.max() < travel.upper + 1e-6
+        assert np.abs(rates).max() < surfaces.rate + 1e-4
+
+
+# what a stage hands to the next
+
+
+@each_race
+def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
+    source, flight = prepared(RACES[name], Stage.STATE_SPACE_INVERSION), prepared(RACES[name], Stage.STATE_SPACE)
+    optimum = rung(name, Stage.STATE_SPACE_INVERSION)
+    start = recorded(flight, source, optimum)
+    for row, one in zip(start.guess.state, flight.model.system.states, strict=True):
+        assert np.allclose(row, history(source, optimum.trajectory, one.name), rtol=0.0, atol=1e-12)
+    assert (start.guess.durations == optimum.trajectory.durations).all()
+    steps = np.diff(optimum.trajectory.time)
+    names = [one.name for one in flight.model.system.states]
+    for row, one in zip(start.guess.control, flight.model.system.controls, strict=True):
+        assert one.lower <= row.min()
+        assert row.max() <= one.upper
+        if one.name.endswith("_dot"):  # straight from deflection to deflection, as fast as surfaces go
+            moved = np.diff(start.guess.state[names.index(one.name.removesuffix("_dot"))])
+            within = np.abs(moved / steps) <= one.upper
+            assert np.allclose((row * steps)[within], moved[within], atol=1e-12)
+
+
+@each_race
+def test_every_stage_says_along_which_one_it_was_started(name: str) -> None:
+    results = climbed(RACES[name])
+    assert results[0].facts.source == ""
+    for before, result in itertools.pairwise(results):
+        assert result.facts.source == before.stage.value
+
+
+@each_race
+def test_flights_between_the_stages_stay_near_what_they_follow(name: str) -> None:
+    """Only where the very same flight is told anew does nothing stray; the half Cuban eight, slow at its top, most."""
+    for before, result in itertools.pairwise(climbed(RACES[name])):
+        facts = result.facts
+        if result.stage is Stage.STATE_SPACE:
+            assert (facts.strayed, facts.strayed_at, facts.missed) == (0.0, 0.0, 0.0)
+        else:
+            assert 0.0 < facts.missed <= facts.strayed < 10.0
+            assert 0.0 < facts.strayed_at < 1.05 * before.trajectory.race_time
+
+
+@st.composite
+def flights(draw: st.DrawFn) -> Trajectory:
+    """A flight without states through phases of any intervals."""
+    phases = draw(st.lists(st.lists(st.floats(0.01, 0.6), min_size=1, max_size=5), min_size=1, max_size=4))
+    steps = np.array(list(itertools.chain.from_iterable(phases)))
+    counts = [len(phase) for phase in phases]
+    return Trajectory(
+        phases=tuple(str(index) for index in range(len(phases))),
+        first_node=np.concatenate([[0], np.cumsum(counts)]),
+        durations=np.array([sum(phase) for phase in phases]),
+        time=np.concatenate([[0.0], np.cumsum(steps)]),
+        states=(),
+        state=np.zeros((0, len(steps) + 1)),
+        controls=(),
+        control=np.zeros((0, len(steps))),
+    )
+
+
+@given(flights())
+def test_finer_mesh_divides_long_intervals_evenly_and_keeps_all_nodes(flown: Trajectory) -> None:
+    nodes, first_node = finer(flown)
+    steps = np.diff(nodes)
+    assert steps.min() > 0.0
+    assert steps.max() <= LONGEST_INTERVAL + 1e-9
+    assert set(flown.time.tolist()) <= set(nodes.tolist())
+    assert (nodes[first_node] == flown.time[flown.first_node]).all()
+    for a, b in itertools.pairwise(flown.time):
+        inside = steps[(nodes[:-1] >= a) & (nodes[:-1] < b)]
+        assert np.allclose(inside, (b - a) / len(inside))
+        assert len(inside) == 1 or (b - a) / (len(inside) - 1) > LONGEST_INTERVAL - 1e-9  # not finer than needed
+
+
+@given(flights())
+def test_mesh_that_is_fine_already_is_left_alone(flown: Trajectory) -> None:
+    nodes, first_node = finer(flown)
+    once = dataclasses.replace(flown, time=nodes, first_node=np.array(first_node))
+    again, again_first = finer(once)
+    assert (again == nodes).all()
+    assert again_first == first_node
+
+
+@pytest.mark.parametrize("stage", OPTIMA[1:], ids=lambda stage: stage.value)
+def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> None:
+    """Without its corners, which no aircraft that rotates can follow."""
+    source, flight, optimum = prepared(SMALL), prepared(SMALL, stage), climbed(SMALL)[0]
+    start = settled(flight, source, optimum)
+    reference = from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
+    wanted = at(reference, finer(optimum.trajectory)[0])
+    x, u = start.guess.state, np.hstack([start.guess.control, start.guess.control[:, -1:]])
+    p = np.repeat(flight.model.parameter_values[:, None], x.shape[1], axis=1)
+    done = LoadFactors[Array].split(np.asarray(load_factors(flight.model.system).map(x.shape[1])(x, u, p)))
+    assert np.allclose(done.n_z, wanted.soft_n_z, atol=1e-3)
+    assert np.allclose(done.n_y, wanted.n_y, atol=1e-3)
+    assert np.allclose(done.p_Kbar, wanted.soft_p, atol=1e-3)
+    assert start.facts.source == "point-mass"
+
+
+# resumed, and failed
+
+
+@pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
+def test_run_resumed_behind_any_stage_ends_in_the_same_race_time(kept: int) -> None:
+    whole = climbed(SMALL)
+    rest = list(optimise(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=whole[:kept], progress=Silent()))
+    assert [result.stage for result in rest] == list(OPTIMA[kept:])
+    for again, before in zip(rest, whole[kept:], strict=True):
+        assert again.trajectory.race_time == pytest.approx(before.trajectory.race_time, rel=1e-9)
+
+
+@pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
+def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
+    finished, used = climbed(SMALL)[:kept], canned("stuck")
+    ladder = Ladder(SMALL, PLAN, finished)
+    result = ladder.climb(OPTIMA[kept], used)
+    assert (result.stage, result.outcome) == (OPTIMA[kept], Outcome.NOT_CONVERGED)
+    assert not result.certified
+    assert "gave up (stuck)" in result.message
+    assert [ladder.done[stage] for stage in OPTIMA[:kept]] == list(finished)
+
+
+def test_run_ends_with_the_stage_that_fails() -> None:
+    hurried = dataclasses.replace(PLAN, solver=dataclasses.replace(PLAN.solver, iterations_max=4))
+    rest = list(
+        optimise(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=climbed(SMALL)[:1], progress=Silent())
+    )
+    assert [(result.stage, result.outcome) for result in rest] == [(Stage.TRANSFER_FUNCTION, Outcome.NOT_CONVERGED)]
+
+
+# which start, which solver
+
+
+def canned(*verdicts: str) -> Workbench:
+    """Solvers that answer as told; meshes are not refined."""
+    unrefined = dataclasses.replace(PLAN, mesh=MeshSettings(refinements_max=0))
+    return Workbench(Canned(*verdicts), unrefined, Silent())
+
+
+def solved_start(*, torn: float = 0.0) -> Start:
+    """The point mass's optimum; or a flight that is none, for its last state is so far (m) from where it leads."""
+    flight, flown = prepared(SMALL), climbed(SMALL)[0].trajectory
+    iterate = iterate_of(flown)
+    state = iterate.state.copy()
+    state[0, -1] += torn
+    return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), WARM_BARRIER)
+
+
+def tried(used: Workbench, *starts: Start | None) -> tuple[StageResult, list[int], list[str]]:
+    """The result; which starts were made, in order; which solvers were asked."""
+    made: list[int] = []
+
+    def maker(number: int) -> Callable[[], Start | None]:
+        def make() -> Start | None:
+            made.append(number)
+            return starts[number]
+
+        return make
+
+    result = optimise_jointly(prepared(SMALL), used, [maker(number) for number in range(len(starts))])
+    return result, made, [solver for solver, _, _ in asked(used)]
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "made", "solvers"),
+    [
+        (["solved"], [0], ["fatrop"]),
+        (["stuck", "solved"], [0, 1], ["fatrop", "fatrop"]),
+        (["stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt"]),
+        (["stuck", "stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt", "ipopt"]),
+    ],
+)
+def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
+    verdicts: list[str], made: list[int], solvers: list[str]
+) -> None:
+    result, made_then, asked_then = tried(canned(*verdicts), solved_start(), solved_start())
+    assert result.certified
+    assert (made_then, asked_then) == (made, solvers)
+
+
+def test_start_that_cannot_be_made_is_skipped_and_asked_for_once() -> None:
+    result, made, solvers = tried(canned("stuck", "solved"), None, solved_start())
+    assert result.certified
+    assert (made, solvers) == ([0, 1], ["fatrop", "ipopt"])
+
+
+def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_torn() -> None:
+    result, made, _ = tried(canned("solved"), solved_start(torn=10.0), solved_start())
+    assert result.certified
+    assert made == [0, 1]
+
+
+def test_first_optimum_counts_where_none_is_certified() -> None:
+    starts = solved_start(torn=10.0), solved_start(torn=20.0)
+    result, _, solvers = tried(canned("solved"), *starts)
+    assert result.outcome is Outcome.NOT_CERTIFIED
+    assert (result.trajectory.state == starts[0].guess.state).all()
+    assert solvers == ["fatrop", "fatrop", "ipopt", "ipopt"]
+
+
+def test_no_further_start_is_made_once_a_solver_hangs() -> None:
+    result, made, solvers = tried(canned(STALLED), solved_start(), solved_start())
+    assert result.outcome is Outcome.TIMEOUT
+    assert (made, solvers) == ([0], ["fatrop", "ipopt"])
+
+
+# derived quantities
+
+
+def named_histories(result: StageResult) -> dict[str, Array]:
+    """All states and controls at the nodes; the last node has the controls of the last interval."""
+    flown = result.trajectory
+    held = np.hstack([flown.control, flown.control[:, -1:]])
+    rows = zip((*flown.states, *flown.controls), (*flown.state, *held), strict=True)
+    return {one.name: row for one, row in rows}
+
+
+@each_race
+@each_stage
+def test_derived_quantities_are_the_models_own(name: str, stage: Stage) -> None:
+    race, result = RACES[name], rung(name, stage)
+    flight, histories = prepared(race, stage), named_histories(result)
+    derived = {one.name: of(histories) for one, of in derived_quantities(race, PLAN, result).items()}
+    told = histories | derived
+    for one in flight.model.system.path:
+        assert np.allclose(told[one.name], history(flight, result.trajectory, one.name), rtol=0.0, atol=1e-12), one.name
+    assert {"n_x", "n_y", "n_z", "C_L", "beta_A", "F_x", "F_y", "F_z"} <= set(told)
+    assert stage in WITHOUT_ANGLES or "alpha_A" in told
+
+
+@each_race
+@each_stage
+def test_derived_forces_are_load_factors_times_the_weight(name: str, stage: Stage) -> None:
+    """Load factors as they are told, and as they are seen from the path."""
+    race, result = RACES[name], rung(name, stage)
+    histories = named_histories(result)
+    told = histories | {one.name: of(histories) for one, of in derived_quantities(race, PLAN, result).items()}
+    weight, seen = EDGE_540.airframe.m * g0, motion(name, stage)
+    assert np.allclose(told["F_x"], weight * told["n_x"])
+    assert np.allclose(told["F_y"], weight * told["n_y"])
+    assert np.allclose(told["F_z"], -weight * told["n_z"])
+    for load in ("n_x", "n_y", "n_z", "p_Kbar" if "p_Kbar" in told else "p_s"):
+        measured = getattr(seen, "p_Kbar" if load == "p_s" else load)[:, 0]
+        assert np.allclose(told[load][:-1], measured, atol=1e-3), load
+
+
+# what a pilot could fly
+
+
+@each_race
+def test_smooth_controls_cost_next_to_no_time(name: str) -> None:
+    """Halving their weight gains 0.2 ms over the four gates and 1 ms in the half Cuban eight; meshes may differ."""
+    half = dataclasses.replace(PLAN, regularisation=0.5 * PLAN.regularisation)
+    gained = seconds(name, Stage.SIX_DOF) - assert_certified(RACES[name], half).trajectory.race_time
+    assert -0.002 < gained < 0.02, f"halving the regularisation gains {1e3 * gained:.2f} ms"
+
+
+@each_race
+@each_stage
+def test_certificate_holds_the_total_variation_of_all_that_is_moved(name: str, stage: Stage) -> None:
+    result = rung(name, stage)
+    assert result.certificate is not None
+    moved = {
+        item.name.removeprefix("variation_"): item.value
+        for item in result.certificate.items
+        if item.name.startswith("variation_")
+    }
+    expected = {
+        Stage.POINT_MASS: {"n_z", "n_y", "p_Kbar"},
+        Stage.STATE_SPACE: {"eta", "xi", "zeta"},
+        Stage.SIX_DOF: {"eta", "xi", "zeta"},
+    }.get(stage, {"n_z_cmd", "n_y_cmd", "p_cmd"})
+    assert set(moved) == expected
+    flown = result.trajectory
+    for one, value in moved.items():
+        assert value == pytest.approx(np.abs(np.diff(flown.of(one))).sum() / flown.race_time, rel=1e-4)
+        assert value > 0.0
+
+
+def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
+    result = rung("four_gates", Stage.SIX_DOF)
+    flown = result.trajectory
+    steps = np.diff(flown.time)
+    scaled = {one.name: row / one.scale for one, row in zip(flown.controls, flown.control, strict=True)}
+    weighed = sum((scaled[name] ** 2 * steps).sum() for name in ("eta_dot", "xi_dot", "zeta_dot"))
+    assert result.facts.regularisation == pytest.approx(Settings().regularisation * weighed, rel=1e-6)
