@@ -371,7 +371,7 @@ def test_derived_forces_are_load_factors_times_the_weight(name: str, stage: Stag
 # what a pilot could fly
 
 
-@each_race
+@pytest.mark.parametrize("name", ["four_gates", pytest.param("half_cuban_eight", marks=pytest.mark.slow)])
 def test_smooth_controls_cost_next_to_no_time(name: str) -> None:
     """Halving their weight gains 0.2 ms over the four gates and 1 ms in the half Cuban eight; meshes may differ."""
     half = dataclasses.replace(PLAN, regularisation=0.5 * PLAN.regularisation)
