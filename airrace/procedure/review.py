@@ -7,6 +7,7 @@ from enum import Enum
 
 import numpy as np
 
+from airrace.dynamics import handling
 from airrace.frames import angle_between
 from airrace.procedure.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
 from airrace.procedure.cruise import top_speed
@@ -29,6 +30,7 @@ BACK = math.radians(135.0)  # likewise a start or finish, which has but one
 class Kind(Enum):
     """What a remark is about."""
 
+    AIRCRAFT = "aircraft"
     WIND = "wind"
     LOAD_FACTOR = "load-factor"
     START_SPEED = "start-speed"
@@ -60,7 +62,8 @@ class Remark:
 
 def review(race: Race) -> list[Remark]:
     """All remarks: on the race as a whole, on the elements, on the legs; once for every place, however often flown."""
-    found = [*_on_race(race), *_on_elements(race), *_on_legs(race)]
+    aircraft = [Remark("", Kind.AIRCRAFT, text) for text in handling.remarks(race.aircraft)]
+    found = [*aircraft, *_on_race(race), *_on_elements(race), *_on_legs(race)]
     order = {passage.name: number for number, passage in enumerate(race.course.passages)}
     return sorted(found, key=lambda remark: order.get(remark.passage, -1))
 

@@ -1,7 +1,9 @@
 """A run: the stages in order, each started from the one before. The edges consume the results as they come."""
 
+import logging
 from collections.abc import Iterator, Sequence
 
+from airrace.dynamics import handling
 from airrace.optimal_control.integration import load_in_background
 from airrace.optimal_control.service import SolverService
 from airrace.procedure.derived import derived_quantities
@@ -12,6 +14,8 @@ from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stored import recertify, sampler
+
+logger = logging.getLogger(__name__)
 
 __all__ = ["STAGES", "derived_quantities", "optimise", "recertify", "sampler"]
 
@@ -34,6 +38,9 @@ def optimise(
         SolverCrash: the solver process died.
     """
     ladder = Ladder(race, settings, finished)
+    if STAGES.index(until) > STAGES.index(Stage.POINT_MASS):
+        for remark in handling.remarks(race.aircraft):
+            logger.warning("%s: %s", race.aircraft.name, remark)
     wanted = [stage for stage in wanted_stages(settings, until) if stage not in ladder.done]
     if not wanted:
         return
