@@ -1,9 +1,9 @@
 """Draw the figures of the documents, from what the command itself finds. Needs matplotlib (the extra `plot`).
 
-    python scripts/figures.py [--output docs/figures]
+    python scripts/figures.py [--output docs/figures] [--runs FOLDER] [--only half_cuban_eight.png ...]
 
-Every flight is a run of `airrace optimize` in a temporary folder, read back through `airrace export csv`. A run that is
-not certified ends the script.
+Every flight is a run of `airrace optimize`, read back through `airrace export csv`. A run that is not certified ends
+the script. The checkpoints are kept in the folder of `--runs`, and those that lie there already are not flown again.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from airrace.documents import load_inputs
@@ -45,6 +46,9 @@ LEVEL_GATES = (
 )
 """Climb angles at all gates and pylons as the rules of Air Race X have them."""
 
+CROSSWIND = ("environment.wind.from_deg=90", "environment.wind.speed_m_s=10")
+"""From the right of the flight's beginning."""
+
 
 @dataclass(frozen=True)
 class Flight:
@@ -65,26 +69,34 @@ class Flight:
     passages: dict[str, float]
 
 
-def flown(track: Path, overrides: Sequence[str] = ()) -> Flight:
-    """The optimum of a course, from the plan.
+def flown(runs: Path, name: str, track: Path, *, until: str, overrides: Sequence[str] = ()) -> Flight:
+    """The optimum of a course at one stage, from the plan.
+
+    Args:
+        runs: folder of the checkpoints.
+        name: of the checkpoint; if there is one, nothing is flown.
+        track: the course.
+        until: the stage.
+        overrides: what is changed, `key=value`.
 
     Raises:
         RuntimeError: no certified flight was found.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        run, table = Path(folder) / "run.h5", Path(folder) / "flight.csv"
+    run, table = runs / f"{name}.h5", runs / f"{name}.csv"
+    if not run.exists():
         changes = [part for one in overrides for part in ("--set", one)]
-        options = [*changes, "--guess", "plan", "--json", "--quiet", "--out", str(run)]
-        command = [*COMMAND, "optimize", str(track), *options]
-        answer = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
-        if not answer.get("certified"):
-            raise RuntimeError(f"no certified flight through {track.name}: {answer.get('error')}")
-        export = [*COMMAND, "export", "csv", str(run), "--rate", str(RATE), "--output", str(table)]
-        subprocess.run(export, check=True)
-        rows, splits = table_of(table), table_of(table.with_suffix(".splits.csv"))
+        options = [*changes, "--guess", "plan", "--until", until, "--quiet", "--out", str(run)]
+        subprocess.run([*COMMAND, "optimize", str(track), *options], check=False)
+    shown = subprocess.run([*COMMAND, "show", str(run), "--json"], capture_output=True, text=True, check=True)
+    last = json.loads(shown.stdout)["stages"][-1]
+    if last["stage"] != until or not last["certified"]:
+        raise RuntimeError(f"no certified flight through {track.name}: {last['stage']}: {last['message']}")
+    export = [*COMMAND, "export", "csv", str(run), "--rate", str(RATE), "--output", str(table), "--force"]
+    subprocess.run(export, check=True)
+    rows, splits = table_of(table), table_of(table.with_suffix(".splits.csv"))
     names = ("time_s", "x_m", "y_m", "height_m", "V_K_m_s")
-    columns = (np.array([float(row[name]) for row in rows]) for name in names)
-    return Flight(answer["race_time_s"], *columns, {row["passage"]: float(row["time_s"]) for row in splits})
+    columns = (np.array([float(row[one]) for row in rows]) for one in names)
+    return Flight(last["race_time_s"], *columns, {row["passage"]: float(row["time_s"]) for row in splits})
 
 
 def table_of(path: Path) -> list[dict[str, str]]:
@@ -93,13 +105,18 @@ def table_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(line for line in stream if not line.startswith("#")))
 
 
-def abu_dhabi(path: Path) -> None:
+def abu_dhabi(path: Path, runs: Path) -> None:
     """The turn at the safety line of Abu Dhabi: on the course as it is, and with nearly level flight at the gates."""
     track = ROOT / "tracks" / "abu_dhabi_2016.yaml"
     course = load_inputs(track).race.course
     flights = (
-        (flown(track), BLUE, "-", "the course as it is"),
-        (flown(track, LEVEL_GATES), ORANGE, "--", "with climb angles of $-5$ to $10$ deg at the gates"),
+        (flown(runs, "abu_dhabi", track, until="point-mass"), BLUE, "-", "the course as it is"),
+        (
+            flown(runs, "abu_dhabi_level", track, until="point-mass", overrides=LEVEL_GATES),
+            ORANGE,
+            "--",
+            "with climb angles of $-5$ to $10$ deg at the gates",
+        ),
     )
     figure, axes = plt.subplot_mosaic(
         [["plan", "height"], ["plan", "speed"]], figsize=(12.5, 6.2), layout="constrained", width_ratios=[1.0, 1.15]
@@ -119,11 +136,7 @@ def abu_dhabi(path: Path) -> None:
     axes["plan"].set(xlabel="east, m", ylabel="north, m", aspect="equal", title=course.name)
     handles = [Line2D([], [], color=AMBER, label="safety line, hatched where forbidden between gates 4 and 5")]
     axes["plan"].legend(handles=handles, loc="lower right", frameon=False, fontsize=8)
-    for one in axes.values():
-        one.grid(color="#e6e6e6", linewidth=0.6)
-        one.set_axisbelow(True)
-    figure.savefig(path, dpi=DOTS_PER_INCH, metadata={"Software": None})
-    plt.close(figure)
+    finish(figure, list(axes.values()), path)
 
 
 def draw_course(axes: Axes, course: Course) -> None:
@@ -132,10 +145,11 @@ def draw_course(axes: Axes, course: Course) -> None:
     standing = [one for one in elements.values() if isinstance(one, Gate | Pylon)]
     middle = np.mean([[one.east, one.north] for one in standing], axis=0)
     for element in standing:
+        name = element.name.split("/")[0]  # both gates of a quad have one
         where = np.array([element.east, element.north])
         inward = (middle - where) / np.hypot(*(middle - where))
         style = {"fontsize": 9, "color": GREY, "ha": "center", "va": "center"}
-        axes.annotate(element.name, where, xytext=LABEL_POINTS * inward, textcoords="offset points", **style)
+        axes.annotate(name, where, xytext=LABEL_POINTS * inward, textcoords="offset points", **style)
         if isinstance(element, Gate):
             half = max(0.5 * element.width, 12.0)  # wide enough to be seen
             north, east = -half * math.sin(element.heading), half * math.cos(element.heading)
@@ -168,17 +182,98 @@ def shade_turns(axes: Axes, flight: Flight, course: Course) -> None:
             axes.axvspan(begin, end, color=AMBER, alpha=0.15, linewidth=0.0)
 
 
-FIGURES = {"abu_dhabi_2016.png": abu_dhabi}
+def half_cuban_eight(path: Path, runs: Path) -> None:
+    """The Half Cuban Eight with six degrees of freedom, in still air and in a crosswind: from three sides."""
+    track = ROOT / "tracks" / "half_cuban_eight.yaml"
+    flights = (
+        (flown(runs, "cuban", track, until="six-dof"), BLUE, "-", "still air"),
+        (
+            flown(runs, "cuban_wind", track, until="six-dof", overrides=CROSSWIND),
+            ORANGE,
+            "--",
+            "10 m/s of wind from the east, its plane leans by {lean:.1f} deg into it",
+        ),
+    )
+    figure, axes = plt.subplots(1, 3, figsize=(12.5, 5.0), layout="constrained")
+    views = (
+        ("north", "height", "from the east"),
+        ("east", "height", "from the south"),
+        ("east", "north", "from above"),
+    )
+    for one, (across, up, title) in zip(axes, views, strict=True):
+        for flight, colour, style, text in flights:
+            label = f"{text.format(lean=lean_to_east(flight))}: {flight.race:.2f} s"
+            one.plot(getattr(flight, across), getattr(flight, up), style, color=colour, linewidth=1.5, label=label)
+        one.set(xlabel=f"{across}, m", ylabel=f"{up}, m", title=title, aspect="equal", adjustable="datalim")
+    arrow = {"arrowstyle": "->", "color": GREY, "linewidth": 1.5}
+    for one in axes[1:]:
+        one.annotate(
+            "wind", (0.70, 0.06), (0.86, 0.06), xycoords="axes fraction", color=GREY, va="center", arrowprops=arrow
+        )
+    finish(figure, axes, path, legend=True)
+
+
+def lean_to_east(flight: Flight) -> float:
+    """How far the plane that fits a flight best leans from the vertical, its upper side to the east; degrees."""
+    places = np.stack([flight.north, flight.east, flight.height], axis=1)
+    _, _, axes = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)
+    normal = axes[2] * np.sign(axes[2][1])
+    return -math.degrees(math.asin(normal[2]))
+
+
+def sixteen_phases(path: Path, runs: Path) -> None:
+    """The 270 degree turn between the two passings of the quad, six degrees of freedom: from above, and its height."""
+    track = ROOT / "tracks" / "sixteen_phases.yaml"
+    flight = flown(runs, "sixteen", track, until="six-dof")
+    figure, axes = plt.subplots(1, 2, figsize=(12.5, 4.8), layout="constrained", width_ratios=[1.25, 1.0])
+    draw_course(axes[0], load_inputs(track).race.course)
+    axes[0].plot(flight.east, flight.north, "-", color=GREY, linewidth=0.8)
+    for lap, colour, style in (("1", BLUE, "-"), ("2", ORANGE, "--")):
+        begin, end = (flight.passages[f"{lap}:quad/{passing}"] for passing in "12")
+        turn = (flight.time >= begin) & (flight.time <= end)
+        label = f"lap {lap}: {end - begin:.2f} s, to {flight.height[turn].max():.0f} m"
+        axes[0].plot(flight.east[turn], flight.north[turn], style, color=colour, linewidth=1.8)
+        axes[1].plot(flight.time[turn] - begin, flight.height[turn], style, color=colour, linewidth=1.8, label=label)
+    axes[0].set(xlabel="east, m", ylabel="north, m", title=f"two laps, {flight.race:.2f} s", aspect="equal")
+    axes[1].set(xlabel="time since the first passing of the quad, s", ylabel="height, m", title="the turn in between")
+    axes[1].set_ylim(bottom=0.0)
+    axes[1].legend(loc="lower center", frameon=False)
+    finish(figure, axes, path)
+
+
+def finish(figure: Figure, axes: Sequence[Axes], path: Path, *, legend: bool = False) -> None:
+    """Grids, one legend for all views if wanted, and the file."""
+    for one in axes:
+        one.grid(color="#e6e6e6", linewidth=0.6)
+        one.set_axisbelow(True)
+    if legend:
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    figure.savefig(path, dpi=DOTS_PER_INCH, metadata={"Software": None})
+    plt.close(figure)
+
+
+Draw = Callable[[Path, Path], None]
+FIGURES: dict[str, Draw] = {
+    "abu_dhabi_2016.png": abu_dhabi,
+    "half_cuban_eight.png": half_cuban_eight,
+    "sixteen_phases.png": sixteen_phases,
+}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Draw the figures of the documents.")
     parser.add_argument("--output", type=Path, default=FOLDER, metavar="FOLDER", help="where to; docs/figures")
-    folder: Path = parser.parse_args().output
+    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="where checkpoints are kept; by default nowhere")
+    parser.add_argument("--only", nargs="+", choices=FIGURES, default=list(FIGURES), metavar="NAME", help="which ones")
+    arguments = parser.parse_args()
+    folder: Path = arguments.output
     folder.mkdir(parents=True, exist_ok=True)
-    for name, draw in FIGURES.items():
-        draw(folder / name)
-        print(folder / name)
+    with tempfile.TemporaryDirectory() as temporary:
+        runs: Path = arguments.runs or Path(temporary)
+        runs.mkdir(parents=True, exist_ok=True)
+        for name in arguments.only:
+            FIGURES[name](folder / name, runs)
+            print(folder / name)
 
 
 if __name__ == "__main__":
