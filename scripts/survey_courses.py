@@ -1,6 +1,6 @@
 """Fly many courses, drawn by lot or given, and tell how each of them ended.
 
-    python scripts/survey_courses.py --seeds 0-49 [--guess both] [--jobs 1] [--timeout 600] [--log FILE]
+    python scripts/survey_courses.py --seeds 0-49 [--guess both] [--until STAGE] [--jobs 1] [--timeout 600] [--log FILE]
     python scripts/survey_courses.py tracks/*.yaml [--set rules.n_z_max=9]
 
 Every run is `airrace optimize` in a process of its own, so that nothing it does can end the survey. One line is printed
@@ -77,11 +77,12 @@ def told(value: float | None) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
-def fly(track: Path, guess: str, overrides: Sequence[str], threads: int | None, timeout: float) -> Run:
+def fly(track: Path, guess: str, until: str, overrides: Sequence[str], *, threads: int | None, timeout: float) -> Run:
     """One run of the command in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         checkpoint = Path(folder) / "run.h5"
-        command = [*COMMAND, "optimize", str(track), "--guess", guess, "--json", "--quiet", "--out", str(checkpoint)]
+        command = [*COMMAND, "optimize", str(track), "--guess", guess, "--until", until]
+        command += ["--json", "--quiet", "--out", str(checkpoint)]
         command += [part for one in overrides for part in ("--set", one)]
         command += [] if threads is None else ["--threads", str(threads)]
         started = time.perf_counter()
@@ -210,6 +211,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("tracks", nargs="*", type=Path, metavar="TRACK.yaml")
     parser.add_argument("--seeds", type=numbers, default=[], metavar="0-49", help="of generated courses")
     parser.add_argument("--guess", choices=GUESSES, default="both")
+    parser.add_argument("--until", default="point-mass", metavar="STAGE", help="as of airrace optimize")
     parser.add_argument("--jobs", type=int, default=1, help="runs at the same time")
     parser.add_argument("--threads", type=int, help="of each run; by default all cores, one with several jobs")
     parser.add_argument("--timeout", type=float, default=600.0, metavar="SECONDS", help="for each run")
@@ -239,7 +241,7 @@ def main() -> None:
             tracks.append(Path(folder) / f"seed_{seed}.yaml")
             tracks[-1].write_text(generated_course(seed, str(ROOT / "configs")), encoding="utf-8")
         flights = [
-            pool.submit(fly, track, guess, arguments.set, threads, arguments.timeout)
+            pool.submit(fly, track, guess, arguments.until, arguments.set, threads=threads, timeout=arguments.timeout)
             for track in tracks
             for guess in GUESSES[arguments.guess]
         ]
