@@ -2,7 +2,6 @@
 
 import dataclasses
 import itertools
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ladders import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, climbed, motion, rung, seconds
 from races import EDGE_540, RACES, SMALL, prepared
-from test_solving import STALLED, Canned, asked
 
 from airrace.control.reference import from_optimum
 from airrace.control.settling import at
@@ -18,16 +16,12 @@ from airrace.dynamics import state_space_inversion
 from airrace.dynamics.linear_flight import Surrounding
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
-from airrace.optimal_control.problem import Iterate
-from airrace.procedure.flight import history, iterate_of, mesh_of
+from airrace.procedure.flight import history, mesh_of
 from airrace.procedure.handover import LONGEST_INTERVAL, finer, recorded, settled
-from airrace.procedure.joint import WARM_BARRIER, Start, optimise_jointly
-from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import derived_quantities, optimise
-from airrace.procedure.settings import MeshSettings, Settings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.settings import Settings
 from airrace.trajectory import Array, Trajectory
 
 each_race = pytest.mark.parametrize("name", QUICK)
@@ -233,99 +227,12 @@ def test_run_resumed_behind_any_stage_ends_in_the_same_race_time(kept: int) -> N
         assert again.trajectory.race_time == pytest.approx(before.trajectory.race_time, rel=1e-9)
 
 
-@pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
-def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
-    finished, used = climbed(SMALL)[:kept], canned("stuck")
-    ladder = Ladder(SMALL, PLAN, finished)
-    result = ladder.climb(OPTIMA[kept], used)
-    assert (result.stage, result.outcome) == (OPTIMA[kept], Outcome.NOT_CONVERGED)
-    assert not result.certified
-    assert "gave up (stuck)" in result.message
-    assert [ladder.done[stage] for stage in OPTIMA[:kept]] == list(finished)
-
-
 def test_run_ends_with_the_stage_that_fails() -> None:
     hurried = dataclasses.replace(PLAN, solver=dataclasses.replace(PLAN.solver, iterations_max=4))
     rest = list(
         optimise(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=climbed(SMALL)[:1], progress=Silent())
     )
     assert [(result.stage, result.outcome) for result in rest] == [(Stage.TRANSFER_FUNCTION, Outcome.NOT_CONVERGED)]
-
-
-# which start, which solver
-
-
-def canned(*verdicts: str) -> Workbench:
-    """Solvers that answer as told; meshes are not refined."""
-    unrefined = dataclasses.replace(PLAN, mesh=MeshSettings(refinements_max=0))
-    return Workbench(Canned(*verdicts), unrefined, Silent())
-
-
-def solved_start(*, torn: float = 0.0) -> Start:
-    """The point mass's optimum; or a flight that is none, for its last state is so far (m) from where it leads."""
-    flight, flown = prepared(SMALL), climbed(SMALL)[0].trajectory
-    iterate = iterate_of(flown)
-    state = iterate.state.copy()
-    state[0, -1] += torn
-    return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), WARM_BARRIER)
-
-
-def tried(used: Workbench, *starts: Start | None) -> tuple[StageResult, list[int], list[str]]:
-    """The result; which starts were made, in order; which solvers were asked."""
-    made: list[int] = []
-
-    def maker(number: int) -> Callable[[], Start | None]:
-        def make() -> Start | None:
-            made.append(number)
-            return starts[number]
-
-        return make
-
-    result = optimise_jointly(prepared(SMALL), used, [maker(number) for number in range(len(starts))])
-    return result, made, [solver for solver, _, _ in asked(used)]
-
-
-@pytest.mark.parametrize(
-    ("verdicts", "made", "solvers"),
-    [
-        (["solved"], [0], ["fatrop"]),
-        (["stuck", "solved"], [0, 1], ["fatrop", "fatrop"]),
-        (["stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt"]),
-        (["stuck", "stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt", "ipopt"]),
-    ],
-)
-def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
-    verdicts: list[str], made: list[int], solvers: list[str]
-) -> None:
-    result, made_then, asked_then = tried(canned(*verdicts), solved_start(), solved_start())
-    assert result.certified
-    assert (made_then, asked_then) == (made, solvers)
-
-
-def test_start_that_cannot_be_made_is_skipped_and_asked_for_once() -> None:
-    result, made, solvers = tried(canned("stuck", "solved"), None, solved_start())
-    assert result.certified
-    assert (made, solvers) == ([0, 1], ["fatrop", "ipopt"])
-
-
-def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_torn() -> None:
-    result, made, _ = tried(canned("solved"), solved_start(torn=10.0), solved_start())
-    assert result.certified
-    assert made == [0, 1]
-
-
-def test_first_optimum_counts_where_none_is_certified() -> None:
-    starts = solved_start(torn=10.0), solved_start(torn=20.0)
-    result, _, solvers = tried(canned("solved"), *starts)
-    assert result.outcome is Outcome.NOT_CERTIFIED
-    assert (result.trajectory.state == starts[0].guess.state).all()
-    assert solvers == ["fatrop", "fatrop", "ipopt", "ipopt"]
-
-
-def test_no_further_start_is_made_once_a_solver_hangs() -> None:
-    result, made, solvers = tried(canned(STALLED), solved_start(), solved_start())
-    assert result.outcome is Outcome.TIMEOUT
-    assert (made, solvers) == ([0], ["fatrop", "ipopt"])
 
 
 # derived quantities

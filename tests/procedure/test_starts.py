@@ -1,0 +1,102 @@
+"""From which start a stage is solved, and by which solver: the order, with solvers that fail on purpose."""
+
+import dataclasses
+from collections.abc import Callable
+
+import pytest
+from ladders import OPTIMA, PLAN, climbed
+from races import SMALL, prepared
+from test_solving import STALLED, Canned, asked
+
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.joint import WARM_BARRIER, Start, optimise_jointly
+from airrace.procedure.ladder import Ladder
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.settings import MeshSettings
+from airrace.procedure.solving import Workbench
+
+
+def canned(*verdicts: str) -> Workbench:
+    """Solvers that answer as told; meshes are not refined."""
+    unrefined = dataclasses.replace(PLAN, mesh=MeshSettings(refinements_max=0))
+    return Workbench(Canned(*verdicts), unrefined, Silent())
+
+
+@pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
+def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
+    finished, used = climbed(SMALL)[:kept], canned("stuck")
+    ladder = Ladder(SMALL, PLAN, finished)
+    result = ladder.climb(OPTIMA[kept], used)
+    assert (result.stage, result.outcome) == (OPTIMA[kept], Outcome.NOT_CONVERGED)
+    assert not result.certified
+    assert "gave up (stuck)" in result.message
+    assert [ladder.done[stage] for stage in OPTIMA[:kept]] == list(finished)
+
+
+def solved_start(*, torn: float = 0.0) -> Start:
+    """The point mass's optimum; or a flight that is none, for its last state is so far (m) from where it leads."""
+    flight, flown = prepared(SMALL), climbed(SMALL)[0].trajectory
+    iterate = iterate_of(flown)
+    state = iterate.state.copy()
+    state[0, -1] += torn
+    return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), WARM_BARRIER)
+
+
+def tried(used: Workbench, *starts: Start | None) -> tuple[StageResult, list[int], list[str]]:
+    """The result; which starts were made, in order; which solvers were asked."""
+    made: list[int] = []
+
+    def maker(number: int) -> Callable[[], Start | None]:
+        def make() -> Start | None:
+            made.append(number)
+            return starts[number]
+
+        return make
+
+    result = optimise_jointly(prepared(SMALL), used, [maker(number) for number in range(len(starts))])
+    return result, made, [solver for solver, _, _ in asked(used)]
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "made", "solvers"),
+    [
+        (["solved"], [0], ["fatrop"]),
+        (["stuck", "solved"], [0, 1], ["fatrop", "fatrop"]),
+        (["stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt"]),
+        (["stuck", "stuck", "stuck", "solved"], [0, 1], ["fatrop", "fatrop", "ipopt", "ipopt"]),
+    ],
+)
+def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
+    verdicts: list[str], made: list[int], solvers: list[str]
+) -> None:
+    result, made_then, asked_then = tried(canned(*verdicts), solved_start(), solved_start())
+    assert result.certified
+    assert (made_then, asked_then) == (made, solvers)
+
+
+def test_start_that_cannot_be_made_is_skipped_and_asked_for_once() -> None:
+    result, made, solvers = tried(canned("stuck", "solved"), None, solved_start())
+    assert result.certified
+    assert (made, solvers) == ([0, 1], ["fatrop", "ipopt"])
+
+
+def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_torn() -> None:
+    result, made, _ = tried(canned("solved"), solved_start(torn=10.0), solved_start())
+    assert result.certified
+    assert made == [0, 1]
+
+
+def test_first_optimum_counts_where_none_is_certified() -> None:
+    starts = solved_start(torn=10.0), solved_start(torn=20.0)
+    result, _, solvers = tried(canned("solved"), *starts)
+    assert result.outcome is Outcome.NOT_CERTIFIED
+    assert (result.trajectory.state == starts[0].guess.state).all()
+    assert solvers == ["fatrop", "fatrop", "ipopt", "ipopt"]
+
+
+def test_no_further_start_is_made_once_a_solver_hangs() -> None:
+    result, made, solvers = tried(canned(STALLED), solved_start(), solved_start())
+    assert result.outcome is Outcome.TIMEOUT
+    assert (made, solvers) == ([0], ["fatrop", "ipopt"])
