@@ -1,0 +1,134 @@
+"""What the paper found, found again: planes that lean into the wind, turns that climb, laps that look ahead."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from ladders import PLAN, assert_certified
+from races import RACES, blown, optimum, prepared
+from test_flown_optima import laps, plane_of
+
+from airrace.optimal_control.problem import Boundary
+from airrace.optimal_control.service import SolverService
+from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.homotopy import held
+from airrace.procedure.joint import WARM_BARRIER
+from airrace.procedure.pieces import joined, phase_piece
+from airrace.procedure.progress import Silent
+from airrace.procedure.race import Race
+from airrace.procedure.result import StageResult
+from airrace.procedure.solving import Workbench
+from airrace.quantities import Interval
+from airrace.trajectory import Array
+
+HALF_CUBAN, SIXTEEN = RACES["half_cuban_eight"], RACES["sixteen_phases"]
+GATES = 20.0
+"""m, the height of all gates of the sixteen phases."""
+
+# the half Cuban eight leans into the wind
+
+
+@pytest.mark.parametrize(("origin", "side"), [pytest.param(90.0, 1.0, marks=pytest.mark.slow), (270.0, -1.0)])
+def test_whole_aircraft_tilts_the_half_cuban_eight_into_a_crosswind(origin: float, side: float) -> None:
+    """Wind from the east tilts the plane to the east, wind from the west to the west."""
+    assert side * plane_of(assert_certified(blown(HALF_CUBAN, origin, 10.0))).tilt > 1.0
+
+
+def test_whole_aircraft_flies_the_half_cuban_eight_upright_in_still_air() -> None:
+    assert abs(plane_of(assert_certified(HALF_CUBAN)).tilt) < 1.0
+
+
+# the turn between the two passings of the quad climbs, although all gates are at one height
+
+
+def one_lap() -> Race:
+    """The first of the two laps."""
+    course = SIXTEEN.course
+    return dataclasses.replace(SIXTEEN, course=dataclasses.replace(course, passages=course.passages[:9]))
+
+
+def below(race: Race, ceiling: float) -> Race:
+    """The race under a ceiling, m."""
+    rules = dataclasses.replace(race.course.rules, height=Interval(race.course.rules.height.lower, ceiling))
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, rules=rules))
+
+
+def climb_within_the_quad(result: StageResult, lap: int) -> float:
+    """How far above its gates the aircraft gets between the two passings, m."""
+    trajectory = result.trajectory
+    phase = trajectory.phases.index(f"{lap}:quad/1 -> {lap}:quad/2")
+    first, last = trajectory.first_node[phase], trajectory.first_node[phase + 1]
+    height = -trajectory.of("z")[first : last + 1]
+    assert height[[0, -1]] == pytest.approx([GATES, GATES], abs=0.1)
+    return float(height.max() - GATES)
+
+
+def test_point_mass_climbs_in_the_turn_before_the_second_passing_of_the_quad() -> None:
+    assert climb_within_the_quad(optimum(one_lap(), PLAN), 1) > 20.0
+
+
+def test_a_flat_turn_before_the_second_passing_of_the_quad_costs_time() -> None:
+    free, flat = (optimum(race, PLAN) for race in (one_lap(), below(one_lap(), GATES + 10.0)))
+    assert flat.certified
+    assert climb_within_the_quad(flat, 1) < 10.1
+    assert flat.trajectory.race_time > free.trajectory.race_time + 0.1
+
+
+@pytest.mark.slow
+def test_whole_aircraft_climbs_in_both_turns_before_the_second_passing_of_the_quad() -> None:
+    result = assert_certified(SIXTEEN)
+    assert min(climb_within_the_quad(result, lap) for lap in (1, 2)) > 20.0
+
+
+@pytest.mark.slow
+def test_a_flat_turn_costs_the_whole_aircraft_time() -> None:
+    free, flat = (assert_certified(race) for race in (one_lap(), below(one_lap(), GATES + 10.0)))
+    assert climb_within_the_quad(free, 1) > 20.0
+    assert flat.trajectory.race_time > free.trajectory.race_time + 0.1
+
+
+# laps are optimised jointly
+
+
+def test_two_laps_flown_jointly_are_faster_than_one_lap_with_matched_ends_flown_twice() -> None:
+    """A lap that ends as it begins can be flown any number of times: here as a race of four laps passes the line.
+
+    Whoever flies two at once may pass the line otherwise between them, which gains 15 ms, and whoever races may begin
+    and end otherwise, too: with speed to be spent on the turns, which gains 4.7 s.
+    """
+    one, two = matched_laps(1), matched_laps(2)
+    race = optimum(laps(2), PLAN).trajectory.race_time
+    assert race < two - 1.0
+    assert two < 2.0 * one - 0.005
+
+
+def matched_laps(count: int) -> float:
+    """The shortest time, s, of laps that begin and end as a race of four laps passes the line after its second."""
+    flight, flown = prepared(laps(count)), optimum(laps(4), PLAN).trajectory
+    state = flown.state[:, flown.first_node[4]]
+    assert state[3] < flown.state[3, 0]  # the speed: as a start it would be allowed
+    whole = prepared(laps(4)).problem(mesh_of(flown))
+    used = range(4, 4 + 2 * count)
+    start = joined([phase_piece(iterate_of(flown), whole, phase) for phase in used])
+    free = flight.problem([whole.phases[phase].fractions for phase in used])
+    last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
+    problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
+    with SolverService(threads=1, compiled=True, stall_seconds=PLAN.solver.stall_seconds) as service:
+        solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=WARM_BARRIER)
+    assert solution is not None
+    assert solution.success
+    return float(solution.iterate.durations.sum())
+
+
+def matched(end: Boundary, guess: Array, state: Array) -> Boundary:
+    """The end of a lap: attitudes are the same with either sign, and three parts of a unit quaternion say it all."""
+    attitude = [f"q{index}" for index in range(4)]
+    rows = {name: row for row, name in enumerate(end.bounds)}
+    sign = np.sign(sum(guess[rows[name]] * state[rows[name]] for name in attitude))
+    largest = max(attitude, key=lambda name: abs(state[rows[name]]))
+    exact = {
+        name: Interval.exactly(sign * bounds.lower) if name in attitude else bounds
+        for name, bounds in end.bounds.items()
+        if name != largest
+    }
+    return dataclasses.replace(end, bounds=exact)
