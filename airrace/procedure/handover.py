@@ -1,28 +1,33 @@
 """From the optimum of one fidelity to a start for the next.
 
 Where the equations change, the higher fidelity's model is flown along the lower one's optimum by error feedback. Where
+that strays too far, the model is put at every instant into the state in which it does what the optimum does. Where
 only the controls change, from commands to the deflections they made, the recorded ones are flown.
 """
+
+import dataclasses
 
 import numpy as np
 
 from airrace.control.inner_loops import inner_controller_for
-from airrace.control.reference import from_optimum
+from airrace.control.reference import Reference, from_optimum
 from airrace.control.settling import settle
 from airrace.control.simulation import follow
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.flight import Flight, history, mesh_of
-from airrace.procedure.joint import COLD_BARRIER, WARM_BARRIER, Start
+from airrace.procedure.joint import WARM_BARRIER, Start
 from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
 from airrace.trajectory import Array, Trajectory
 
+FARTHEST = 25.0
+"""m: a flight that strays further from what it follows is a worse start than a model at rest in it."""
 LONGEST_INTERVAL = 0.1
 """s, of the mesh a stage with rotational dynamics begins with: the roll mode's time constant is 0.08 s."""
 
 
-def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | None:
-    """A stage's model flown along the optimum of another stage; None if it departs.
+def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
+    """A stage's model flown along the optimum of another stage; where it strays too far, at rest in that optimum.
 
     Args:
         flight: of the stage to be started.
@@ -30,32 +35,39 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start | No
         optimum: its result.
     """
     flown = optimum.trajectory
-    reference = from_optimum(source.model, source.problem(mesh_of(flown)), flown)
+    reference = _reference(source, optimum)
     nodes, first_node = finer(flown)
     simulated = follow(flight.model, inner_controller_for(flight.stage.value), reference, nodes=nodes)
-    if not simulated.finished:
-        return None
-    steps = np.split(np.diff(simulated.time), first_node[1:-1])
-    mesh = [tuple((one / one.sum()).tolist()) for one in steps]
-    guess = Iterate(simulated.durations, simulated.state, simulated.control)
     facts = Facts(
         source=source.stage.value,
         strayed=simulated.strayed,
         strayed_at=simulated.strayed_at,
         missed=simulated.end_distance,
     )
-    return Start(flight.problem(mesh), guess, WARM_BARRIER, facts)
+    if not simulated.finished or simulated.strayed > FARTHEST:
+        return dataclasses.replace(settled(flight, source, optimum), facts=facts)
+    guess = Iterate(simulated.durations, simulated.state, simulated.control)
+    return Start(flight.problem(_mesh(simulated.time, first_node)), guess, WARM_BARRIER, facts)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
-    """A stage's model at rest, node by node, in what the optimum of another stage does: where nothing else leads on."""
+    """A stage's model at rest, node by node, in what the optimum of another stage does there."""
     flown = optimum.trajectory
-    reference = from_optimum(source.model, source.problem(mesh_of(flown)), flown)
     nodes, first_node = finer(flown)
-    state, control = settle(flight.model, inner_controller_for(flight.stage.value), reference, nodes=nodes)
-    mesh = [tuple((one / one.sum()).tolist()) for one in np.split(np.diff(nodes), first_node[1:-1])]
+    inverse = inner_controller_for(flight.stage.value)
+    state, control = settle(flight.model, inverse, _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
-    return Start(flight.problem(mesh), guess, COLD_BARRIER, Facts(source=source.stage.value))
+    return Start(flight.problem(_mesh(nodes, first_node)), guess, WARM_BARRIER, Facts(source=source.stage.value))
+
+
+def _reference(source: Flight, optimum: StageResult) -> Reference:
+    return from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
+
+
+def _mesh(time: Array, first_node: list[int]) -> list[tuple[float, ...]]:
+    """The fractions of every phase's intervals."""
+    steps = np.split(np.diff(time), first_node[1:-1])
+    return [tuple((one / one.sum()).tolist()) for one in steps]
 
 
 def finer(flown: Trajectory) -> tuple[Array, list[int]]:

@@ -71,13 +71,13 @@ class Ladder:
         return (pieced, planned) if flown else (planned, pieced)
 
     def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start | None]]:
-        """Of a higher fidelity: from the stage before, then from the point mass, flown or at rest."""
-        below = STAGES[: STAGES.index(flight.stage)]
-        for stage in dict.fromkeys((below[-1], Stage.POINT_MASS)):
-            yield functools.partial(self._handed_over, flight, stage, bench)
-        yield functools.partial(settled, flight, self.flight(Stage.POINT_MASS), self.done[Stage.POINT_MASS])
+        """Of a higher fidelity: flown along the stage before, at rest in it, at rest in the point mass."""
+        below = STAGES[STAGES.index(flight.stage) - 1]
+        yield functools.partial(self._handed_over, flight, below, bench)
+        for stage in dict.fromkeys((below, Stage.POINT_MASS)):
+            yield functools.partial(settled, flight, self.flight(stage), self.done[stage])
 
-    def _handed_over(self, flight: Flight, stage: Stage, bench: Workbench) -> Start | None:
+    def _handed_over(self, flight: Flight, stage: Stage, bench: Workbench) -> Start:
         source, optimum = self.flight(stage), self.done[stage]
         if flight.stage is Stage.STATE_SPACE and stage is Stage.STATE_SPACE_INVERSION:
             return recorded(flight, source, optimum)
