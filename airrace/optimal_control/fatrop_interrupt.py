@@ -1,4 +1,4 @@
-"""Ctrl-C while fatrop is at work."""
+"""Ctrl-C while a library is at work that would lose it, or be lost by it."""
 
 import signal
 import threading
@@ -7,30 +7,38 @@ from contextlib import contextmanager
 from types import FrameType
 
 
+def _nothing() -> None:
+    """Nobody wants to know at once."""
+
+
 @contextmanager
-def interrupts_held_back(stop: Callable[[], None]) -> Generator[None]:
+def interrupts_held_back(stop: Callable[[], None] = _nothing) -> Generator[None]:
     """Turn Ctrl-C into a request to stop; what was to be done about it is done after the block.
 
-    Python would raise KeyboardInterrupt as soon as a callback begins, before anything there can catch it, and ctypes
-    would drop it.
+    Python would raise KeyboardInterrupt as soon as a callback of fatrop begins, before anything there can catch it, and
+    ctypes would drop it. casadi drops it while it finds out what its arguments are. SIGTERM is held back likewise where
+    something is to be done about it.
 
     Args:
         stop: called within the block, from a callback or between two of them.
     """
-    previous = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(previous):
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    pressed: list[FrameType | None] = []
+    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    held = {number: handler for number, handler in previous.items() if callable(handler)}
+    pressed: list[tuple[int, FrameType | None]] = []
 
-    def hold_back(_: int, frame: FrameType | None) -> None:
-        pressed.append(frame)
+    def hold_back(number: int, frame: FrameType | None) -> None:
+        pressed.append((number, frame))
         stop()
 
-    signal.signal(signal.SIGINT, hold_back)
+    for number in held:
+        signal.signal(number, hold_back)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous)
-    if pressed:
-        previous(signal.SIGINT, pressed[0])
+        for number, handler in held.items():
+            signal.signal(number, handler)
+    for number, frame in pressed[:1]:
+        held[signal.Signals(number)](number, frame)

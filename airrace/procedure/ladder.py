@@ -1,8 +1,10 @@
 """The ladder: every stage's flight, and where its joint problem is started from."""
 
+import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Sequence
 
+from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
@@ -40,8 +42,11 @@ class Ladder:
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
+        if stage is Stage.HOMOTOPY:
+            return dataclasses.replace(self.flight(Stage.POINT_MASS), stage=stage)
         if stage not in self._flights:
-            self._flights[stage] = stage_flight(stage, self._race, self._settings)
+            with interrupts_held_back():
+                self._flights[stage] = stage_flight(stage, self._race, self._settings)
         return self._flights[stage]
 
     def climb(self, stage: Stage, bench: Workbench) -> StageResult:
@@ -75,11 +80,16 @@ class Ladder:
         below = STAGES[STAGES.index(flight.stage) - 1]
         yield functools.partial(self._handed_over, flight, below, bench)
         for stage in dict.fromkeys((below, Stage.POINT_MASS)):
-            yield functools.partial(settled, flight, self.flight(stage), self.done[stage])
+            yield functools.partial(self._at_rest, flight, stage)
+
+    def _at_rest(self, flight: Flight, stage: Stage) -> Start:
+        with interrupts_held_back():
+            return settled(flight, self.flight(stage), self.done[stage])
 
     def _handed_over(self, flight: Flight, stage: Stage, bench: Workbench) -> Start:
         source, optimum = self.flight(stage), self.done[stage]
         if flight.stage is Stage.STATE_SPACE and stage is Stage.STATE_SPACE_INVERSION:
             return recorded(flight, source, optimum)
         bench.progress.activity(f"flying along the optimum of {stage.value} by error feedback", 0, 0)
-        return followed(flight, source, optimum)
+        with interrupts_held_back():
+            return followed(flight, source, optimum)
