@@ -42,7 +42,7 @@ class Stages:
         self.unknowns, self.constraints = layout.unknowns, layout.constraints
         self.count = len(self.sizes)
         self.first: Indices = np.cumsum(self.sizes) - self.sizes
-        self.stage_of_unknown = np.repeat(np.arange(self.count), self.sizes)
+        self.stage_of_unknown = layout.stage_of_unknown
         within = np.arange(self.unknowns) - self.first[self.stage_of_unknown]
         states, controls = self.n_x[self.stage_of_unknown], self.n_u[self.stage_of_unknown]
         self.place_in_stage: Indices = np.where(within < states, within + controls, within - states)
@@ -59,10 +59,16 @@ class Stages:
 
     @cached_property
     def hessian_sources(self) -> Indices:
-        """For every entry of the matrices RSQrqt, its place in (nonzeros, gradient, 0)."""
+        """For every entry of the matrices RSQrqt, its place in (nonzeros, gradient, 0).
+
+        Raises:
+            ValueError: a second derivative reaches from one stage into another.
+        """
         rows, columns = self._hessian_nonzeros
         sources = np.full(self.hessian.entries, len(rows) + self.unknowns)
         stage = self.stage_of_unknown
+        if (stage[rows] != stage[columns]).any():
+            raise ValueError("a second derivative reaches into another stage")
         starts = self.hessian.starts[:-1]
         column_start = starts[stage] + self.place_in_stage * (self.sizes[stage] + 1)
         sources[column_start[columns] + self.place_in_stage[rows]] = np.arange(len(rows))

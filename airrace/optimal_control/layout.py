@@ -121,6 +121,12 @@ class Layout:
     def _stage_offset(self) -> Indices:
         return np.concatenate([[0], np.cumsum(self.stage_states + self.stage_controls)])
 
+    @cached_property
+    def stage_of_unknown(self) -> Indices:
+        """Shape (n_w,)."""
+        sizes = np.diff(self._stage_offset)
+        return np.repeat(np.arange(len(sizes)), sizes)
+
     @property
     def unknowns(self) -> int:
         return int(self._stage_offset[-1])

@@ -261,7 +261,10 @@ class _Transcription:
             matrix.draw_from(nonzeros)
             row, column = _pattern(calls.kernel.hessian.sparsity_out(1))
             rows, columns = calls.inputs[:, row].ravel(), calls.inputs[:, column].ravel()
-            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
+            # what the last node's path would say of the control before it is zero: no row there depends on that
+            within = np.flatnonzero(layout.stage_of_unknown[rows] == layout.stage_of_unknown[columns])
+            rows, columns = rows[within], columns[within]
+            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], within)
         weights = self._regularisation_weights()
         if weights.any():
             self._penalty_hessian(matrix, weights)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.fatrop_functions import Functions
@@ -74,6 +75,19 @@ def test_iterates_are_those_of_casadis_interface(capsys: pytest.CaptureFixture[s
         printed.append(lines[begin + 1 : begin + 2 + solution.iterations])
         assert printed[-1][-1].split()[0] == str(solution.iterations)
     assert printed[0] == printed[1]
+
+
+def test_path_quantities_of_states_and_controls_leave_newtons_method_quadratic() -> None:
+    """They are evaluated at the last node with the control before it: of that, nothing may get into the wrong place."""
+    swing, guess = rest_to_rest()
+    u, x = ca.SX.sym("u", 1), ca.SX.sym("x", 2)
+    values = ca.Function("path", [x, u, ca.SX.sym("p", 1)], [ca.vertcat(x[0], u * x[0])])
+    smooth = Objective(regularisation={"f": 1.0})
+    problem = replace(swing, system=replace(swing.system, path_values=values), objective=smooth)
+    one, other = (optimum(problem, guess, solver) for solver in ("fatrop", "ipopt"))
+    assert one.success
+    assert one.objective == pytest.approx(other.objective, rel=1e-9)
+    assert one.iterations <= other.iterations + 3
 
 
 def direct(problem: Problem, guess: Iterate) -> tuple[FatropResult, NonlinearProgram]:

@@ -95,6 +95,9 @@ def test_each_stage_meets_the_next_only_through_an_identity(transcribed) -> None
         outside = hessian[here].copy()
         outside[:, here] = 0.0
         assert (outside == 0.0).all()
+    row, column = (np.array(one) for one in program.hess_l.sparsity_out(1).get_triplet())
+    stage = np.searchsorted(columns, [row, column], side="right")
+    assert (stage[0] == stage[1]).all()
 
 
 def test_gaps_close_when_each_interval_is_integrated_from_the_last() -> None:
