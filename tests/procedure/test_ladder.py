@@ -312,6 +312,6 @@ def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
     result = rung("four_gates", Stage.SIX_DOF)
     flown = result.trajectory
     steps = np.diff(flown.time)
-    scaled = {one.name: row / one.scale for one, row in zip(flown.controls, flown.control, strict=True)}
-    weighed = sum((scaled[name] ** 2 * steps).sum() for name in ("eta_dot", "xi_dot", "zeta_dot"))
+    halves = {one.name: row / (0.5 * one.upper) for one, row in zip(flown.controls, flown.control, strict=True)}
+    weighed = sum((halves[name] ** 2 * steps).sum() for name in ("eta_dot", "xi_dot", "zeta_dot"))
     assert result.facts.regularisation == pytest.approx(Settings().regularisation * weighed, rel=1e-6)

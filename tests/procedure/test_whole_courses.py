@@ -4,12 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from ladders import PLAN, assert_certified
+from ladders import PLAN, assert_certified, climbed
 from races import COURSES, RACES, ROOT, blown, optimum
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Thermal
 from airrace.procedure.race import Race
+from airrace.procedure.result import Stage
 
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
 WIND = 8.0  # m/s
@@ -35,6 +36,19 @@ def test_other_aircraft_is_certified_up_to_six_degrees_of_freedom(name: str) -> 
 @pytest.mark.parametrize("name", COURSES)
 def test_course_in_wind_is_certified_up_to_six_degrees_of_freedom(name: str, origin: float) -> None:
     assert_certified(blown(RACES[name], origin, WIND))
+
+
+@pytest.mark.slow
+def test_rudder_is_not_wagged_where_the_angle_of_attack_is_at_its_limit() -> None:
+    """Side force in step with the bank turns the path: in this wind it paid to wag the rudder all through the loop."""
+    race = blown(RACES["sixteen_phases"], 240.0, WIND)
+    result = next(one for one in climbed(race) if one.stage is Stage.STATE_SPACE_INVERSION)
+    flown = result.trajectory
+    phase = flown.phases.index("2:quad/1 -> 2:quad/2")
+    within = (flown.time > flown.time[flown.first_node[phase]] + 1.5) & (
+        flown.time < flown.time[flown.first_node[phase + 1]] - 1.5
+    )
+    assert np.ptp(flown.of("r_s")[within]) < 0.3
 
 
 @pytest.mark.slow
