@@ -110,10 +110,17 @@ def needs_compiling(system: System, scheme: RungeKutta) -> bool:
     return not kernel_library.is_intact(_library(system, scheme))
 
 
-def prepare(system: System, scheme: RungeKutta) -> None:
-    """Compile the kernels in the background if they need it; `build_kernels` waits for them where it must."""
-    if needs_compiling(system, scheme):
+def prepare(system: System, scheme: RungeKutta) -> bool:
+    """Compile the kernels in the background if they need it, and tell whether; `build_kernels` waits where it must."""
+    needed = needs_compiling(system, scheme)
+    if needed:
         preparation.start(_library(system, scheme), system, scheme)
+    return needed
+
+
+def finish_preparing(system: System, scheme: RungeKutta) -> None:
+    """Wait until what this process compiles in the background for a system is done, for another process to load."""
+    preparation.finish(_library(system, scheme))
 
 
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:

@@ -12,10 +12,13 @@ from types import TracebackType
 from typing import Self
 
 from airrace.errors import SolverCrash
+from airrace.optimal_control import kernels
+from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RungeKutta
 from airrace.optimal_control.messages import IterationReport, Notice, Reply, Sender, SolveRequest, WorkerFailure
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.optimal_control.spawn import take
+from airrace.system import System
 
 
 class Stalled(Exception):
@@ -45,6 +48,7 @@ class SolverService:
         self._compiled = compiled
         self._stall_seconds = stall_seconds
         self._process: subprocess.Popen[bytes] | None = None
+        self._preparing: list[tuple[System, RungeKutta]] = []
         self._start()
 
     def __enter__(self) -> Self:
@@ -54,6 +58,11 @@ class SolverService:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.stop()
+
+    def prepare(self, system: System, scheme: RungeKutta = DORMAND_PRINCE_5) -> None:
+        """Have the kernels of a system that will be flown compiled meanwhile, at low priority."""
+        if self._compiled and kernels.prepare(system, scheme):
+            self._preparing.append((system, scheme))
 
     def solve(
         self,
@@ -73,6 +82,7 @@ class SolverService:
         """
         if self._process is None:
             self._start()
+        self._finish_preparing(problem.system, problem.scheme)
         request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, self._threads)
         try:
             self._sender.send(request)
@@ -97,6 +107,15 @@ class SolverService:
         except BaseException:  # an interrupt leaves the process in mid-solve: it is of no more use
             self.stop()
             raise
+
+    def _finish_preparing(self, system: System, scheme: RungeKutta) -> None:
+        """Let what is compiled for a system get ready before the solver process asks for it."""
+        if not any(one is system and how == scheme for one, how in self._preparing):
+            return
+        self._preparing = [(one, how) for one, how in self._preparing if one is not system or how != scheme]
+        if self._on_notice is not None:
+            self._on_notice("compiling the equations (once per model and machine)")
+        kernels.finish_preparing(system, scheme)
 
     def stop(self) -> None:
         """Kill the process, if there is one."""

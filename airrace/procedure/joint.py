@@ -51,13 +51,13 @@ class Failure:
     solution: Solution | None
 
 
-def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable[[], Start | None]]) -> StageResult:
+def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
     """The certified optimum; if none is found, the optimum that is not certified, or why there is none.
 
     Args:
-        starts: in the order in which they are tried; each is made when its turn comes, or is None then.
+        starts: in the order in which they are tried; each is made when its turn comes.
     """
-    made: list[Start | None] = []
+    made: list[Start] = []
     uncertified: list[StageResult] = []
     failures: list[Failure] = []
     for solver in bench.solvers:
@@ -66,10 +66,7 @@ def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
                 made.append(make())
-            start = made[number]
-            if start is None:
-                continue
-            found = _refined(flight, bench, start, solver)
+            found = _refined(flight, bench, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)
             elif found.certified:

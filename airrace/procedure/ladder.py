@@ -75,7 +75,7 @@ class Ladder:
 
         return (pieced, planned) if flown else (planned, pieced)
 
-    def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start | None]]:
+    def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start]]:
         """Of a higher fidelity: flown along the stage before, at rest in it, at rest in the point mass."""
         below = STAGES[STAGES.index(flight.stage) - 1]
         yield functools.partial(self._handed_over, flight, below, bench)

@@ -53,9 +53,11 @@ def optimise(
     ) as service:
         load_in_background()
         bench = Workbench(service, settings, progress)
-        for stage in wanted:
+        for stage, *later in (wanted[number:] for number in range(len(wanted))):
             progress.stage_started(stage)
             bench.begin()
+            for following in later[:1]:
+                service.prepare(ladder.flight(following).model.system)
             result = ladder.climb(stage, bench)
             progress.stage_finished(result)
             yield result

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kernel_comparison import needs_compiler
 from known_flights import oscillator, rest_to_rest
 
 from airrace.errors import SolverCrash
+from airrace.optimal_control import preparation
 from airrace.optimal_control.messages import IterationReport, Receiver, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.service import SolverService, Stalled
@@ -257,3 +259,22 @@ def test_equal_systems_arrive_as_one_object() -> None:
     systems = [received.problem.system for _ in range(3) if (received := receiver.receive()) is not None]
     assert len(systems) == 3
     assert systems[0] is systems[1] is systems[2]
+
+
+@needs_compiler
+def test_prepared_equations_are_compiled_once_and_loaded_by_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    started: list[Path] = []
+    start = preparation.start
+    monkeypatch.setattr(preparation, "start", lambda library, *order: (started.append(library), start(library, *order)))
+    notices: list[str] = []
+    problem, guess = rest_to_rest()
+    with SolverService(on_notice=notices.append) as service:
+        service.prepare(problem.system, problem.scheme)
+        for _ in range(2):
+            assert solve(service, (problem, guess)).success
+            assert notices == ["compiling the equations (once per model and machine)"]
+        service.prepare(problem.system, problem.scheme)
+    assert [library.exists() for library in started] == [True]
