@@ -15,7 +15,7 @@ from airrace.control.settling import settle
 from airrace.control.simulation import follow
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.flight import Flight, history, mesh_of
-from airrace.procedure.joint import WARM_BARRIER, Start
+from airrace.procedure.joint import HANDOVER_BARRIER, Start
 from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
 from airrace.trajectory import Array, Trajectory
@@ -47,7 +47,7 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     if not simulated.finished or simulated.strayed > FARTHEST:
         return dataclasses.replace(settled(flight, source, optimum), facts=facts)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
-    return Start(flight.problem(_mesh(simulated.time, first_node)), guess, WARM_BARRIER, facts)
+    return Start(flight.problem(_mesh(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -57,7 +57,7 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     inverse = inner_controller_for(flight.stage.value)
     state, control = settle(flight.model, inverse, _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
-    return Start(flight.problem(_mesh(nodes, first_node)), guess, WARM_BARRIER, Facts(source=source.stage.value))
+    return Start(flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value))
 
 
 def _reference(source: Flight, optimum: StageResult) -> Reference:
@@ -96,4 +96,4 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         np.vstack(list(states.values())),
         np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
     )
-    return Start(flight.problem(mesh_of(flown)), guess, WARM_BARRIER, Facts(source=source.stage.value))
+    return Start(flight.problem(mesh_of(flown)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value))

@@ -26,8 +26,9 @@ from airrace.procedure.solving import Workbench
 RATE = "_dot"  # what the names of controls that move something end with
 MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
 COLD_BARRIER = 0.1
-WARM_BARRIER = 1e-2  # of a solve that starts from assembled pieces, or from another stage
-REFINED_BARRIER = 1e-3  # of one that starts from an optimum on a coarser mesh
+PIECED_BARRIER = 1e-2  # of a solve that starts from assembled pieces
+HANDOVER_BARRIER = 1e-4  # of one that starts from another stage: more leads astray and back, in twice the iterations
+REFINED_BARRIER = 1e-6  # of one that starts from an optimum on a coarser mesh
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
-from airrace.procedure.joint import COLD_BARRIER, WARM_BARRIER, Start, optimise_jointly
+from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
 from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
@@ -71,7 +71,7 @@ class Ladder:
 
         def pieced() -> Start:
             pieces = (flown or fly_homotopy(self.flight(Stage.HOMOTOPY), bench)).trajectory
-            return Start(flight.problem(mesh_of(pieces)), iterate_of(pieces), WARM_BARRIER)
+            return Start(flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
 
         return (pieced, planned) if flown else (planned, pieced)
 

@@ -10,7 +10,7 @@ from test_solving import STALLED, Canned, asked
 
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.flight import iterate_of, mesh_of
-from airrace.procedure.joint import WARM_BARRIER, Start, optimise_jointly
+from airrace.procedure.joint import HANDOVER_BARRIER, Start, optimise_jointly
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, StageResult
@@ -41,7 +41,7 @@ def solved_start(*, torn: float = 0.0) -> Start:
     iterate = iterate_of(flown)
     state = iterate.state.copy()
     state[0, -1] += torn
-    return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), WARM_BARRIER)
+    return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), HANDOVER_BARRIER)
 
 
 def tried(used: Workbench, *starts: Start | None) -> tuple[StageResult, list[int], list[str]]:
