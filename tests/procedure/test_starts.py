@@ -76,12 +76,6 @@ def test_primary_solver_is_asked_from_all_starts_before_the_fallback(
     assert (made_then, asked_then) == (made, solvers)
 
 
-def test_start_that_cannot_be_made_is_skipped_and_asked_for_once() -> None:
-    result, made, solvers = tried(canned("stuck", "solved"), None, solved_start())
-    assert result.certified
-    assert (made, solvers) == ([0, 1], ["fatrop", "ipopt"])
-
-
 def test_certified_optimum_of_a_later_start_is_preferred_to_a_flight_that_is_torn() -> None:
     result, made, _ = tried(canned("solved"), solved_start(torn=10.0), solved_start())
     assert result.certified
