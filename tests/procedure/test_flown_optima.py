@@ -5,16 +5,15 @@ import math
 
 import numpy as np
 import pytest
-from races import EDGE_540, RACES, SMALL, blown, course, level, mirrored, optimum, prepared, settings
+from matched_laps import laps
+from races import EDGE_540, RACES, SMALL, blown, mirrored, optimum, prepared, settings
 
 from airrace.dynamics.point_mass import PointMassState
-from airrace.environment.air import Air
 from airrace.environment.atmosphere import g0
 from airrace.errors import CheckpointError
 from airrace.optimal_control.replay import interval_durations, replay
 from airrace.procedure.flight import gate_splits, iterate_of, mesh_of
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.race import Race
 from airrace.procedure.result import Outcome, StageResult
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
@@ -147,19 +146,6 @@ def excess_power(state: PointMassState[Array]) -> Array:
 
 
 # laps
-
-OVAL = [level("south", 0.0, 0.0, 0.0), level("north", 150.0, 330.0, 180.0)]
-
-
-def laps(count: int) -> Race:
-    """An oval between two gates, `count` times around."""
-    south, north = OVAL
-    flown = course("oval", *[south, north] * count, south)
-    names = [f"{index}:{passage.element.name}" for index, passage in enumerate(flown.passages)]
-    passages = tuple(
-        dataclasses.replace(passage, name=name) for passage, name in zip(flown.passages, names, strict=True)
-    )
-    return Race(dataclasses.replace(flown, passages=passages), EDGE_540, Air())
 
 
 @every_guess

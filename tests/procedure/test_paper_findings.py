@@ -2,24 +2,15 @@
 
 import dataclasses
 
-import numpy as np
 import pytest
 from ladders import PLAN, assert_certified
-from races import RACES, blown, optimum, prepared
-from test_flown_optima import laps, plane_of
+from matched_laps import laps, matched_laps
+from races import RACES, blown, optimum
+from test_flown_optima import plane_of
 
-from airrace.optimal_control.problem import Boundary
-from airrace.optimal_control.service import SolverService
-from airrace.procedure.flight import iterate_of, mesh_of
-from airrace.procedure.homotopy import held
-from airrace.procedure.joint import PIECED_BARRIER
-from airrace.procedure.pieces import joined, phase_piece
-from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
-from airrace.procedure.solving import Workbench
 from airrace.quantities import Interval
-from airrace.trajectory import Array
 
 HALF_CUBAN, SIXTEEN = RACES["half_cuban_eight"], RACES["sixteen_phases"]
 GATES = 20.0
@@ -96,39 +87,7 @@ def test_two_laps_flown_jointly_are_faster_than_one_lap_with_matched_ends_flown_
     Whoever flies two at once may pass the line otherwise between them, which gains 15 ms, and whoever races may begin
     and end otherwise, too: with speed to be spent on the turns, which gains 4.7 s.
     """
-    one, two = matched_laps(1), matched_laps(2)
+    one, two = matched_laps(1).race_time, matched_laps(2).race_time
     race = optimum(laps(2), PLAN).trajectory.race_time
     assert race < two - 1.0
     assert two < 2.0 * one - 0.005
-
-
-def matched_laps(count: int) -> float:
-    """The shortest time, s, of laps that begin and end as a race of four laps passes the line after its second."""
-    flight, flown = prepared(laps(count)), optimum(laps(4), PLAN).trajectory
-    state = flown.state[:, flown.first_node[4]]
-    assert state[3] < flown.state[3, 0]  # the speed: as a start it would be allowed
-    whole = prepared(laps(4)).problem(mesh_of(flown))
-    used = range(4, 4 + 2 * count)
-    start = joined([phase_piece(iterate_of(flown), whole, phase) for phase in used])
-    free = flight.problem([whole.phases[phase].fractions for phase in used])
-    last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
-    problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
-    with SolverService(threads=1, compiled=True, stall_seconds=PLAN.solver.stall_seconds) as service:
-        solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
-    assert solution is not None
-    assert solution.success
-    return float(solution.iterate.durations.sum())
-
-
-def matched(end: Boundary, guess: Array, state: Array) -> Boundary:
-    """The end of a lap: attitudes are the same with either sign, and three parts of a unit quaternion say it all."""
-    attitude = [f"q{index}" for index in range(4)]
-    rows = {name: row for row, name in enumerate(end.bounds)}
-    sign = np.sign(sum(guess[rows[name]] * state[rows[name]] for name in attitude))
-    largest = max(attitude, key=lambda name: abs(state[rows[name]]))
-    exact = {
-        name: Interval.exactly(sign * bounds.lower) if name in attitude else bounds
-        for name, bounds in end.bounds.items()
-        if name != largest
-    }
-    return dataclasses.replace(end, bounds=exact)

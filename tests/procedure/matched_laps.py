@@ -1,0 +1,65 @@
+"""Laps around an oval: as a race, and with ends that match, so that they can be flown any number of times."""
+
+import dataclasses
+
+import numpy as np
+from ladders import PLAN
+from races import EDGE_540, course, level, optimum, prepared
+
+from airrace.environment.air import Air
+from airrace.optimal_control.problem import Boundary
+from airrace.optimal_control.service import SolverService
+from airrace.procedure.flight import iterate_of, mesh_of, trajectory
+from airrace.procedure.homotopy import held
+from airrace.procedure.joint import WARM_BARRIER
+from airrace.procedure.pieces import joined, phase_piece
+from airrace.procedure.progress import Silent
+from airrace.procedure.race import Race
+from airrace.procedure.solving import Workbench
+from airrace.quantities import Interval
+from airrace.trajectory import Array, Trajectory
+
+OVAL = [level("south", 0.0, 0.0, 0.0), level("north", 150.0, 330.0, 180.0)]
+
+
+def laps(count: int) -> Race:
+    """An oval between two gates, `count` times around."""
+    south, north = OVAL
+    flown = course("oval", *[south, north] * count, south)
+    names = [f"{index}:{passage.element.name}" for index, passage in enumerate(flown.passages)]
+    passages = tuple(
+        dataclasses.replace(passage, name=name) for passage, name in zip(flown.passages, names, strict=True)
+    )
+    return Race(dataclasses.replace(flown, passages=passages), EDGE_540, Air())
+
+
+def matched_laps(count: int) -> Trajectory:
+    """The fastest laps that begin and end as a race of four laps passes the line after its second."""
+    flight, flown = prepared(laps(count)), optimum(laps(4), PLAN).trajectory
+    state = flown.state[:, flown.first_node[4]]
+    assert state[3] < flown.state[3, 0]  # the speed: as a start it would be allowed
+    whole = prepared(laps(4)).problem(mesh_of(flown))
+    used = range(4, 4 + 2 * count)
+    start = joined([phase_piece(iterate_of(flown), whole, phase) for phase in used])
+    free = flight.problem([whole.phases[phase].fractions for phase in used])
+    last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
+    problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
+    with SolverService(threads=1, compiled=True, stall_seconds=PLAN.solver.stall_seconds) as service:
+        solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=WARM_BARRIER)
+    assert solution is not None
+    assert solution.success
+    return trajectory(problem, solution.iterate)
+
+
+def matched(end: Boundary, guess: Array, state: Array) -> Boundary:
+    """The end of a lap: attitudes are the same with either sign, and three parts of a unit quaternion say it all."""
+    attitude = [f"q{index}" for index in range(4)]
+    rows = {name: row for row, name in enumerate(end.bounds)}
+    sign = np.sign(sum(guess[rows[name]] * state[rows[name]] for name in attitude))
+    largest = max(attitude, key=lambda name: abs(state[rows[name]]))
+    exact = {
+        name: Interval.exactly(sign * bounds.lower) if name in attitude else bounds
+        for name, bounds in end.bounds.items()
+        if name != largest
+    }
+    return dataclasses.replace(end, bounds=exact)
