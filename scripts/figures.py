@@ -2,8 +2,9 @@
 
     python scripts/figures.py [--output docs/figures] [--runs FOLDER] [--only half_cuban_eight.png ...]
 
-Every flight is a run of `airrace optimize`, read back through `airrace export csv`. A run that is not certified ends
-the script. The checkpoints are kept in the folder of `--runs`, and those that lie there already are not flown again.
+Every flight is a run of `airrace optimize`, read back through `airrace export csv`; only those around the oval are
+flown as the tests do it, for the command matches no ends. A run that is not certified ends the script. Checkpoints are
+kept in the folder of `--runs`, and those that lie there already are not flown again.
 """
 
 import argparse
@@ -27,12 +28,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from airrace.documents import load_inputs
-from airrace.track.course import Course
-from airrace.track.gates import Gate, Pylon
-from airrace.track.limits import SafetyLine
-
 ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "tests" / "procedure")]
+
+from matched_laps import PLAN, laps, matched_laps, optimum  # noqa: E402  (the folder above must be on the path first)
+
+from airrace.documents import load_inputs  # noqa: E402
+from airrace.track.course import Course  # noqa: E402
+from airrace.track.gates import Gate, Pylon  # noqa: E402
+from airrace.track.limits import SafetyLine  # noqa: E402
+from airrace.trajectory import Trajectory  # noqa: E402
+
 FOLDER = ROOT / "docs" / "figures"
 COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
 RATE = 25  # rows per second
@@ -48,6 +54,9 @@ LEVEL_GATES = (
 
 CROSSWIND = ("environment.wind.from_deg=90", "environment.wind.speed_m_s=10")
 """From the right of the flight's beginning."""
+
+FLAT = ("rules.ceiling_m=30",)
+"""10 m above the gates."""
 
 
 @dataclass(frozen=True)
@@ -222,23 +231,74 @@ def lean_to_east(flight: Flight) -> float:
 
 
 def sixteen_phases(path: Path, runs: Path) -> None:
-    """The 270 degree turn between the two passings of the quad, six degrees of freedom: from above, and its height."""
+    """The 270 degree turn between the two passings of the quad, six degrees of freedom: free, and held flat."""
     track = ROOT / "tracks" / "sixteen_phases.yaml"
-    flight = flown(runs, "sixteen", track, until="six-dof")
-    figure, axes = plt.subplots(1, 2, figsize=(12.5, 4.8), layout="constrained", width_ratios=[1.25, 1.0])
-    draw_course(axes[0], load_inputs(track).race.course)
-    axes[0].plot(flight.east, flight.north, "-", color=GREY, linewidth=0.8)
-    for lap, colour, style in (("1", BLUE, "-"), ("2", ORANGE, "--")):
-        begin, end = (flight.passages[f"{lap}:quad/{passing}"] for passing in "12")
-        turn = (flight.time >= begin) & (flight.time <= end)
-        label = f"lap {lap}: {end - begin:.2f} s, to {flight.height[turn].max():.0f} m"
-        axes[0].plot(flight.east[turn], flight.north[turn], style, color=colour, linewidth=1.8)
-        axes[1].plot(flight.time[turn] - begin, flight.height[turn], style, color=colour, linewidth=1.8, label=label)
-    axes[0].set(xlabel="east, m", ylabel="north, m", title=f"two laps, {flight.race:.2f} s", aspect="equal")
-    axes[1].set(xlabel="time since the first passing of the quad, s", ylabel="height, m", title="the turn in between")
-    axes[1].set_ylim(bottom=0.0)
-    axes[1].legend(loc="lower center", frameon=False)
-    finish(figure, axes, path)
+    flights = (
+        (flown(runs, "sixteen", track, until="six-dof"), BLUE, "free"),
+        (flown(runs, "sixteen_flat", track, until="six-dof", overrides=FLAT), ORANGE, "below 30 m"),
+    )
+    figure, axes = plt.subplot_mosaic(
+        [["plan", "height"], ["plan", "speed"]], figsize=(12.5, 6.2), layout="constrained", width_ratios=[1.25, 1.0]
+    )
+    draw_course(axes["plan"], load_inputs(track).race.course)
+    for flight, colour, text in flights:
+        label = f"{text}: two laps in {flight.race:.2f} s"
+        axes["plan"].plot(flight.east, flight.north, "-", color=colour, linewidth=0.7, alpha=0.6)
+        for lap, style in (("1", "-"), ("2", "--")):
+            begin, end = (flight.passages[f"{lap}:quad/{passing}"] for passing in "12")
+            turn = (flight.time >= begin) & (flight.time <= end)
+            line = {"linestyle": style, "color": colour, "linewidth": 1.8, "label": f"{text}, lap {lap}"}
+            axes["plan"].plot(
+                flight.east[turn], flight.north[turn], **(line | {"label": label if lap == "1" else None})
+            )
+            axes["height"].plot(flight.time[turn] - begin, flight.height[turn], **line)
+            line["label"] = f"{text}, lap {lap}: {end - begin:.2f} s"
+            axes["speed"].plot(flight.time[turn] - begin, flight.speed[turn], **line)
+    axes["plan"].set(xlabel="east, m", ylabel="north, m", aspect="equal", xlim=(-90.0, 890.0), ylim=(-90.0, 590.0))
+    axes["plan"].legend(loc="upper left", frameon=False)
+    axes["height"].set(ylabel="height, m", title="the turn between the two passings of the quad")
+    axes["height"].set_ylim(bottom=0.0)
+    axes["speed"].set(xlabel="time since the first passing of the quad, s", ylabel="speed, m/s")
+    axes["speed"].legend(loc="upper center", frameon=False, ncols=2, fontsize=8)
+    axes["speed"].set_ylim(50.0, 110.0)
+    finish(figure, list(axes.values()), path)
+
+
+def two_laps(path: Path, _: Path) -> None:
+    """Two laps around an oval, point mass: flown jointly, and one lap twice, all with the same state at both ends."""
+    lap, both, race = matched_laps(1), matched_laps(2), optimum(laps(2), PLAN)
+    if not race.certified:
+        raise RuntimeError(f"no certified race around the oval: {race.message}")
+    flights = (
+        (race.trajectory, 1, GREY, ":", "a race of two laps"),
+        (lap, 2, ORANGE, "--", "one lap with matched ends, twice"),
+        (both, 1, BLUE, "-", "two laps with the same ends, jointly"),
+    )
+    figure, axes = plt.subplots(1, 3, figsize=(12.5, 4.6), layout="constrained")
+    for flight, times, colour, style, text in flights:
+        done, speed, height, _ = repeated(flight, times)
+        label = f"{text}: {times * flight.race_time:.2f} s"
+        for one, history in ((axes[0], speed), (axes[1], height)):
+            one.plot(done, history, linestyle=style, color=colour, linewidth=1.5, label=label)
+    twice, jointly = ((done, time) for done, _, _, time in (repeated(lap, 2), repeated(both, 1)))
+    gates = np.linspace(0.0, 2.0, 5)
+    axes[2].plot(gates, 1e3 * (np.interp(gates, *twice) - np.interp(gates, *jointly)), "o:", color=BLUE, linewidth=1.0)
+    axes[0].set(ylabel="speed, m/s")
+    axes[1].set(ylabel="height, m", ylim=(0.0, 50.0))
+    axes[2].set(ylabel="two laps jointly: gain up to a gate, ms")
+    for one in axes:
+        one.set(xlabel="laps flown; a gate at every half", xticks=[0.0, 0.5, 1.0, 1.5, 2.0])
+    finish(figure, axes, path, legend=True)
+
+
+def repeated(flight: Trajectory, times: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Laps flown, speed, height and time of a flight around the oval, flown so many times in a row.
+
+    Half a lap, from gate to gate, is divided by its time, so that gates lie at the same places whoever flies.
+    """
+    done = np.interp(flight.time, flight.time[flight.first_node], 0.5 * np.arange(len(flight.first_node)))
+    onward = [np.concatenate([one + number * one[-1] for number in range(times)]) for one in (done, flight.time)]
+    return onward[0], np.tile(flight.of("V_K"), times), np.tile(-flight.of("z"), times), onward[1]
 
 
 def finish(figure: Figure, axes: Sequence[Axes], path: Path, *, legend: bool = False) -> None:
@@ -247,7 +307,7 @@ def finish(figure: Figure, axes: Sequence[Axes], path: Path, *, legend: bool = F
         one.grid(color="#e6e6e6", linewidth=0.6)
         one.set_axisbelow(True)
     if legend:
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
     figure.savefig(path, dpi=DOTS_PER_INCH, metadata={"Software": None})
     plt.close(figure)
 
@@ -257,6 +317,7 @@ FIGURES: dict[str, Draw] = {
     "abu_dhabi_2016.png": abu_dhabi,
     "half_cuban_eight.png": half_cuban_eight,
     "sixteen_phases.png": sixteen_phases,
+    "two_laps.png": two_laps,
 }
 
 
