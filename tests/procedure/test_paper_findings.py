@@ -85,7 +85,7 @@ def test_two_laps_flown_jointly_are_faster_than_one_lap_with_matched_ends_flown_
     """A lap that ends as it begins can be flown any number of times: here as a race of four laps passes the line.
 
     Whoever flies two at once may pass the line otherwise between them, which gains 30 ms, and whoever races may begin
-    and end otherwise, too: with speed to be spent on the turns, which gains 4.7 s.
+    and end otherwise, too: with speed to be spent on the turns, and in any attitude, which gains 4.7 s.
     """
     one, two = matched_laps(1).race_time, matched_laps(2).race_time
     race = optimum(laps(2), PLAN).trajectory.race_time
