@@ -16,7 +16,7 @@ from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.solvers import Solution
 from airrace.procedure.flight import iterate_of, mesh_of, trajectory
 from airrace.procedure.homotopy import held
-from airrace.procedure.joint import WARM_BARRIER, certified, tolerances
+from airrace.procedure.joint import PIECED_BARRIER, certified, tolerances
 from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
@@ -59,7 +59,7 @@ def matched_laps(count: int) -> Trajectory:
     last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
     problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
     with SolverService(threads=1, compiled=True, stall_seconds=PLAN.solver.stall_seconds) as service:
-        solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=WARM_BARRIER)
+        solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
     assert solution is not None
     assert certificate_of(problem, solution).certified
     return trajectory(problem, solution.iterate)
