@@ -44,12 +44,12 @@ def solved_start(*, torn: float = 0.0) -> Start:
     return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), HANDOVER_BARRIER)
 
 
-def tried(used: Workbench, *starts: Start | None) -> tuple[StageResult, list[int], list[str]]:
+def tried(used: Workbench, *starts: Start) -> tuple[StageResult, list[int], list[str]]:
     """The result; which starts were made, in order; which solvers were asked."""
     made: list[int] = []
 
-    def maker(number: int) -> Callable[[], Start | None]:
-        def make() -> Start | None:
+    def maker(number: int) -> Callable[[], Start]:
+        def make() -> Start:
             made.append(number)
             return starts[number]
 
