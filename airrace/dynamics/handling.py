@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.inner_loop_controls import linear_range
+from airrace.dynamics.body_path import linear_range
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.linear_derivatives import lateral_motion, level_lags, linear_parameters, pitching
 from airrace.dynamics.state_space_inverse import GAINS, solve

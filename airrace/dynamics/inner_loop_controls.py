@@ -1,10 +1,8 @@
 """What moves an aircraft that rotates: the rates of its control surfaces, or those of the commands to a controller."""
 
-from airrace.aircraft.aircraft import Aircraft, Lift
+from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.limits import symmetric
-from airrace.errors import Finding, InputError
 from airrace.quantities import Interval, T, Vector, quantity, vector
-from airrace.track.course import Rules
 
 
 @vector
@@ -51,21 +49,3 @@ def command_bounds(aircraft: Aircraft) -> dict[str, Interval]:
     """How far the stick goes: to what the aircraft is built for, also where the rules allow less of the answer."""
     pilot = aircraft.point_mass
     return {"n_z_cmd": aircraft.envelope.n_z, "n_y_cmd": symmetric(pilot.n_y), "p_cmd": symmetric(pilot.p)}
-
-
-def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:
-    """What the rules allow of the angles of attack (rad) at which the linear lift curve stays within its limits.
-
-    Raises:
-        InputError: the rules allow none of them.
-    """
-    allowed = rules.alpha_A.intersect(linear_range(aircraft.lift))
-    if allowed.empty:
-        message = "the rules of the course allow no angle of attack short of the stall"
-        raise InputError([Finding(aircraft.name, 0, 0, "alpha_A", message)])
-    return allowed
-
-
-def linear_range(lift: Lift) -> Interval:
-    """Angles of attack (rad) between which the linear lift curve runs from `C_L_min` to `C_L_max`."""
-    return Interval((lift.C_L_min - lift.C_L0) / lift.C_Lalpha, (lift.C_L_max - lift.C_L0) / lift.C_Lalpha)

@@ -15,15 +15,15 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow, drag_coefficient
 from airrace.dynamics.assembly import assemble
 from airrace.dynamics.attitude import Incidence, incidence, rotation_to_body
+from airrace.dynamics.body_path import BodyPath, body_path_bounds
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
     SurfaceControl,
-    angle_of_attack_limits,
     deflection_bounds,
     deflection_rate_bounds,
 )
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.limits import bounded, flight_limits
 from airrace.dynamics.moments import (
     Sideways,
     lift_coefficient,
@@ -39,7 +39,7 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, density, g0
 from airrace.environment.wind import WindField
 from airrace.frames import Scalar, rotation
-from airrace.quantities import T, Vector, quantity, vector
+from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules
 
 
@@ -59,15 +59,10 @@ class SixDofState(FlightPathState[T]):
 
 
 @vector
-class SixDofPath(Vector[T]):
-    """What is limited along the path besides states and controls."""
+class SixDofPath(BodyPath[T]):
+    """The roll rate about the velocity is none of the states."""
 
-    n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
-    n_y: T = quantity("1", text="lateral load factor, to the right")
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
-    C_L: T = quantity("1", text="lift coefficient")
-    alpha_A: T = quantity("rad", scale=0.2, text="angle of attack")
-    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
 
 
 @dataclass(frozen=True)
@@ -178,14 +173,7 @@ def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool 
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     limits = flight_limits(aircraft, rules)
-    path = {
-        "n_z": limits.n_z,
-        "n_y": symmetric(aircraft.point_mass.n_y),
-        "p_Kbar": limits.p_Kbar,
-        "C_L": limits.C_L,
-        "alpha_A": angle_of_attack_limits(aircraft, rules),
-        "beta_A": limits.beta_A,
-    }
+    path = {**body_path_bounds(aircraft, rules, limits), "p_Kbar": limits.p_Kbar}
     return assemble(
         "six-dof",
         six_dof,

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.assembly import assemble
+from airrace.dynamics.body_path import BodyPath, body_path_bounds
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
     SurfaceControl,
-    angle_of_attack_limits,
     deflection_bounds,
     deflection_rate_bounds,
 )
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
-from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.limits import bounded, flight_limits
 from airrace.dynamics.linear_derivatives import linear_parameters
 from airrace.dynamics.linear_flight import (
     Deflections,
@@ -25,7 +25,7 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters
 from airrace.environment.wind import WindField
 from airrace.frames import Scalar
-from airrace.quantities import T, Vector, quantity, vector
+from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules
 
 
@@ -38,17 +38,6 @@ class StateSpaceState(LinearFlightState[T]):
     zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
 
 
-@vector
-class StateSpacePath(Vector[T]):
-    """What is limited along the path besides states and controls."""
-
-    n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
-    n_y: T = quantity("1", text="lateral load factor, to the right")
-    C_L: T = quantity("1", text="lift coefficient")
-    alpha_A: T = quantity("rad", scale=0.2, text="angle of attack")
-    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
-
-
 def state_space(
     state: StateSpaceState[Scalar],
     control: SurfaceControl[Scalar],
@@ -57,7 +46,7 @@ def state_space(
     atmosphere: AtmosphereParameters[Scalar],
     field: WindField,
     wind: Sequence[Scalar],
-) -> tuple[StateSpaceState[Scalar], StateSpacePath[Scalar]]:
+) -> tuple[StateSpaceState[Scalar], BodyPath[Scalar]]:
     """Time derivatives of the state, and the path quantities.
 
     Args:
@@ -72,7 +61,7 @@ def state_space(
     motion = linear_motion(state, Deflections(state.eta, state.xi, state.zeta), here, aircraft)
     flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)
     rates = StateSpaceState[Scalar](**vars(flight), eta=control.eta_dot, xi=control.xi_dot, zeta=control.zeta_dot)
-    path = StateSpacePath[Scalar](
+    path = BodyPath[Scalar](
         n_z=motion.n_z, n_y=motion.n_y, C_L=motion.C_L, alpha_A=here.seen.alpha_A, beta_A=here.seen.beta_A
     )
     return rates, path
@@ -86,13 +75,6 @@ def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: b
     """
     limits = flight_limits(aircraft, rules)
     states = {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar, **deflection_bounds(aircraft)}
-    path = {
-        "n_z": limits.n_z,
-        "n_y": symmetric(aircraft.point_mass.n_y),
-        "C_L": limits.C_L,
-        "alpha_A": angle_of_attack_limits(aircraft, rules),
-        "beta_A": limits.beta_A,
-    }
     return assemble(
         "state-space",
         state_space,
@@ -100,7 +82,7 @@ def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: b
         (
             bounded(StateSpaceState.quantities(), states),
             bounded(SurfaceControl.quantities(), deflection_rate_bounds(aircraft)),
-            bounded(StateSpacePath.quantities(), path),
+            bounded(BodyPath.quantities(), body_path_bounds(aircraft, rules, limits)),
         ),
         roll_rate=lambda state, _: state.p_s,
         aircraft=linear_parameters(aircraft),

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.assembly import assemble
+from airrace.dynamics.body_path import BodyPath, body_path_bounds
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
     CommandControl,
-    angle_of_attack_limits,
     command_bounds,
     command_rate_bounds,
     deflection_bounds,
 )
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
-from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.limits import bounded, flight_limits
 from airrace.dynamics.linear_derivatives import linear_parameters
 from airrace.dynamics.linear_flight import LinearFlightState, linear_flight_rates, linear_motion, surrounding
 from airrace.dynamics.state_space_inverse import Commands, deflections
@@ -24,7 +24,7 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters
 from airrace.environment.wind import WindField
 from airrace.frames import Scalar
-from airrace.quantities import T, Vector, quantity, vector
+from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules
 
 
@@ -38,14 +38,9 @@ class StateSpaceInversionState(LinearFlightState[T]):
 
 
 @vector
-class StateSpaceInversionPath(Vector[T]):
-    """What is limited along the path besides states and controls."""
+class StateSpaceInversionPath(BodyPath[T]):
+    """The deflections are limited along the path, too."""
 
-    n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
-    n_y: T = quantity("1", text="lateral load factor, to the right")
-    C_L: T = quantity("1", text="lift coefficient")
-    alpha_A: T = quantity("rad", scale=0.2, text="angle of attack")
-    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
     eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
     xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
     zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
@@ -96,14 +91,7 @@ def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, c
     """
     limits = flight_limits(aircraft, rules)
     states = {"z": limits.z, "V_K": limits.V_K, "p_s": limits.p_Kbar, **command_bounds(aircraft)}
-    path = {
-        "n_z": limits.n_z,
-        "n_y": symmetric(aircraft.point_mass.n_y),
-        "C_L": limits.C_L,
-        "alpha_A": angle_of_attack_limits(aircraft, rules),
-        "beta_A": limits.beta_A,
-        **deflection_bounds(aircraft),
-    }
+    path = {**body_path_bounds(aircraft, rules, limits), **deflection_bounds(aircraft)}
     return assemble(
         "state-space-inversion",
         state_space_inversion,

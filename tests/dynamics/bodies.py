@@ -11,12 +11,13 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from airrace.aircraft.aircraft import Aircraft
+from airrace.dynamics.body_path import BodyPath
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import CommandControl, SurfaceControl
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.linear_derivatives import linear_parameters
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof
-from airrace.dynamics.state_space import StateSpacePath, StateSpaceState, state_space
+from airrace.dynamics.state_space import StateSpaceState, state_space
 from airrace.dynamics.state_space_inversion import (
     StateSpaceInversionPath,
     StateSpaceInversionState,
@@ -103,7 +104,7 @@ def fly_six_dof(
 
 def fly_state_space(
     aircraft: Aircraft, air: Air, state: StateSpaceState[float], control: SurfaceControl[float] = STICK_FREE
-) -> tuple[StateSpaceState[float], StateSpacePath[float]]:
+) -> tuple[StateSpaceState[float], BodyPath[float]]:
     """Rates and path quantities of the linear model."""
     return state_space(state, control, aircraft=linear_parameters(aircraft), **surroundings(air))
 
