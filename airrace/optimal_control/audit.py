@@ -59,9 +59,18 @@ def audit(
         row, interval = np.unravel_index(int(largest.argmax()), largest.shape)
         where = f"{_phase_name(problem, int(interval))}, {mine[int(row)].name}"
         items.append(Item(f"path_{tolerance.name}", float(largest.max()), tolerance.path, tolerance.units[0], where))
-        coarse |= (largest > tolerance.path).any(axis=0)
+        left: NDArray[np.bool_] = np.any(largest > tolerance.path, axis=0)
+        coarse |= _with_neighbours(left)
     items += _boundary_items(problem, iterate, tolerances)
     return Audit(tuple(items), coarse)
+
+
+def _with_neighbours(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Intervals and those beside them: where one alone is made finer, the limit is left in the next."""
+    wider = marked.copy()
+    wider[1:] |= marked[:-1]
+    wider[:-1] |= marked[1:]
+    return wider
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The joint optimum of a stage over all phases, certified, on a mesh refined where it must be.
 
 It can be started from several flights, and solved with several solvers. The first that leads to a certified optimum
-counts: the primary solver from all starts, then the fallback from all starts.
+counts: the primary solver from all starts, then the fallback from those from which it found none.
 """
 
 import math
@@ -59,10 +59,12 @@ def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable
         starts: in the order in which they are tried; each is made when its turn comes.
     """
     made: list[Start] = []
-    uncertified: list[StageResult] = []
+    uncertified: dict[int, StageResult] = {}
     failures: list[Failure] = []
     for solver in bench.solvers:
         for number, make in enumerate(starts):
+            if number in uncertified:
+                continue  # another solver would find the same optimum
             if number == len(made):
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
@@ -73,8 +75,8 @@ def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable
             elif found.certified:
                 return found
             else:
-                uncertified.append(found)
-    return uncertified[0] if uncertified else _unsolved(flight, bench, failures)
+                uncertified[number] = found
+    return next(iter(uncertified.values())) if uncertified else _unsolved(flight, bench, failures)
 
 
 def _refined(flight: Flight, bench: Workbench, start: Start, solver: str) -> StageResult | Failure:

@@ -19,7 +19,7 @@ class MeshSettings:
 
     interval: float = 0.17
     intervals_min: int = 6
-    refinements_max: int = 4
+    refinements_max: int = 8
 
 
 @dataclass(frozen=True)

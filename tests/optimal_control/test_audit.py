@@ -62,7 +62,7 @@ def test_violation_between_nodes_is_measured_with_its_size_and_named(name: str) 
     assert found.where == f"up, {name}"
     assert (found.unit, found.limit) == ("m", 0.05)
     assert not found.holds
-    assert measured.coarse.tolist() == [False, True, False, False]
+    assert measured.coarse.tolist() == [True, True, True, False]  # with its neighbours
 
 
 def test_lower_bounds_count_like_upper_ones() -> None:
@@ -191,7 +191,7 @@ def test_watch_is_measured_between_nodes_and_named() -> None:
     found = item(measured, "path_length")
     assert found.value == pytest.approx(0.1, abs=1e-6)
     assert found.where == "up, lookout"
-    assert measured.coarse.tolist() == [False, True, False, False]
+    assert measured.coarse.tolist() == [True, True, True, False]  # with its neighbours
 
 
 def test_watch_that_holds_leaves_nothing_to_report() -> None:
