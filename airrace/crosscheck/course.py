@@ -7,6 +7,7 @@ What is left is mostly JSBSim's rate of alpha, which lags by one step: in a hard
 that with half the step, and 0.5 mm for an aircraft without `C_malphadot`.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -48,7 +49,7 @@ def fly_course(
         tau_T: time constant of the lever, s.
     """
     steps = round(PIECE / STEP)
-    last = int(optimum.race_time / STEP)
+    last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is flown to its end
     first = np.arange(0, last, steps)
     ends = np.minimum(first + steps, last)
     starts, goals = (_states(at(count.astype(np.float64) * STEP)) for count in (first, ends))
