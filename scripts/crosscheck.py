@@ -94,7 +94,7 @@ def along_optimum(run: Run, planet: Planet) -> Row:
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)
     most_turned = max(misses, key=lambda miss: miss.angle)
-    text = f"{run.name:<20}{planet.name:<8}{len(misses):>8}"
+    text = f"{run.path.stem:<20}{planet.name:<8}{len(misses):>8}"
     text += f"{farthest.distance:>12.4f}{farthest.start:>8.0f}"
     text += f"{math.degrees(most_turned.angle):>12.4f}{most_turned.start:>8.0f}"
     text += f"{np.median([miss.distance for miss in misses]):>12.4f}"
@@ -127,7 +127,7 @@ def main() -> int:
         if runs:
             print(f"\none second by itself, from every full second: limits {DISTANCE_LIMIT} m and 0.2 deg")
             print(
-                f"{'course':<20}{'planet':<8}{'pieces':>8}{'worst m':>12}{'from s':>8}"
+                f"{'run':<20}{'planet':<8}{'pieces'':>8}{'worst m':>12}{'from s':>8}"
                 f"{'worst deg':>12}{'from s':>8}{'median m':>12}  holds"
             )
         for run in runs:
