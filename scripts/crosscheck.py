@@ -127,7 +127,7 @@ def main() -> int:
         if runs:
             print(f"\none second by itself, from every full second: limits {DISTANCE_LIMIT} m and 0.2 deg")
             print(
-                f"{'run':<20}{'planet':<8}{'pieces'':>8}{'worst m':>12}{'from s':>8}"
+                f"{'run':<20}{'planet':<8}{'pieces':>8}{'worst m':>12}{'from s':>8}"
                 f"{'worst deg':>12}{'from s':>8}{'median m':>12}  holds"
             )
         for run in runs:
