@@ -13,7 +13,7 @@ from typing import Self
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control import kernels
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RungeKutta
+from airrace.optimal_control.integrators import RungeKutta
 from airrace.optimal_control.messages import IterationReport, Notice, Reply, Sender, SolveRequest, WorkerFailure
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
@@ -59,7 +59,7 @@ class SolverService:
     ) -> None:
         self.stop()
 
-    def prepare(self, system: System, scheme: RungeKutta = DORMAND_PRINCE_5) -> None:
+    def prepare(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
         """Have the kernels of a system that will be flown compiled meanwhile, at low priority."""
         if self._compiled and kernels.prepare(system, scheme):
             self._preparing.append((system, scheme))
