@@ -118,9 +118,16 @@ def prepare(system: System, scheme: RungeKutta) -> bool:
     return needed
 
 
-def finish_preparing(system: System, scheme: RungeKutta) -> None:
-    """Wait until what this process compiles in the background for a system is done, for another process to load."""
-    preparation.finish(_library(system, scheme))
+def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], None]) -> None:
+    """Let what this process compiles in the background for a system be done, for another process to load.
+
+    Args:
+        on_wait: called if it takes a while.
+    """
+    library = _library(system, scheme)
+    if preparation.under_way(library):
+        on_wait()
+    preparation.finish(library)
 
 
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:

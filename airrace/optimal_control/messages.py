@@ -13,6 +13,9 @@ from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.system import Observation, System
 
+COMPILING = "compiling the equations (once per model and machine)"
+"""The notice of what may take a while."""
+
 
 @dataclass(frozen=True)
 class SolveRequest:

@@ -14,7 +14,7 @@ _under_way: dict[Path, "subprocess.Popen[bytes]"] = {}
 
 def start(library: Path, system: System, scheme: RungeKutta) -> None:
     """Start a process that makes this library, unless one is at it; it ends with the process that started it."""
-    if library in _under_way and _under_way[library].poll() is None:
+    if under_way(library):
         return
     with tempfile.TemporaryFile() as order:  # a pipe would fill up before the other side has loaded
         pickle.dump((system, scheme), order)
@@ -26,6 +26,11 @@ def start(library: Path, system: System, scheme: RungeKutta) -> None:
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # a terminal's Ctrl-C is the starting process's business
         )
+
+
+def under_way(library: Path) -> bool:
+    """Whether a process of ours is making this library."""
+    return library in _under_way and _under_way[library].poll() is None
 
 
 def finish(library: Path) -> None:

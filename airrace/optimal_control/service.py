@@ -14,7 +14,15 @@ from typing import Self
 from airrace.errors import SolverCrash
 from airrace.optimal_control import kernels
 from airrace.optimal_control.integrators import RungeKutta
-from airrace.optimal_control.messages import IterationReport, Notice, Reply, Sender, SolveRequest, WorkerFailure
+from airrace.optimal_control.messages import (
+    COMPILING,
+    IterationReport,
+    Notice,
+    Reply,
+    Sender,
+    SolveRequest,
+    WorkerFailure,
+)
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.optimal_control.spawn import take
@@ -96,8 +104,7 @@ class SolverService:
                 if isinstance(reply, WorkerFailure):
                     raise SolverCrash(f"the solver process failed:\n{reply.text}")
                 if isinstance(reply, Notice):
-                    if self._on_notice is not None:
-                        self._on_notice(reply.text)
+                    self._notice(reply.text)
                 elif on_iteration is not None:
                     on_iteration(reply)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
@@ -113,9 +120,11 @@ class SolverService:
         if not any(one is system and how == scheme for one, how in self._preparing):
             return
         self._preparing = [(one, how) for one, how in self._preparing if one is not system or how != scheme]
+        kernels.finish_preparing(system, scheme, lambda: self._notice(COMPILING))
+
+    def _notice(self, text: str) -> None:
         if self._on_notice is not None:
-            self._on_notice("compiling the equations (once per model and machine)")
-        kernels.finish_preparing(system, scheme)
+            self._on_notice(text)
 
     def stop(self) -> None:
         """Kill the process, if there is one."""

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from airrace.optimal_control.integrators import RungeKutta
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
+from airrace.optimal_control.messages import COMPILING, IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
@@ -94,7 +94,7 @@ class Workshop:
         key = (self._number(problem.system), problem.scheme, request.compiled)
         if key not in self._kernels:
             if request.compiled and needs_compiling(problem.system, problem.scheme):
-                self._notify("compiling the equations (once per model and machine)")
+                self._notify(COMPILING)
             self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
         return self._kernels[key]
 
