@@ -1,6 +1,12 @@
-"""How the textbook problems are put down: vectors, their rates, and the optimum by a solver."""
+"""How the textbook problems are put down: vectors, their rates, what is known of the optimum; and how they are solved.
 
+Every problem is a module with a function `known_answers()`; `textbook.py` has all of them.
+"""
+
+import contextlib
+import io
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -60,7 +66,50 @@ def corners(*states: Vector) -> np.ndarray:
     return np.array([state.join() for state in states], dtype=float).T
 
 
-def optimum(problem: Problem, guess: Iterate, solver: str = "fatrop", **options: float) -> Solution:
-    """Solve without compiled kernels."""
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
-    return solve(Layout(problem), kernels, guess, solver=solver, options=SolverOptions(**options))
+@dataclass(frozen=True)
+class Value:
+    """A number that others know of an optimum.
+
+    Attributes:
+        name: what it is.
+        unit: its unit.
+        published: the number as it was written, with all its digits.
+        source: who says so.
+        tolerance: how far ours may be from it.
+        of: where a solution has it.
+        closed_form: whether it follows from a formula, so that its digits have no end.
+    """
+
+    name: str
+    unit: str
+    published: str
+    source: str
+    tolerance: float
+    of: Callable[[Solution], float]
+    closed_form: bool = False
+
+
+@dataclass(frozen=True)
+class KnownAnswer:
+    """A problem, a guess to begin with, and what is known of the optimum."""
+
+    name: str
+    problem: Problem
+    guess: Iterate
+    values: tuple[Value, ...]
+    options: SolverOptions = field(default_factory=lambda: SolverOptions(tolerance=1e-9))
+
+    def solve(self, solver: str = "fatrop") -> Solution:
+        """The optimum by a solver, without compiled kernels and without a word."""
+        kernels = build_kernels(self.problem.system, self.problem.scheme, compiled=False)
+        with contextlib.redirect_stdout(io.StringIO()):
+            return solve(Layout(self.problem), kernels, self.guess, solver=solver, options=self.options)
+
+
+def least_time(published: float, tolerance: float) -> Value:
+    """The time of the optimum, known by a formula."""
+    return Value("time", "s", f"{published:.10f}", "closed form", tolerance, objective, closed_form=True)
+
+
+def objective(solution: Solution) -> float:
+    return solution.objective

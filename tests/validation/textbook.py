@@ -1,0 +1,51 @@
+"""All problems with known answers, and how an answer moves as the mesh is refined."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import double_integrator
+import dynamic_soaring
+import hang_glider
+import level_turn
+import numpy as np
+import reorientation
+import sliding_mass
+import terminal_bunt
+from statement import KnownAnswer
+
+from airrace.optimal_control.refinement import bisect
+from airrace.optimal_control.replay import replay
+from airrace.optimal_control.solvers import Solution
+
+PROBLEMS = (
+    sliding_mass,
+    double_integrator,
+    level_turn,
+    hang_glider,
+    dynamic_soaring,
+    terminal_bunt,
+    reorientation,
+)
+
+
+def known_answers() -> tuple[KnownAnswer, ...]:
+    """Of all problems, in their order."""
+    return tuple(answer for problem in PROBLEMS for answer in problem.known_answers())
+
+
+def refined(answer: KnownAnswer, solution: Solution) -> KnownAnswer:
+    """The same with every interval halved, to be solved from where the solution is."""
+    problem = answer.problem
+    everywhere = np.ones(problem.intervals, dtype=bool)
+    fractions, guess = bisect(problem, solution.iterate, replay(problem, solution.iterate), everywhere)
+    phases = tuple(replace(phase, fractions=finer) for phase, finer in zip(problem.phases, fractions, strict=True))
+    options = replace(answer.options, barrier=1e-4)
+    return replace(answer, problem=replace(problem, phases=phases), guess=guess, options=options)
+
+
+def refinements(answer: KnownAnswer, count: int) -> Iterator[tuple[KnownAnswer, Solution]]:
+    """The answer on its own mesh, then on finer ones."""
+    yield answer, (solution := answer.solve())
+    for _ in range(count):
+        answer = refined(answer, solution)
+        yield answer, (solution := answer.solve())
