@@ -115,6 +115,6 @@ def known_answers() -> tuple[KnownAnswer, ...]:
         objective=Objective(time=0.0, terminal={"b": 1.0}),
         time_scale=10.0,
     )
-    source = "a spectral solution of Zhao's problem of 2004; 0.0635861 by another collocation"
-    gradient = Value("wind gradient", "1/s", "0.0635870", source, 5e-7, objective)
+    source = "a spectral solution of the problem of Zhao 2004"
+    gradient = Value("least wind gradient", "1/s", "0.0635870", source, 5e-7, objective)
     return (KnownAnswer("dynamic soaring", problem, guess(200), (gradient,)),)

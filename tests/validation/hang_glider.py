@@ -56,6 +56,6 @@ def known_answers() -> tuple[KnownAnswer, ...]:
     states = corners(State(x=0.0, y=1000.0, C_L=1.0, **velocity), State(x=1250.0, y=900.0, C_L=1.0, **velocity))
     guess = interpolated(problem, [100.0], states, [0.0])
     source = "Bulirsch, Nerz, Pesch & von Stryk 1993"
-    reached = Value("-range", "m", "1248.03", source, 0.005, lambda solution: -solution.objective)
-    time = Value("(its time)", "s", "98.44", source, 0.005, lambda solution: float(solution.iterate.durations[0]))
+    reached = Value("greatest range", "m", "1248.03", source, 0.005, lambda solution: -solution.objective)
+    time = Value("its time", "s", "98.44", source, 0.005, lambda solution: float(solution.iterate.durations[0]))
     return (KnownAnswer("hang glider in a thermal", problem, guess, (reached, time)),)

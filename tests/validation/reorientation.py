@@ -98,5 +98,5 @@ def switching_freely(intervals: int) -> tuple[Problem, Iterate]:
 
 def known_answers() -> tuple[KnownAnswer, ...]:
     problem, guess = switching_freely(4)
-    time = Value("time", "s", "28.6304", "Betts 2010", 5e-5, objective)
+    time = Value("least time", "s", "28.6304", "Betts 2010", 5e-5, objective)
     return (KnownAnswer("reorientation of a rigid body", problem, guess, (time,)),)

@@ -108,7 +108,7 @@ class KnownAnswer:
 
 def least_time(published: float, tolerance: float) -> Value:
     """The time of the optimum, known by a formula."""
-    return Value("time", "s", f"{published:.10f}", "closed form", tolerance, objective, closed_form=True)
+    return Value("least time", "s", f"{published:.10f}", "closed form", tolerance, objective, closed_form=True)
 
 
 def objective(solution: Solution) -> float:
