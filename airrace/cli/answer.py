@@ -62,7 +62,7 @@ def answering(fields: Mapping[str, object] | None = None, *, as_json: bool) -> G
     try:
         yield answer
     except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
-        _record(answer, error)
+        record_failure(answer, error)
     finally:
         logging.getLogger().removeHandler(warnings)
     _say(answer, as_json=as_json)
@@ -82,7 +82,8 @@ def debugging() -> bool:
     return os.environ.get("AIRRACE_DEBUG", "0") not in ("", "0")
 
 
-def _record(answer: Answer, error: BaseException) -> None:
+def record_failure(answer: Answer, error: BaseException) -> None:
+    """Turn what ended a command's body into its answer's code, sentence and findings."""
     if debugging():
         traceback.print_exception(error)
     code = of_error(error)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, write_checkpoint
+from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.checkpoint.atomic import replace_file
 from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode
@@ -18,8 +18,9 @@ from airrace.cli.live import watching
 from airrace.cli.summary import summarise
 from airrace.cli.tables import rendered, result_tables, stages_table
 from airrace.documents import Document, Inputs, inputs_from_documents
-from airrace.errors import StorageError, UsageError
+from airrace.errors import CheckpointError, StorageError, UsageError
 from airrace.procedure import run as procedure
+from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
 
 
@@ -39,7 +40,6 @@ class Run:
 
 def new_run(inputs: Inputs, path: Path) -> Run:
     """A run of which nothing is finished yet."""
-    versions = {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
     stored = StoredInputs(
         track=_stored(inputs.track),
         aircraft=_stored(inputs.aircraft),
@@ -47,7 +47,12 @@ def new_run(inputs: Inputs, path: Path) -> Run:
         overrides=tuple(inputs.overrides),
         resolved=resolved_text(inputs),
     )
-    return Run(inputs, Checkpoint(stored, {**versions, "python": platform.python_version()}), path)
+    return Run(inputs, Checkpoint(stored, {**library_versions(), "python": platform.python_version()}), path)
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of airrace and of the libraries that its numbers depend on."""
+    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
 
 
 def resolved_text(inputs: Inputs) -> str:
@@ -73,36 +78,64 @@ def stored_run(checkpoint: Checkpoint, path: Path) -> Run:
     return Run(inputs, current, path)
 
 
+def taken_up(run: Run) -> Run:
+    """A new run together with the stages of the checkpoint that lies at its path, if it is one of this version.
+
+    What is damaged, or from another version, is left aside; which of the stages still stand, `continuation` finds out.
+    """
+    try:
+        earlier = read_checkpoint(run.path)
+    except CheckpointError:
+        return run
+    if earlier.versions.get("airrace") != run.checkpoint.versions["airrace"]:
+        return run
+    return replace(run, checkpoint=replace(run.checkpoint, stages=earlier.stages))
+
+
 def fly(
     answer: Answer, run: Run, *, finished: Sequence[StageResult], until: Stage, threads: int | None, quiet: bool
 ) -> None:
-    """Run the stages that are not finished, write the checkpoint after each, and fill in the answer."""
+    """Run the stages that are not finished, watched on stderr, and fill in the answer with its tables."""
+    with watching(run.inputs.race.course.name, quiet=quiet) as progress:
+        results = fly_stages(
+            answer, run, finished=finished, until=until, threads=threads or available_cores(), progress=progress
+        )
+    if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
+        climbed = [stages_table(results)] if any(result.certified for result in results) else []
+        answer.texts.extend(rendered(table) for table in (*climbed, *result_tables(results[-1])))
+
+
+def fly_stages(
+    answer: Answer, run: Run, *, finished: Sequence[StageResult], until: Stage, threads: int, progress: Progress
+) -> Sequence[StageResult]:
+    """Run the stages that are not finished, write the checkpoint after each, and fill in the answer's object.
+
+    Returns:
+        All stages of the run by now, in order.
+    """
     started = time.perf_counter()
     results = list(finished)
     checkpoint = run.checkpoint
     try:
         # Written before anything is computed: whatever ends the run, `resume` can take it up.
         write_checkpoint(run.path, checkpoint)
-        with watching(run.inputs.race.course.name, quiet=quiet) as progress:
-            for result in procedure.optimise(
-                run.inputs.race,
-                run.inputs.settings,
-                until=until,
-                threads=threads or available_cores(),
-                finished=tuple(finished),
-                progress=progress,
-            ):
-                checkpoint = checkpoint.with_stage(result)
-                write_checkpoint(run.path, checkpoint)
-                results.append(result)
+        for result in procedure.optimise(
+            run.inputs.race,
+            run.inputs.settings,
+            until=until,
+            threads=threads,
+            finished=tuple(finished),
+            progress=progress,
+        ):
+            checkpoint = checkpoint.with_stage(result)
+            write_checkpoint(run.path, checkpoint)
+            results.append(result)
     except KeyboardInterrupt:
         kept = ", ".join(result.stage.value for result in results) or "none"
         answer.fail(ExitCode.INTERRUPTED, f"interrupted; go on with `airrace resume {run.path}` (finished: {kept})")
     finally:
         summarise(answer, run.name, results, time.perf_counter() - started)
-    if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-        climbed = [stages_table(results)] if any(result.certified for result in results) else []
-        answer.texts.extend(rendered(table) for table in (*climbed, *result_tables(results[-1])))
+    return results
 
 
 def stage_named(text: str | None) -> Stage:

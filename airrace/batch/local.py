@@ -1,0 +1,84 @@
+"""Jobs on this machine: a process for each, a few at a time."""
+
+import selectors
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from airrace.batch.executor import SYSTEM, Ended, Ending, Event, Fault, Order, Started
+from airrace.batch.process import JobProcess
+
+POLL = 0.2  # s, between two looks at time limits
+
+
+class LocalExecutor:
+    """Flies jobs in processes of this machine.
+
+    Args:
+        command: what runs a job, see `process.py`.
+        slots: processes at a time.
+    """
+
+    def __init__(self, command: Sequence[str], slots: int) -> None:
+        self._command = tuple(command)
+        self._slots = slots
+        self._running: list[JobProcess] = []
+        self._pending: list[Event] = []
+
+    @property
+    def slots(self) -> int:
+        return self._slots
+
+    def submit(self, order: Order) -> None:
+        try:
+            self._running.append(JobProcess(order, self._command))
+        except OSError as error:  # no memory for a process, no room for a file
+            message = f"its process could not be started: {error.strerror or error}"
+            self._pending.append(Ended(order.job.name, Ending(SYSTEM, message, 0.0, fault=Fault.CRASHED)))
+        else:
+            self._pending.append(Started(order.job.name))
+
+    def events(self, patience: float) -> Sequence[Event]:
+        deadline = time.monotonic() + patience
+        while True:
+            events, self._pending = self._pending, []
+            for process in self._running:
+                events += process.events()
+            ended = {event.name for event in events if isinstance(event, Ended)}
+            self._running = [process for process in self._running if process.order.job.name not in ended]
+            left = deadline - time.monotonic()
+            if events or left <= 0.0:
+                return events
+            self._wait(min(left, POLL))
+
+    def stop(self) -> None:
+        for process in self._running:
+            process.stop(Fault.STOPPED)
+        ended: list[Event] = []
+        while self._running:
+            ended += self.events(POLL)
+        self._pending = ended
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for process in self._running:
+            process.abandon()
+        self._running = []
+
+    def _wait(self, patience: float) -> None:
+        """Until a process says something, or ends after it has said everything."""
+        talking = [process for process in self._running if not process.silent]
+        if len(talking) < len(self._running) or not talking:
+            patience = min(patience, 0.02)
+        if not talking:
+            time.sleep(patience)
+            return
+        with selectors.DefaultSelector() as selector:
+            for process in talking:
+                selector.register(process, selectors.EVENT_READ)
+            selector.select(patience)

@@ -1,0 +1,215 @@
+"""One job in a process of its own: started, listened to, and ended with everything it has started itself.
+
+The process is `airrace.cli.batch_job`. Its standard input is one JSON object (`job`, `checkpoint`, `parent`: a process
+id); it answers with lines of JSON on a pipe, the number of whose file descriptor is its last argument:
+
+    {"stage_started": "point-mass"}
+    {"stage_finished": "point-mass", "status": "solved", "race_time_s": 55.3, "certified": true}
+    {"ended": {"code": 0, "run": {...}, "error": "", "findings": []}}
+
+It runs in a session of its own, so that a terminal's Ctrl-C reaches only who is responsible for it, and ends when the
+thread that started it does.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from airrace.batch.executor import (
+    INTERRUPTED,
+    SYSTEM,
+    TIMEOUT,
+    Ended,
+    Ending,
+    Event,
+    Fault,
+    Order,
+    StageFinished,
+    StageStarted,
+)
+from airrace.errors import Finding
+
+GRACE = 5.0  # s, that a process which is told to stop may take
+SAID_MAX = 2000  # bytes of what a process that crashed had said
+ANSWER_MAX = 64 * 1024 * 1024  # bytes of an answer; beyond this it is none
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+class JobProcess:
+    """A running attempt. `events` reads what it says; `stop` ends it early.
+
+    Args:
+        order: the job; its checkpoint is read and written in place.
+        command: what runs a job, the number of the file descriptor still to be appended.
+    """
+
+    def __init__(self, order: Order, command: Sequence[str]) -> None:
+        self.order = order
+        self._started = time.monotonic()
+        self._received = b""
+        self._answer: Mapping[str, Any] | None = None  # Any: JSON
+        self._stopping: Fault = Fault.NONE
+        self._killed_at: float | None = None
+        self._closed = False
+        self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (lives as long as the process)
+        reading, writing = os.pipe()
+        os.set_blocking(reading, False)
+        self._replies = reading
+        try:
+            self._process = _spawned(order, command, writing, self._said)
+        except BaseException:
+            self._close()
+            raise
+        finally:
+            os.close(writing)
+
+    def fileno(self) -> int:
+        """Readable when there is something to be read, so that many can be waited for."""
+        return self._replies
+
+    @property
+    def silent(self) -> bool:
+        """Whether it has closed its end: nothing more will be said, and only its end is waited for."""
+        return self._closed
+
+    def events(self) -> list[Event]:
+        """What it has said since the last call, without waiting; the last is its `Ended`. Minds the time limit."""
+        events = self._heard()
+        elapsed = time.monotonic() - self._started
+        if self.order.timeout is not None and elapsed > self.order.timeout:
+            self.stop(Fault.TIMED_OUT)
+        if self._killed_at is not None and time.monotonic() > self._killed_at:
+            self.kill()
+        if self._closed and self._process.poll() is not None:
+            events.append(Ended(self.order.job.name, self._ending(elapsed)))
+            self._close()
+        return events
+
+    def stop(self, why: Fault) -> None:
+        """Ask it to end; a little later it is made to."""
+        if self._stopping is Fault.NONE:
+            self._stopping = why
+            self._killed_at = time.monotonic() + GRACE
+            with contextlib.suppress(OSError):
+                self._process.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it and all it has started, now."""
+        family = _descendants(self._process.pid) if self._process.poll() is None else []
+        self._process.kill()
+        self._process.wait()
+        for process in family:
+            with contextlib.suppress(OSError):
+                os.kill(process, signal.SIGKILL)
+
+    def abandon(self) -> None:
+        """End it now and let nothing more be heard of it."""
+        self.kill()
+        self._close()
+
+    def _close(self) -> None:
+        self._closed = True
+        if self._replies >= 0:
+            os.close(self._replies)
+            self._replies = -1
+            self._said.close()
+
+    def _heard(self) -> list[Event]:
+        while not self._closed:
+            try:
+                piece = os.read(self._replies, 65536)
+            except BlockingIOError:
+                break
+            self._received += piece
+            if not piece or len(self._received) > ANSWER_MAX:
+                self._closed = True
+                self._killed_at = self._killed_at or time.monotonic() + GRACE
+        *lines, self._received = self._received.split(b"\n")
+        return [event for line in lines if (event := self._understood(line)) is not None]
+
+    def _understood(self, line: bytes) -> Event | None:
+        name = self.order.job.name
+        match json.loads(line):
+            case {"stage_started": str(stage)}:
+                return StageStarted(name, stage)
+            case {
+                "stage_finished": str(stage),
+                "status": str(status),
+                "race_time_s": race_time,
+                "certified": bool(certified),
+            }:
+                return StageFinished(name, stage, status, race_time, certified)
+            case {"ended": {**answer}}:
+                self._answer = answer
+                return None
+            case _:
+                return None
+
+    def _ending(self, wall: float) -> Ending:
+        """What became of it. An answer counts even if it was told to stop meanwhile."""
+        answer, status = self._answer, self._process.returncode
+        if self._stopping is Fault.TIMED_OUT and (answer is None or answer["code"] == INTERRUPTED):
+            message = f"stopped after {self.order.timeout:g} s (--timeout)"
+            return Ending(TIMEOUT, message, wall, run=_run_of(answer), fault=Fault.TIMED_OUT)
+        if self._stopping is Fault.STOPPED and (answer is None or answer["code"] == INTERRUPTED):
+            return Ending(INTERRUPTED, "interrupted", wall, run=_run_of(answer), fault=Fault.STOPPED)
+        if answer is None:
+            return self._dead(status, wall)
+        findings = tuple(Finding(**finding) for finding in answer["findings"])
+        return Ending(answer["code"], _with_suspicion(answer["error"]), wall, findings, _run_of(answer))
+
+    def _dead(self, status: int, wall: float) -> Ending:
+        if status == -signal.SIGKILL:
+            return Ending(SYSTEM, "its process was killed (out of memory?)", wall, fault=Fault.KILLED)
+        how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
+        said = self._last_words()
+        return Ending(SYSTEM, f"its process crashed ({how}){said and ': ' + said}", wall, fault=Fault.CRASHED)
+
+    def _last_words(self) -> str:
+        self._said.seek(max(0, self._said.seek(0, os.SEEK_END) - SAID_MAX))
+        lines = self._said.read().decode(errors="replace").split("\n")
+        return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+
+# Any: JSON, here and below.
+def _run_of(answer: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
+    return None if answer is None else answer["run"]
+
+
+def _with_suspicion(error: str) -> str:
+    """The solver has a process of its own, and most of the memory: it is the one that the system picks."""
+    return f"{error} (out of memory?)" if "status -9" in error else error
+
+
+def _spawned(order: Order, command: Sequence[str], replies: int, said: IO[bytes]) -> "subprocess.Popen[bytes]":
+    """The process, reading its order from a file without a name: a pipe would wait for it."""
+    with tempfile.TemporaryFile() as request:
+        plain = {"job": order.job.as_object(), "checkpoint": str(order.checkpoint), "parent": os.getpid()}
+        request.write(json.dumps(plain).encode("utf-8"))
+        request.seek(0)
+        return subprocess.Popen(
+            [*command, str(replies)],
+            stdin=request,
+            stdout=said,
+            stderr=said,
+            pass_fds=(replies,),
+            start_new_session=True,
+            env={**os.environ, **ONE_THREAD},
+        )
+
+
+def _descendants(process: int) -> list[int]:
+    """All that a process has started and that still runs (Linux; elsewhere nothing is known)."""
+    found: list[int] = []
+    for children in Path("/proc").glob(f"{process}/task/*/children"):
+        with contextlib.suppress(OSError):
+            for child in map(int, children.read_text().split()):
+                found += [child, *_descendants(child)]
+    return found

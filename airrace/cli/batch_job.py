@@ -1,0 +1,119 @@
+"""The process of one job of a batch: reads it from standard input, flies it, and tells on a pipe how it goes.
+
+`python -m airrace.cli.batch_job FD`; what is read and told, `airrace/batch/process.py` says. It takes its checkpoint up
+where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
+"""
+
+import ctypes
+import json
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from types import FrameType
+from typing import IO, TYPE_CHECKING
+
+from airrace.cli.answer import Answer, record_failure, unflown
+from airrace.cli.exit_codes import ExitCode
+from airrace.cli.summary import is_flight
+from airrace.optimal_control.spawn import start_early
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import Stage, StageResult
+
+if TYPE_CHECKING:
+    from airrace.batch.job import Job
+
+_PR_SET_PDEATHSIG = 1
+
+
+class Told(Progress):
+    """Tells the stages as lines of JSON. A finished one is held back until it is in the checkpoint, too."""
+
+    def __init__(self, replies: IO[str]) -> None:
+        self._replies = replies
+        self._finished: StageResult | None = None
+
+    def stage_started(self, stage: Stage) -> None:
+        self.flush()
+        self.tell({"stage_started": stage.value})
+
+    def activity(self, text: str, done: int, total: int) -> None: ...
+
+    def iteration(self, iteration: Iteration) -> None: ...
+
+    def stage_finished(self, result: StageResult) -> None:
+        self._finished = result
+
+    def flush(self) -> None:
+        """Tell of the stage that was held back."""
+        result, self._finished = self._finished, None
+        if result is not None:
+            self.tell(
+                {
+                    "stage_finished": result.stage.value,
+                    "status": result.outcome.value,
+                    "race_time_s": float(result.trajectory.race_time) if is_flight(result) else None,
+                    "certified": result.certified,
+                }
+            )
+
+    def tell(self, line: Mapping[str, object]) -> None:
+        print(json.dumps(line, allow_nan=False), file=self._replies, flush=True)
+
+
+def main() -> None:
+    """Run the job; whatever happens in it becomes its answer."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _interrupt)
+    order = json.load(sys.stdin)
+    _die_with(order["parent"])
+    start_early()
+    from airrace.batch.job import Job  # what it imports takes time, in which the solver process loads as well
+
+    job = Job.from_object(order["job"])
+    with os.fdopen(int(sys.argv[1]), "w", encoding="utf-8") as replies:
+        told = Told(replies)
+        answer = Answer(unflown(job.course))
+        try:
+            _fly(answer, job, Path(order["checkpoint"]), told)
+        except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
+            record_failure(answer, error)
+        told.flush()
+        findings = [asdict(finding) for finding in answer.findings]
+        ended = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
+        told.tell({"ended": ended})
+    sys.exit(int(answer.code))
+
+
+def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
+    """All stages up to the job's last one but those in the checkpoint that still stand."""
+    from airrace.cli.continuation import continuation
+    from airrace.cli.running import fly_stages, new_run, stage_named, taken_up
+    from airrace.documents import inputs_from_documents
+
+    inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
+    run = taken_up(new_run(inputs, path))
+    plan = continuation(run, until=stage_named(job.until), from_stage=None)
+    fly_stages(answer, run, finished=plan.kept, until=plan.until, threads=1, progress=progress)
+
+
+def _die_with(parent: int) -> None:
+    """Have the system end this process with the one that started it (Linux); elsewhere the next line told does it."""
+    if sys.platform != "linux":
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it was gone before
+        sys.exit(int(ExitCode.INTERRUPTED))
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    # Once is enough: a second one would spoil what the first has begun to put in order.
+    for other in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(other, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    main()
