@@ -30,7 +30,7 @@ def watching(title: str, *, quiet: bool) -> Generator[Progress, None, None]:
     if quiet:
         with _logged_by(logging.NullHandler()):
             yield Silent()
-    elif _commands_cursor(sys.stderr):
+    elif commands_cursor(sys.stderr):
         view = LiveView(title, Console(stderr=True))
         with view.live, _logged_by(_Lines(view.live.console.print)):
             yield view
@@ -171,6 +171,6 @@ def _logged_by(handler: logging.Handler) -> Generator[None, None, None]:
         logger.propagate = propagate
 
 
-def _commands_cursor(stream: TextIO) -> bool:
+def commands_cursor(stream: TextIO) -> bool:
     """Whether the stream is a terminal that understands control codes (whatever FORCE_COLOR and the like say)."""
     return stream.isatty() and not Console(file=stream, force_terminal=True).is_dumb_terminal

@@ -12,6 +12,7 @@ from typing import Annotated, cast
 
 import typer
 
+from airrace.cli.batch import batch
 from airrace.cli.check import check
 from airrace.cli.exit_codes import ExitCode
 from airrace.cli.export import export
@@ -36,6 +37,7 @@ app.add_typer(export)
 app.command()(show)
 app.command()(verify)
 app.command()(check)
+app.command()(batch)
 app.command()(schema)
 
 # The base of all errors in the way a command was called. It is click's; where that lies depends on typer's version.

@@ -81,6 +81,30 @@ def load_inputs(
     return run.inputs(opened_track, opened_aircraft, settings_document)
 
 
+def read_documents(
+    track: Path, *, aircraft: Path | None = None, overrides: Sequence[str] = ()
+) -> tuple[Document, Document]:
+    """The track and the aircraft that flies it as texts; nothing else is understood of them yet.
+
+    Args:
+        track: the track file; it (or an override) names the aircraft file by a path relative to itself.
+        aircraft: an aircraft file instead of the track's.
+        overrides: as of `load_inputs`.
+
+    Raises:
+        InputError: one of them cannot be read, or the track is no YAML.
+    """
+    run = _Run(overrides)
+    opened = run.open(read_document(track, run.findings), _TRACK)
+    flown = (
+        _referenced_aircraft(track, opened, run.findings) if aircraft is None else read_document(aircraft, run.findings)
+    )
+    if opened is None or flown is None:
+        inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises, with all there is to say
+        return inputs.track, inputs.aircraft
+    return opened.document, flown
+
+
 def inputs_from_documents(
     track: Document, aircraft: Document, settings_file: Document | None, overrides: Sequence[str]
 ) -> Inputs:

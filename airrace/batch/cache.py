@@ -1,0 +1,54 @@
+"""Which jobs are done already, and why another one is flown again."""
+
+from enum import Enum
+from pathlib import Path
+
+from airrace.batch.executor import DONE, INFEASIBLE, INTERRUPTED, INVALID_INPUT, NOT_CERTIFIED
+from airrace.batch.job import Job
+from airrace.batch.record import Record, RecordError, checkpoint_path, read_record
+
+VERDICTS = (DONE, INFEASIBLE, NOT_CERTIFIED)
+"""Ends that the same inputs would lead to again: these are answers, not accidents."""
+
+
+class Choice(Enum):
+    """Which finished jobs are flown again."""
+
+    NONE = "none"
+    FAILED = "failed"
+    ALL = "all"
+
+
+def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, Record | None]:
+    """Why a job has to be flown, a clause, and its record.
+
+    Returns:
+        The reason, empty if the job is finished and nothing it depends on has changed; the record where there is one.
+    """
+    try:
+        record = read_record(folder, job.name)
+    except RecordError as error:
+        return str(error), None
+    if choice is Choice.ALL:
+        return "asked for", record
+    if record is None:
+        known = checkpoint_path(folder, job.name).exists()
+        return ("its record is missing" if known else "new"), None
+    return _reason(job, record, folder, choice), record
+
+
+def _reason(job: Job, record: Record, folder: Path, choice: Choice) -> str:
+    changes = job.fingerprint.changes(record.fingerprint)
+    if changes:
+        return "; ".join(changes)
+    if not record.ended:
+        return "it was not finished"
+    if record.code not in VERDICTS:
+        return {INVALID_INPUT: "its input was not valid", INTERRUPTED: "it was interrupted"}.get(
+            record.code, f"it failed: {record.message}"
+        )
+    if record.code != DONE and choice is Choice.FAILED:
+        return f"asked for, since it failed: {record.message}"
+    if record.checkpoint is None:
+        return "it left no checkpoint"
+    return record.checkpoint.difference(checkpoint_path(folder, job.name))

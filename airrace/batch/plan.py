@@ -1,0 +1,100 @@
+"""What a batch is going to do: its jobs, which of them are done already, and why the others are flown."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from airrace.batch.executor import INVALID_INPUT
+from airrace.batch.job import Job
+from airrace.batch.record import Record
+from airrace.batch.sweep import Combination
+from airrace.errors import Finding
+
+
+@dataclass(frozen=True)
+class Result:
+    """How a job stands at the end; small, for there may be thousands.
+
+    Attributes:
+        code: the exit code that `airrace optimize` would have ended with.
+        message: what went wrong; empty if nothing did.
+        race_time: s, of the last stage; None without a flight.
+        wall: s, of the attempt that ended it.
+        retries: why earlier attempts did not.
+        findings: what is wrong with the inputs.
+    """
+
+    code: int
+    message: str = ""
+    race_time: float | None = None
+    wall: float = 0.0
+    retries: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+
+def result_of(record: Record) -> Result:
+    """What a record says."""
+    return Result(record.code, record.message, record.race_time, record.wall, record.retries, record.findings)
+
+
+def invalid(findings: tuple[Finding, ...]) -> Result:
+    """Of a job whose inputs are not valid."""
+    number = len(findings)
+    message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
+    return Result(INVALID_INPUT, message, findings=findings)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One job and what is done with it.
+
+    Attributes:
+        name: of the job.
+        course: the name of the course.
+        track, aircraft: paths as users name them; the aircraft is None where nobody knows it.
+        swept: the value of every sweep.
+        job: None where the inputs are not even good enough to make one.
+        reason: why it is flown, a clause; empty where it is not.
+        known: how it stands without being flown; None where it is flown.
+    """
+
+    name: str
+    course: str
+    track: str
+    aircraft: str | None
+    swept: Combination
+    job: Job | None
+    reason: str = ""
+    known: Result | None = None
+
+    @property
+    def action(self) -> str:
+        """`fly`; `keep` what was finished before and stands; `refuse` inputs that are not valid."""
+        if self.known is None:
+            return "fly"
+        return "refuse" if self.known.code == INVALID_INPUT else "keep"
+
+    def as_object(self) -> dict[str, object]:
+        """For `--dry-run --json`."""
+        return {
+            "name": self.name,
+            "course": self.course,
+            "track": self.track,
+            "aircraft": self.aircraft,
+            "swept": dict(self.swept),
+            "action": self.action,
+            "reason": self.reason or (self.known.message if self.known and self.action == "refuse" else ""),
+        }
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All jobs of a batch, in order.
+
+    Attributes:
+        folder: where checkpoints and records lie.
+        findings: what is wrong besides the jobs' own inputs.
+    """
+
+    folder: Path
+    steps: tuple[Step, ...]
+    findings: tuple[Finding, ...] = ()

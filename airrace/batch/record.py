@@ -1,0 +1,146 @@
+"""What is known of a job beside its checkpoint: how it ended, and on what. A small JSON file each, replaced atomically.
+
+A record is read instead of the checkpoint, so that thousands of jobs are looked through in seconds. It describes the
+checkpoint well enough to notice one that is missing or was changed.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from airrace.batch.job import Fingerprint
+from airrace.checkpoint.atomic import replace_file
+from airrace.errors import AirraceError, Finding
+
+SCHEMA = "airrace/job/1"
+SIZE_MAX = 64 * 1024 * 1024
+
+
+class RecordError(AirraceError):
+    """A record that is not one."""
+
+
+@dataclass(frozen=True)
+class FileMark:
+    """What a file was like: its size (bytes), sha256 (hex) and time of change (ns)."""
+
+    size: int
+    sha256: str
+    changed_ns: int
+
+    @classmethod
+    def of(cls, path: Path) -> Self | None:
+        """Of a file as it is now; None where there is none."""
+        try:
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256")
+            status = path.stat()
+        except OSError:
+            return None
+        return cls(status.st_size, digest.hexdigest(), status.st_mtime_ns)
+
+    def difference(self, path: Path) -> str:
+        """What is different about the file now, a clause; its content is read only if its time of change differs."""
+        try:
+            status = path.stat()
+        except OSError:
+            return "its checkpoint is missing"
+        if status.st_size != self.size:
+            return f"its checkpoint has changed (from {self.size} to {status.st_size} bytes)"
+        if status.st_mtime_ns != self.changed_ns:
+            now = FileMark.of(path)
+            if now is None or now.sha256 != self.sha256:
+                return "its checkpoint has changed (in its content)"
+        return ""
+
+
+@dataclass(frozen=True)
+class Record:
+    """A job as it stood last.
+
+    Attributes:
+        fingerprint: what it was flown with.
+        ended: whether it did; otherwise it was under way when this was written.
+        code, message, wall: of its last attempt, see `executor.Ending`.
+        retries: why earlier attempts of the same call were not the last.
+        run: the object of `airrace optimize --json`, None where there is none.
+        findings: what was wrong with its inputs.
+        checkpoint: as left behind; None if there was none.
+    """
+
+    fingerprint: Fingerprint
+    ended: bool
+    code: int = 0
+    message: str = ""
+    wall: float = 0.0
+    retries: tuple[str, ...] = ()
+    run: Mapping[str, Any] | None = None  # Any: JSON
+    findings: tuple[Finding, ...] = ()
+    checkpoint: FileMark | None = None
+
+    @property
+    def race_time(self) -> float | None:
+        """Of its last stage, s; None where that found no flight."""
+        return None if self.run is None else self.run["race_time_s"]
+
+
+def checkpoint_path(folder: Path, name: str) -> Path:
+    """Where the checkpoint of a job lies."""
+    return folder / f"{name}.h5"
+
+
+def record_path(folder: Path, name: str) -> Path:
+    """Where the record of a job lies."""
+    return folder / f"{name}.json"
+
+
+def write_record(folder: Path, name: str, record: Record) -> None:
+    """Replace the record of a job.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    text = json.dumps({"schema": SCHEMA, **asdict(record)}, allow_nan=False)
+    replace_file(record_path(folder, name), text.encode())
+
+
+def read_record(folder: Path, name: str) -> Record | None:
+    """The record of a job, None where there is none.
+
+    Raises:
+        RecordError: there is one that cannot be used; the text says why, a clause.
+    """
+    try:
+        with record_path(folder, name).open("rb") as file:
+            plain = json.loads(file.read(SIZE_MAX))
+        if plain["schema"] != SCHEMA:
+            raise RecordError("its record is from another version of airrace")
+        return _record_of(plain)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise RecordError(f"its record cannot be read: {error.strerror}") from error
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise RecordError("its record is damaged") from error
+
+
+# Any: JSON; what is not as it should be raises on the way.
+def _record_of(plain: Mapping[str, Any]) -> Record:
+    run, mark = plain["run"], plain["checkpoint"]
+    if run is not None:
+        float(run["race_time_s"] or 0.0)
+        run["stages"]
+    return Record(
+        fingerprint=Fingerprint(**plain["fingerprint"]),
+        ended=plain["ended"] is True,
+        code=int(plain["code"]),
+        message=str(plain["message"]),
+        wall=float(plain["wall"]),
+        retries=tuple(map(str, plain["retries"])),
+        run=run,
+        findings=tuple(Finding(**finding) for finding in plain["findings"]),
+        checkpoint=None if mark is None else FileMark(int(mark["size"]), str(mark["sha256"]), int(mark["changed_ns"])),
+    )

@@ -1,0 +1,34 @@
+"""`--csv`: a row per job, in the order of the ranking. Opens in any spreadsheet."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from airrace.batch.ranking import Row
+from airrace.batch.record import checkpoint_path
+
+COLUMNS = ("name", "course", "track", "aircraft")
+MEASURED = ("state", "code", "race_time_s", "behind_s", "behind_course_s", "wall_s", "kept", "retries", "message")
+
+
+def csv_text(rows: Sequence[Row], folder: Path) -> str:
+    """The table as RFC 4180, a column for every swept key; numbers at full precision, nothing where there is none."""
+    keys = list(dict.fromkeys(key for row in rows for key, _ in row.step.swept))
+    written = io.StringIO()
+    writer = csv.writer(written)
+    writer.writerow([*COLUMNS, *keys, *MEASURED, "checkpoint"])
+    for row in rows:
+        step, result, swept = row.step, row.result, dict(row.step.swept)
+        writer.writerow(
+            [
+                *(step.name, step.course, step.track, step.aircraft),
+                *(swept.get(key) for key in keys),
+                *(row.state, result.code, result.race_time, row.behind, row.behind_course, result.wall),
+                "yes" if step.action == "keep" else "no",
+                len(result.retries),
+                result.message,
+                checkpoint_path(folder, step.name) if step.action != "refuse" else None,
+            ]
+        )
+    return written.getvalue()

@@ -1,0 +1,129 @@
+"""`--junit`: the report that every CI server reads. A job is a test suite; what its stages certify are its test cases.
+
+| in the batch | in the report |
+|---|---|
+| a stage | a test case named like it: a failure unless it ended `solved` |
+| an item of its certificate | a test case `STAGE.ITEM` of the class `JOB.STAGE`: a failure unless it holds |
+| the job as a whole | a test case `run`: a failure if it is not certified, an error if it has no answer or its inputs |
+| | are not valid, skipped if it was never begun |
+"""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from airrace.batch.executor import DONE, INFEASIBLE, INTERRUPTED, NOT_CERTIFIED
+from airrace.batch.plan import Result
+from airrace.batch.ranking import Row
+from airrace.batch.record import RecordError, read_record
+
+# What XML 1.0 cannot hold, not even escaped.
+_UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+Run = Mapping[str, Any]  # Any: the JSON of a run
+
+
+def junit_text(rows: Sequence[Row], folder: Path) -> str:
+    """The report as XML; stages and certificates come from the records in the folder."""
+    suites = Element("testsuites", name="airrace batch")
+    for row in rows:
+        suites.append(_suite(row, folder))
+    for name in ("tests", "failures", "errors", "skipped"):
+        suites.set(name, str(sum(int(suite.get(name, "0")) for suite in suites)))
+    suites.set("time", f"{sum(row.result.wall for row in rows):.3f}")
+    ElementTree.indent(suites)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suites, encoding="unicode") + "\n"
+
+
+def stages_of(row: Row, folder: Path) -> Sequence[Run]:
+    """The stages of a job as `airrace optimize --json` prints them, from its record."""
+    if row.step.action == "refuse":
+        return ()
+    try:
+        record = read_record(folder, row.step.name)
+    except RecordError:
+        return ()
+    return () if record is None or record.run is None else record.run["stages"]
+
+
+def _suite(row: Row, folder: Path) -> Element:
+    suite = Element("testsuite", name=fit(row.step.name))
+    properties = SubElement(suite, "properties")
+    for name, value in _properties(row):
+        SubElement(properties, "property", name=fit(name), value=fit(value))
+    stages = stages_of(row, folder)
+    cases = [case for stage in stages for case in _stage_cases(row, stage)]
+    suite.extend([*cases, _run_case(row)])
+    for name, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
+        suite.set(name, str(len(suite.findall(f"testcase/{tag}"))))
+    suite.set("tests", str(len(suite.findall("testcase"))))
+    suite.set("time", f"{row.result.wall:.3f}")
+    return suite
+
+
+def _properties(row: Row) -> Iterator[tuple[str, str]]:
+    yield "course", row.step.course
+    yield "track", row.step.track
+    if row.step.aircraft is not None:
+        yield "aircraft", row.step.aircraft
+    yield from row.step.swept
+    yield "state", row.state
+    yield "exit_code", str(row.result.code)
+    if row.result.race_time is not None:
+        yield "race_time_s", repr(row.result.race_time)
+    for reason in row.result.retries:
+        yield "retried", reason
+
+
+def _stage_cases(row: Row, stage: Run) -> Iterator[Element]:
+    name, kind = stage["stage"], f"{row.step.name}.{stage['stage']}"
+    case = _case(kind, name, stage["wall_s"] or 0.0)
+    if stage["status"] != "solved":
+        _trouble(case, "failure", stage["status"], stage["message"] or stage["status"])
+    yield case
+    items: Sequence[Run] = stage["certificate"]["items"] if stage["certificate"] else ()
+    for item in items:
+        case = _case(kind, f"{name}.{item['name']}", 0.0)
+        if not item["holds"]:
+            _trouble(case, "failure", item["name"], _item_text(item))
+        yield case
+
+
+def _item_text(item: Run) -> str:
+    value = "not measured" if item["value"] is None else f"{item['value']:.6g}"
+    limit = "none" if item["limit"] is None else f"{item['limit']:.6g}"
+    where = f" at {item['where']}" if item["where"] else ""
+    return f"{item['name']} is {value}, its limit {limit} {item['unit']}{where}".rstrip()
+
+
+def _run_case(row: Row) -> Element:
+    """The job as a whole."""
+    result = row.result
+    case = _case(row.step.name, "run", result.wall)
+    if result.code != DONE:
+        text = "\n".join([result.message or row.state, *map(str, result.findings)])
+        _trouble(case, _severity(result), row.state, text)
+    return case
+
+
+def _severity(result: Result) -> str:
+    if result.code in (INFEASIBLE, NOT_CERTIFIED):
+        return "failure"
+    return "skipped" if result.code == INTERRUPTED and not result.wall else "error"
+
+
+def _case(kind: str, name: str, seconds: float) -> Element:
+    return Element("testcase", classname=fit(kind), name=fit(name), time=f"{seconds:.3f}")
+
+
+def _trouble(case: Element, tag: str, kind: str, text: str) -> None:
+    trouble = SubElement(case, tag, message=fit(text.partition("\n")[0]), type=fit(kind))
+    trouble.text = fit(text)
+
+
+def fit(text: str) -> str:
+    """A text that XML can hold; what it cannot is written as `\\x00`."""
+    return _UNFIT.sub(lambda found: f"\\x{ord(found[0]):02x}", text).replace("\r", "\\x0d")

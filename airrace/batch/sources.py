@@ -1,0 +1,153 @@
+"""From what a user names (files, patterns, `batch.yaml`) to the courses that are meant, and how each is to be flown."""
+
+import glob
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from airrace.batch.sweep import Sweep, parse_sweep, sweep_of
+from airrace.documents.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
+from airrace.documents.document import Document, missing_file, read_document
+from airrace.documents.nodes import Reporter
+from airrace.errors import Finding, InputError
+
+SWEEP_OPTION = "--sweep"
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How courses are to be flown.
+
+    Attributes:
+        aircraft: files, each of which flies every course; empty for the tracks' own.
+        settings: a settings file, None for the defaults.
+        overrides: `key=value` texts for all jobs.
+        sweeps: values flown in turn.
+        until: name of the last stage, None where nobody names one.
+    """
+
+    aircraft: tuple[Path, ...] = ()
+    settings: Path | None = None
+    overrides: tuple[str, ...] = ()
+    sweeps: tuple[Sweep, ...] = ()
+    until: str | None = None
+
+
+@dataclass(frozen=True)
+class Group:
+    """Courses that are flown alike."""
+
+    courses: tuple[Path, ...]
+    manner: Manner
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What was meant, and what is wrong with the way it was said."""
+
+    groups: tuple[Group, ...]
+    findings: tuple[Finding, ...] = field(default=())
+
+
+def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
+    """The sweeps of the command line.
+
+    Raises:
+        InputError: with all findings.
+    """
+    findings: list[Finding] = []
+    sweeps: dict[str, Sweep] = {}
+    for text in texts:
+        key = text.partition("=")[0].strip()
+        try:
+            sweep = parse_sweep(text)
+        except ValueError as error:
+            findings.append(Finding(SWEEP_OPTION, 0, 0, key, str(error)))
+            continue
+        if sweep.key in sweeps:
+            findings.append(Finding(SWEEP_OPTION, 0, 0, key, "is swept twice; give all its values at once"))
+        sweeps[sweep.key] = sweep
+    if findings:
+        raise InputError(findings)
+    return tuple(sweeps.values())
+
+
+def find_sources(named: Sequence[str], manner: Manner) -> Sources:
+    """The courses named by files and patterns, and those of batch files.
+
+    The manner of the command line comes first: it replaces the aircraft, the settings, the last stage and the sweeps of
+    the same key in batch files, and its overrides come after theirs.
+    """
+    findings: list[Finding] = []
+    courses: list[Path] = []
+    groups: list[Group] = []
+    for path in _files(named, Path(), None, findings):
+        document = _batch_document(path)
+        if document is None:
+            courses.append(path)
+            continue
+        try:
+            entry, reporter = read_batch(document)
+            groups.append(_group_of(entry, reporter, path.parent, manner))
+            findings += reporter.findings
+        except InputError as error:
+            findings += error.findings
+    if courses:
+        groups.insert(0, Group(tuple(courses), manner))
+    return Sources(tuple(groups), tuple(findings))
+
+
+def _batch_document(path: Path) -> Document | None:
+    """The file at a path if it is a batch; whatever else is wrong with it is told when it is read as a course."""
+    document = read_document(path, []) if path.is_file() else None
+    return document if document is not None and is_batch(document) else None
+
+
+def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> Group:
+    findings: list[Finding] = []
+    courses = tuple(_files(entry.courses, folder, reporter, findings))
+    reporter.findings.extend(findings)
+    aircraft = tuple(folder / name for name in entry.aircraft or ())
+    settings = None if entry.settings is None else folder / entry.settings
+    sweeps = {sweep.key: sweep for sweep in _sweeps_of(entry, reporter)}
+    return Group(
+        courses,
+        Manner(
+            aircraft=manner.aircraft or aircraft,
+            settings=manner.settings or settings,
+            overrides=(*set_texts(entry.set), *manner.overrides),
+            sweeps=tuple({**sweeps, **{sweep.key: sweep for sweep in manner.sweeps}}.values()),
+            until=manner.until or entry.until,
+        ),
+    )
+
+
+def _sweeps_of(entry: BatchEntry, reporter: Reporter) -> Iterator[Sweep]:
+    for key, values in entry.sweep.items():
+        items = values.split(",") if isinstance(values, str) else [value_text(value) for value in values]
+        try:
+            yield sweep_of(key, items)
+        except ValueError as error:
+            reporter.value(("sweep", key), str(error))
+
+
+def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findings: list[Finding]) -> Iterator[Path]:
+    """The files of names and patterns, in their order; those of a pattern by name."""
+    for index, name in enumerate(named):
+        path = folder / name
+        if path.exists() or not glob.has_magic(name):
+            # A course that does not exist is a course that cannot be flown, except that a batch file says where.
+            if reporter is not None and not path.exists():
+                reporter.value(("courses", index), missing_file(path))
+            elif path.is_dir():
+                message = f"is a folder; name the files in it, e.g. {path}/*.yaml"
+                findings.append(Finding(str(path), 0, 0, "", message))
+            else:
+                yield path
+            continue
+        matches = sorted(glob.glob(str(path), recursive=True))
+        if not matches and reporter is not None:
+            reporter.value(("courses", index), f"no file matches {path}")
+        elif not matches:
+            findings.append(Finding(str(path), 0, 0, "", "no file matches this pattern"))
+        yield from (Path(match) for match in matches if not Path(match).is_dir())

@@ -1,0 +1,120 @@
+"""`--sweep KEY=VALUES`: one value of the inputs, in turn given several values. Several sweeps multiply.
+
+VALUES is a list, `0,5,10`, whose items may be ranges, `first:last:step`. **A range includes its last value** where a
+step leads there, `0:20:5` is 0, 5, 10, 15 and 20; but a full circle is closed once: of a direction, `0:360:45` ends
+with 315. Numbers are decimal, so `0:1:0.1` has no rounding in it, and have one way to be written: `5.0` is `5`.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from itertools import product
+
+VALUES_MAX = 100_000
+"""So many values a sweep may have."""
+DIRECTIONS = ("from_deg", "heading_deg", "pass_side_deg")
+"""Keys whose values repeat after 360 degrees."""
+
+Combination = tuple[tuple[str, str], ...]
+"""A value for every swept key."""
+
+_NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]+)?")
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A key as `--set` takes it, and the values it is given in turn, as texts."""
+
+    key: str
+    values: tuple[str, ...]
+
+
+def parse_sweep(text: str) -> Sweep:
+    """The sweep of `KEY=VALUES`.
+
+    Raises:
+        ValueError: it is none; its text says why.
+    """
+    key, equals, values = text.partition("=")
+    if not equals or not all(part.strip() for part in key.split(".")):
+        raise ValueError(f"`{text}` is not of the form key=values, e.g. environment.wind.speed_kt=0,5,10")
+    return sweep_of(key.strip(), values.split(","))
+
+
+def sweep_of(key: str, items: Sequence[str]) -> Sweep:
+    """A sweep over single values and ranges.
+
+    Raises:
+        ValueError: there is no value, a range leads nowhere, or a value comes twice.
+    """
+    values: list[str] = []
+    for item in (one.strip() for one in items):
+        if not item:
+            raise ValueError("a value is missing between two commas" if len(items) > 1 else "no values are given")
+        values += _range(key, item) if _is_range(item) else [canonical(item)]
+    if len(values) > VALUES_MAX:
+        raise ValueError(f"has {len(values)} values; at most {VALUES_MAX} are swept")
+    twice = _first_repeated(values)
+    if twice is not None:
+        raise ValueError(f"the value {twice} is given twice")
+    return Sweep(key, tuple(values))
+
+
+def combinations(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
+    """Every value of every sweep with every value of the others, the last sweep fastest; one empty one of none."""
+    keys = [sweep.key for sweep in sweeps]
+    for values in product(*(sweep.values for sweep in sweeps)):
+        yield tuple(zip(keys, values, strict=True))
+
+
+def count(sweeps: Iterable[Sweep]) -> int:
+    """How many combinations there are."""
+    total = 1
+    for sweep in sweeps:
+        total *= len(sweep.values)
+    return total
+
+
+def cover(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
+    """A few combinations in which every value of every sweep occurs: what is wrong with one shows in one of them."""
+    for number in range(max((len(sweep.values) for sweep in sweeps), default=1)):
+        yield tuple((sweep.key, sweep.values[number % len(sweep.values)]) for sweep in sweeps)
+
+
+def canonical(text: str) -> str:
+    """A number in its shortest decimal form; anything else as it is."""
+    return _decimal(Decimal(text)) if _NUMBER.fullmatch(text) else text
+
+
+def _is_range(text: str) -> bool:
+    parts = text.split(":")
+    return len(parts) == 3 and all(_NUMBER.fullmatch(part.strip()) for part in parts)
+
+
+def _range(key: str, text: str) -> list[str]:
+    first, last, step = (Decimal(part.strip()) for part in text.split(":"))
+    if step == 0 or (last - first) / step < 0:
+        raise ValueError(f"the range {text} (first:last:step) never arrives")
+    steps = int((last - first) / step)
+    if steps >= VALUES_MAX:
+        raise ValueError(f"the range {text} has more than {VALUES_MAX} values")
+    values = [first + number * step for number in range(steps + 1)]
+    if key.rpartition(".")[2] in DIRECTIONS and abs(values[-1] - first) == 360:
+        values.pop()
+    return [_decimal(value) for value in values]
+
+
+def _decimal(value: Decimal) -> str:
+    text = f"{value:f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return "0" if text in ("-0", "+0") else text.removeprefix("+")
+
+
+def _first_repeated(values: Sequence[str]) -> str | None:
+    seen: set[str] = set()
+    for value in values:
+        if value in seen:
+            return value
+        seen.add(value)
+    return None

@@ -1,0 +1,116 @@
+"""`airrace batch`: many courses at once."""
+
+import signal
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+from airrace.cli.options import AsJson, LastStage, Overrides, Quiet, SettingsFile
+
+JOB_COMMAND = (sys.executable, "-m", "airrace.cli.batch_job")
+"""What runs a job in a process of its own."""
+
+
+def batch(
+    courses: Annotated[
+        list[str],
+        typer.Argument(metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', or a batch.yaml."),
+    ],
+    aircraft: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", readable=False, help="Fly every course with this aircraft; as often as you like."),
+    ] = None,
+    settings: SettingsFile = None,
+    overrides: Overrides = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUES",
+            help="Fly every value of a key of --set: a list (0,5,10) or a range (first:last:step); several multiply.",
+        ),
+    ] = None,
+    until: LastStage = None,
+    jobs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Jobs at a time; by default all cores.")] = None,
+    out_dir: Annotated[Path, typer.Option(metavar="DIR", help="Where checkpoints and records lie.")] = Path("batch"),
+    timeout: Annotated[
+        float | None, typer.Option(min=0.1, metavar="SECONDS", help="Stop a job that takes longer.")
+    ] = None,
+    retries: Annotated[
+        int, typer.Option(min=0, metavar="N", help="How often a job whose process crashed is tried again.")
+    ] = 1,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Fly jobs again that ended without a certified flight.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Fly all jobs again, from their beginning.")] = False,
+    csv_file: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
+    junit_file: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit report.")] = None,
+    markdown_file: Annotated[
+        Path | None, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fly many courses.
+
+    Every combination of course, aircraft and swept values is a job with a checkpoint of its own. A second call flies
+    only what is not finished, or has changed.
+    """
+    with answering({"certified": False, "jobs": []}, as_json=as_json) as answer:
+        from airrace.batch.cache import Choice
+        from airrace.batch.local import LocalExecutor
+        from airrace.batch.lock import locked
+        from airrace.batch.planning import make_plan
+        from airrace.batch.sources import Manner, find_sources, parse_sweeps
+        from airrace.batch.supervision import Policy, supervise
+        from airrace.cli.batch_answer import Reports, answer_with, describe_plan
+        from airrace.cli.batch_live import watching_batch
+        from airrace.cli.running import available_cores, library_versions, stage_named
+
+        started = time.perf_counter()
+        choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
+        manner = Manner(tuple(aircraft or ()), settings, tuple(overrides or ()), parse_sweeps(sweep or ()), until)
+        sources = find_sources(courses, manner)
+        for group in sources.groups:
+            stage_named(group.manner.until)
+        versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
+        last = stage_named(None).value
+        if dry_run:
+            plan = make_plan(sources, out_dir, until=last, versions=versions, choice=choice)
+            describe_plan(answer, plan, quiet=quiet)
+            return
+        reports = Reports(csv_file, junit_file, markdown_file)
+        with locked(out_dir):
+            plan = make_plan(sources, out_dir, until=last, versions=versions, choice=choice)
+            reports.ensure_writable(plan)
+            policy = Policy(timeout, retries, choice)
+            executor = LocalExecutor(JOB_COMMAND, jobs or available_cores())
+            with stopping() as stop_asked, executor, watching_batch(quiet=quiet) as watcher:
+                results = supervise(plan, executor, policy, watcher, stop_asked=stop_asked)
+            answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
+
+
+@contextmanager
+def stopping() -> Generator[Callable[[], bool], None, None]:
+    """Whether the user asked to stop. Ctrl-C (and SIGTERM) asks; once more, and everything is dropped at once."""
+    asked = False
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield lambda: asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

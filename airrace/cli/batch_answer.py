@@ -1,0 +1,171 @@
+"""What a batch came to: its object, its tables, its reports and its exit code."""
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from airrace.batch import github
+from airrace.batch.executor import DONE
+from airrace.batch.plan import Plan, Result
+from airrace.batch.ranking import Row, counts, ranked
+from airrace.batch.record import checkpoint_path
+from airrace.batch.report_csv import csv_text
+from airrace.batch.report_junit import junit_text, stages_of
+from airrace.batch.report_markdown import markdown_text
+from airrace.batch.wind import WindSummary, wind_summaries
+from airrace.cli.answer import Answer
+from airrace.cli.batch_tables import ranking_table, wind_tables
+from airrace.cli.exit_codes import ExitCode, worst
+from airrace.cli.running import ensure_free, write_text
+from airrace.cli.tables import rendered
+from airrace.errors import Finding, UsageError
+
+FINDINGS_MAX = 500
+"""So many findings are told of a batch."""
+
+
+@dataclass(frozen=True)
+class Reports:
+    """Files that are written at the end, each None where it is not wanted. They are replaced by every call."""
+
+    csv: Path | None
+    junit: Path | None
+    markdown: Path | None
+
+    def ensure_writable(self, plan: Plan) -> None:
+        """Find out before anything is flown whether they can be written, and would spoil nothing.
+
+        Raises:
+            UsageError: one is a folder, an input of the batch, or two are one.
+            StorageError: a folder does not exist or takes no files.
+        """
+        paths = [path for path in (self.csv, self.junit, self.markdown) if path is not None]
+        if len({path.resolve() for path in paths}) < len(paths):
+            raise UsageError("two reports cannot be the same file")
+        inputs = {name for step in plan.steps for name in (step.track, step.aircraft) if name is not None}
+        spoilt = (
+            {Path(name).resolve() for name in inputs} & {path.resolve() for path in paths} if paths else set[Path]()
+        )
+        if spoilt:
+            raise UsageError(f"{min(spoilt)} is an input of this batch; name another file for the report")
+        for path in paths:
+            ensure_free(path, force=True)
+
+    def write(self, rows: Sequence[Row], summaries: Sequence[WindSummary], folder: Path) -> None:
+        """Write all of them.
+
+        Raises:
+            StorageError: the system refused.
+        """
+        if self.csv is not None:
+            write_text(self.csv, csv_text(rows, folder))
+        if self.junit is not None:
+            write_text(self.junit, junit_text(rows, folder))
+        if self.markdown is not None:
+            write_text(self.markdown, markdown_text(rows, summaries))
+
+
+def describe_plan(answer: Answer, plan: Plan, *, quiet: bool) -> None:
+    """Fill in the answer of `--dry-run`."""
+    actions = [step.action for step in plan.steps]
+    totals = {action: actions.count(action) for action in ("fly", "keep", "refuse")}
+    answer.fields = {"jobs": [step.as_object() for step in plan.steps], "counts": totals}
+    if not quiet:
+        lines = [
+            f"{step.name}: {step.action}" + (f" ({told})" if (told := str(step.as_object()["reason"])) else "")
+            for step in plan.steps
+        ]
+        answer.texts.append("\n".join([*lines, plan_line(plan)]))
+    refused = [step.known for step in plan.steps if step.known is not None and step.action == "refuse"]
+    _fail_for_inputs(answer, plan, refused)
+
+
+def plan_line(plan: Plan) -> str:
+    """The plan in a line: `8 jobs: 3 kept, 5 to fly`."""
+    actions = [step.action for step in plan.steps]
+    told = {"keep": "kept", "fly": "to fly", "refuse": "with invalid input"}
+    parts = [f"{actions.count(action)} {words}" for action, words in told.items() if action in actions]
+    return f"{len(actions)} job{'' if len(actions) == 1 else 's'}: {', '.join(parts) or 'none'}"
+
+
+def answer_with(
+    answer: Answer, plan: Plan, results: Sequence[Result], reports: Reports, *, wall: float, quiet: bool
+) -> None:
+    """Fill in the answer of a batch, and write its reports.
+
+    Raises:
+        StorageError: a report cannot be written; everything else is in the answer by then.
+    """
+    rows = ranked(plan, results)
+    summaries = wind_summaries(rows)
+    codes = [_code(result) for result in results]
+    answer.fields = {
+        "certified": bool(rows) and worst(codes) is ExitCode.DONE and not plan.findings,
+        "wall_s": wall,
+        "counts": counts(rows),
+        "jobs": [_job_object(row, plan.folder) for row in rows],
+        "winds": [summary.as_object() for summary in summaries],
+    }
+    if not quiet:
+        answer.texts.extend(rendered(table) for table in (ranking_table(rows), *wind_tables(summaries)))
+    _fail_for_inputs(answer, plan, results)
+    code = worst(codes)
+    if code is not ExitCode.DONE:
+        told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
+        findings = answer.findings
+        answer.fail(code, f"not all jobs are certified: {told}", findings)
+    if github.runs_here():
+        for line in github.annotations(rows, plan.findings):
+            print(line, file=sys.stderr)
+        github.append_summary(markdown_text(rows, summaries))
+    reports.write(rows, summaries, plan.folder)
+
+
+def _fail_for_inputs(answer: Answer, plan: Plan, results: Sequence[Result]) -> None:
+    """Tell all findings, each once."""
+    findings = list(dict.fromkeys(_findings(plan, results)))
+    if findings:
+        number = len(findings)
+        more = [] if number <= FINDINGS_MAX else [Finding("", 0, 0, "", f"and {number - FINDINGS_MAX} more findings")]
+        text = f"some input is not valid: {number} finding{'' if number == 1 else 's'}"
+        answer.fail(ExitCode.INVALID_INPUT, text, [*findings[:FINDINGS_MAX], *more])
+
+
+def _findings(plan: Plan, results: Sequence[Result]) -> Iterator[Finding]:
+    yield from plan.findings
+    for result in results:
+        yield from result.findings
+
+
+def _code(result: Result) -> ExitCode:
+    try:
+        return ExitCode(result.code)
+    except ValueError:
+        return ExitCode.BUG
+
+
+def _job_object(row: Row, folder: Path) -> dict[str, object]:
+    step, result = row.step, row.result
+    return {
+        "name": step.name,
+        "course": step.course,
+        "track": step.track,
+        "aircraft": step.aircraft,
+        "swept": dict(step.swept),
+        "state": row.state,
+        "code": result.code,
+        "certified": result.code == DONE,
+        "race_time_s": result.race_time,
+        "behind_s": row.behind,
+        "behind_course_s": row.behind_course,
+        "wall_s": result.wall if math.isfinite(result.wall) else None,
+        "kept": step.action == "keep",
+        "reason": step.reason,
+        "retries": list(result.retries),
+        "message": result.message,
+        "findings": [asdict(finding) for finding in result.findings],
+        "checkpoint": None if step.action == "refuse" else str(checkpoint_path(folder, step.name)),
+        "stages": list(stages_of(row, folder)),
+    }

@@ -1,0 +1,74 @@
+"""The tables of a batch."""
+
+from collections.abc import Sequence
+
+from rich.table import Table
+from rich.text import Text
+
+from airrace.batch.ranking import Row, counts, has_siblings
+from airrace.batch.wind import WindSummary, wind_words
+from airrace.cli.tables import plain_table
+
+MESSAGE_MAX = 90
+"""Longer messages are cut in the table; all of them are in the other reports."""
+
+
+def ranking_table(rows: Sequence[Row]) -> Table:
+    """All jobs, the fastest first."""
+    siblings = has_siblings(rows)
+    told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
+    numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's best s",) if siblings else ()), "wall\ns")
+    cells = [
+        [row.step.name, row.state, *_times(row, siblings=siblings), _wall(row), _shortened(row.result.message)]
+        for row in rows
+    ]
+    return _with_notes(f"{len(rows)} jobs: {told or 'none'}", numbers, cells)
+
+
+def wind_tables(summaries: Sequence[WindSummary]) -> list[Table]:
+    """For every course that was flown in several winds: best, worst, and what comes from where."""
+    return [table for summary in summaries for table in _of_winds(summary)]
+
+
+def _of_winds(summary: WindSummary) -> list[Table]:
+    flights = [
+        (words, row.step.name, wind_words(row), f"{row.result.race_time:.3f}")
+        for words, row in (("best", summary.best), ("worst", summary.worst))
+    ]
+    slope = "" if summary.per_knot is None else f", {summary.per_knot:+.4f} s per knot"
+    title = f"wind: {summary.title}: {summary.flights} certified flights{slope}"
+    tables = [plain_table(title, ("", "job", "wind"), ("race time\ns",), flights)]
+    if summary.bearings:
+        rows = [
+            (one.from_deg, f"{one.mean:.3f}", "-" if one.per_knot is None else f"{one.per_knot:+.4f}")
+            for one in summary.bearings
+        ]
+        tables.append(plain_table("by direction of the wind", (), ("from\ndeg", "mean\ns", "s per\nkt"), rows))
+    return tables
+
+
+def _with_notes(title: str, numbers: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
+    """Names, numbers, and what was said in the last column."""
+    table = plain_table(title, ("job", "state"), numbers, ())
+    table.add_column("message")
+    for row in cells:
+        table.add_row(*(Text(cell) for cell in row))
+    return table
+
+
+def _times(row: Row, *, siblings: bool) -> list[str]:
+    values = (row.behind, row.behind_course) if siblings else (row.behind,)
+    race_time = row.result.race_time
+    return [
+        "-" if race_time is None else f"{race_time:.3f}",
+        *("-" if one is None else f"{one:+.3f}" for one in values),
+    ]
+
+
+def _wall(row: Row) -> str:
+    return "kept" if row.step.action == "keep" else f"{row.result.wall:.1f}"
+
+
+def _shortened(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= MESSAGE_MAX else f"{line[: MESSAGE_MAX - 3]}..."
