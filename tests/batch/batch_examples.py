@@ -1,0 +1,134 @@
+"""Jobs, plans and batches for the tests; courses are small and flown by `stand_in_job.py`."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from airrace.batch.cache import Choice
+from airrace.batch.executor import Ending, Executor, StageFinished
+from airrace.batch.job import Job
+from airrace.batch.local import LocalExecutor
+from airrace.batch.plan import Plan, Result, Step
+from airrace.batch.planning import make_plan
+from airrace.batch.record import FileMark, Record, checkpoint_path, write_record
+from airrace.batch.sources import Manner, find_sources, parse_sweeps
+from airrace.batch.supervision import Policy, supervise
+from airrace.documents import Document
+
+ROOT = Path(__file__).parents[2]
+AIRCRAFT = ROOT / "configs" / "edge540.yaml"
+STAND_IN = (sys.executable, "-S", str(Path(__file__).with_name("stand_in_job.py")))
+VERSIONS = "airrace 0.1.0"
+
+
+def write_course(folder: Path, name: str = "oval", *, notes: str = "") -> Path:
+    """A course of two gates."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.yaml"
+    path.write_text(
+        f"""schema: airrace/track/1
+name: {name}
+notes: '{notes}'
+aircraft: {AIRCRAFT}
+rules: {{n_z_max: 10}}
+gates:
+  a: {{type: level, north_m: 0, east_m: 0, heading_deg: 0}}
+  b: {{type: level, north_m: 500, east_m: 100, heading_deg: 30}}
+course: {{start: a, lap: [b]}}
+"""
+    )
+    return path
+
+
+def job(name: str = "oval", **changed: object) -> Job:
+    """A job that nobody has read from a file."""
+    values: dict[str, object] = {
+        "name": name,
+        "course": name,
+        "track": Document(f"{name}.yaml", "a track"),
+        "aircraft": Document("aircraft.yaml", "an aircraft"),
+        "settings": None,
+        "overrides": (),
+        "swept": (),
+        "until": "point-mass",
+        "versions": VERSIONS,
+        **changed,
+    }
+    return Job(**values)  # type: ignore[arg-type]
+
+
+def step(one: Job, *, known: Result | None = None, reason: str = "new") -> Step:
+    return Step(one.name, one.course, one.track.path, one.aircraft.path, one.swept, one, reason, known)
+
+
+def plan_of(folder: Path, *jobs: Job) -> Plan:
+    return Plan(folder, tuple(step(one) for one in jobs))
+
+
+def planned(
+    *courses: str | Path,
+    folder: Path,
+    sweeps: Sequence[str] = (),
+    versions: str = VERSIONS,
+    until: str = "point-mass",
+    choice: Choice = Choice.NONE,
+    **manner: object,
+) -> Plan:
+    """The plan of a call of the command."""
+    how = Manner(sweeps=parse_sweeps(sweeps), **manner)  # type: ignore[arg-type]
+    return make_plan(find_sources([*map(str, courses)], how), folder, until=until, versions=versions, choice=choice)
+
+
+def flown(plan: Plan, policy: Policy | None = None, executor: Executor | None = None, slots: int = 2) -> list[Result]:
+    """Fly a plan with stand-ins."""
+    plan.folder.mkdir(parents=True, exist_ok=True)
+    with executor or LocalExecutor(STAND_IN, slots) as flying:
+        return list(supervise(plan, flying, policy or Policy(), Watched(), stop_asked=lambda: False))
+
+
+def starts(folder: Path, name: str) -> list[str]:
+    """How each process of a job began: `new` or `resumed`."""
+    path = folder / f"{name}.starts"
+    return [line.split()[1] for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def finished(folder: Path, one: Job, code: int = 0, message: str = "") -> None:
+    """Leave a job behind as if it had been flown."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = checkpoint_path(folder, one.name)
+    path.write_bytes(b"whatever was flown")
+    run = {"race_time_s": 10.0, "stages": []}
+    write_record(folder, one.name, Record(one.fingerprint, True, code, message, 1.0, (), run, (), FileMark.of(path)))
+
+
+@dataclass
+class Watched:
+    """Remembers what a watcher is told."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def begun(self, plan: Plan) -> None:
+        self.lines.append(f"begun {len(plan.steps)}")
+
+    def started(self, step: Step, attempt: int, where: str) -> None:
+        self.lines.append(f"{step.name} started {attempt}")
+
+    def stage_started(self, step: Step, stage: str) -> None:
+        self.lines.append(f"{step.name} {stage} started")
+
+    def stage_finished(self, step: Step, event: StageFinished) -> None:
+        self.lines.append(f"{step.name} {event.stage} {event.status}")
+
+    def retried(self, step: Step, reason: str) -> None:
+        self.lines.append(f"{step.name} again: {reason}")
+
+    def ended(self, step: Step, result: Result) -> None:
+        self.lines.append(f"{step.name} ended {result.code}")
+
+    def idle(self) -> None: ...
+
+
+def ending(code: int = 0, race_time: float | None = 10.0, message: str = "") -> Ending:
+    """An answer."""
+    return Ending(code, message, 1.0, (), {"race_time_s": race_time, "stages": []})

@@ -1,0 +1,257 @@
+"""The reports say what happened, all of it, in the words of whoever reads them."""
+
+import csv
+import io
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from batch_examples import flown, planned, write_course
+from hypothesis import given
+from hypothesis import strategies as st
+from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
+
+from airrace.batch import github
+from airrace.batch.plan import Plan, Result, Step, invalid
+from airrace.batch.ranking import Row, counts, has_siblings, ranked
+from airrace.batch.report_csv import csv_text
+from airrace.batch.report_junit import fit, junit_text
+from airrace.batch.report_markdown import markdown_text
+from airrace.batch.supervision import Policy
+from airrace.batch.wind import wind_summaries, wind_words
+from airrace.errors import Finding
+
+FINDING = Finding("tracks/bad, a.yaml", 7, 3, "rules.n_z_mx", "unknown key `n_z_mx`;\ndid you mean `n_z_max`? 100 %")
+
+
+def a_step(name: str, course: str = "", **swept: str) -> Step:
+    pairs = tuple((key.replace("__", "."), value) for key, value in swept.items())
+    return Step(name, course or name, f"tracks/{course or name}.yaml", "configs/edge540.yaml", pairs, None)
+
+
+def rows_of(*pairs: tuple[Step, Result]) -> list[Row]:
+    return ranked(Plan(Path("out"), tuple(step for step, _ in pairs)), [result for _, result in pairs])
+
+
+ROWS = rows_of(
+    (a_step("slow"), Result(0, "", 62.5, 12.0)),
+    (a_step("bad"), invalid((FINDING,))),
+    (a_step("loose"), Result(5, "point-mass: not certified: replay", 50.0, 9.0)),
+    (a_step("fast"), Result(0, "", 60.25, 11.0, ("its process was killed",))),
+    (a_step("never"), Result(130, "interrupted before it was begun")),
+    (a_step("no <way>"), Result(4, "gate a | b cannot be reached", None, 3.0)),
+)
+
+
+def test_certified_flights_come_first_by_race_time_then_others_then_those_without() -> None:
+    assert [row.step.name for row in ROWS] == ["fast", "slow", "loose", "bad", "never", "no <way>"]
+
+
+def test_differences_are_to_the_fastest_certified_flight() -> None:
+    assert [row.behind for row in ROWS] == [0.0, 2.25, -10.25, None, None, None]
+
+
+def test_each_course_has_a_best_of_its_own() -> None:
+    rows = rows_of(
+        (a_step("a1", "a"), Result(0, "", 10.0)),
+        (a_step("b1", "b"), Result(0, "", 20.0)),
+        (a_step("b2", "b"), Result(0, "", 21.0)),
+    )
+    assert has_siblings(rows)
+    assert [row.behind_course for row in rows] == [0.0, 0.0, 1.0]
+    assert not has_siblings(rows[1:])
+    assert not has_siblings(rows[:2])
+
+
+def test_states_are_counted() -> None:
+    assert counts(ROWS) == {"certified": 2, "not certified": 1, "invalid input": 1, "interrupted": 1, "infeasible": 1}
+
+
+def test_the_csv_holds_every_job_with_every_number_as_it_is() -> None:
+    table = list(csv.DictReader(io.StringIO(csv_text(ROWS, Path("out")))))
+    assert [line["name"] for line in table] == [row.step.name for row in ROWS]
+    assert [line["state"] for line in table] == [row.state for row in ROWS]
+    assert float(table[1]["race_time_s"]) == 62.5
+    assert table[3]["race_time_s"] == ""
+    assert table[0]["retries"] == "1"
+    assert table[0]["checkpoint"] == "out/fast.h5"
+
+
+def test_the_csv_has_a_column_for_every_swept_key() -> None:
+    rows = rows_of(
+        (a_step("x", environment__wind__speed_kt="5"), Result(0, "", 10.0)), (a_step("y"), Result(0, "", 11.0))
+    )
+    table = list(csv.DictReader(io.StringIO(csv_text(rows, Path("out")))))
+    assert [line["environment.wind.speed_kt"] for line in table] == ["5", ""]
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Row]]:
+    """A batch in which everything happens that can happen."""
+    folder = tmp_path_factory.mktemp("mixed")
+    course, broken = write_course(folder), write_course(folder, "broken")
+    broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
+    manners = ["fine", "crash", "infeasible", "not-certified", "hang"]
+    plan = planned(course, broken, folder=folder, sweeps=[f"notes={','.join(manners)}"])
+    results = flown(plan, Policy(timeout=1.5), slots=3)
+    plan = Plan(folder, (*plan.steps, a_step("never")), plan.findings)
+    return folder, ranked(plan, [*results, Result(130, "interrupted before it was begun")])
+
+
+def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[Row]], tmp_path: Path) -> None:
+    folder, rows = mixed
+    text = junit_text(rows, folder)
+    path = tmp_path / "out.xml"
+    path.write_text(text, encoding="utf-8")
+    report = JUnitXml.fromfile(str(path))
+    suites = {suite.name: suite for suite in report}
+    assert list(suites) == [row.step.name for row in rows]
+    for row in rows:
+        suite = suites[row.step.name]
+        told = {one.name: one.value for one in suite.properties()}
+        assert told["state"] == row.state
+        assert told.get("race_time_s") == (None if row.result.race_time is None else repr(row.result.race_time))
+        totals = (suite.tests, suite.failures, suite.errors, suite.skipped)
+        suite.update_statistics()
+        assert (suite.tests, suite.failures, suite.errors, suite.skipped) == totals
+    sums = [sum(getattr(suite, name) for suite in report) for name in ("tests", "failures", "errors", "skipped")]
+    assert [report.tests, report.failures, report.errors, report.skipped] == sums
+    report.write(str(tmp_path / "again.xml"))
+    assert tree(tmp_path / "again.xml") == tree(path)
+
+
+def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[Row]]) -> None:
+    suites = suites_of(mixed)
+    fine = next(suite for name, suite in suites.items() if name.endswith("notes=fine"))
+    assert [case.name for case in fine] == ["point-mass", "point-mass.kkt_error", "point-mass.path_angle", "run"]
+    assert not any(case.result for case in fine)
+    loose = next(suite for name, suite in suites.items() if name.endswith("notes=not-certified"))
+    (failed,) = [case for case in loose if case.name == "point-mass.path_angle"]
+    (failure,) = failed.result
+    assert isinstance(failure, Failure)
+    assert failure.message == "path_angle is 0.01, its limit 0.0035 rad at 1:start -> 1:g1"
+
+
+def test_accidents_and_invalid_inputs_are_errors_and_what_was_not_begun_is_skipped(
+    mixed: tuple[Path, list[Row]],
+) -> None:
+    found = {name: [type(one) for case in suite for one in case.result] for name, suite in suites_of(mixed).items()}
+    assert found["oval,notes=crash"] == [Error]
+    assert found["oval,notes=hang"] == [Error]
+    assert found["broken,notes=fine"] == [Error]
+    assert found["never"] == [Skipped]
+    assert found["oval,notes=infeasible"] == [Failure, Failure]
+    assert suites_of(mixed)["oval,notes=crash"].errors == 1
+
+
+def suites_of(mixed: tuple[Path, list[Row]]) -> dict[str, TestSuite]:
+    folder, rows = mixed
+    return {suite.name: suite for suite in JUnitXml.fromstring(junit_text(rows, folder).encode())}
+
+
+def tree(path: Path) -> list[tuple[str, dict[str, str], str]]:
+    """Elements, attributes and texts of a file."""
+    return [
+        (one.tag, {name: value for name, value in one.attrib.items() if value}, (one.text or "").strip())
+        for one in ElementTree.parse(path).iter()
+    ]
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"])), st.text(st.characters(exclude_categories=["Cs"])))
+def test_any_message_survives_junit(message: str, name: str) -> None:
+    rows = rows_of((a_step(name or "x"), Result(8, message, None, 1.0)))
+    (suite,) = JUnitXml.fromstring(junit_text(rows, Path("/nonexistent")).encode())
+    (case,) = suite
+    (error,) = case.result
+    assert suite.name == fit(name or "x")
+    assert error.text == fit(message or "failed")
+
+
+def test_annotations_lead_to_file_and_line_and_are_escaped() -> None:
+    lines = list(github.annotations(ROWS, ()))
+    assert (
+        "::error file=tracks/bad%2C a.yaml,line=7,col=3,title=rules.n_z_mx::"
+        "unknown key `n_z_mx`;%0Adid you mean `n_z_max`? 100 %25" in lines
+    )
+    assert any(line.startswith("::error file=tracks/no <way>.yaml,title=no <way>%3A infeasible::") for line in lines)
+    assert not any("fast" in line for line in lines)
+    assert all("\n" not in line for line in lines)
+
+
+def test_annotations_of_the_command_line_name_no_file() -> None:
+    (line,) = github.annotations((), (Finding("--sweep", 0, 0, "a.b", "never arrives"),))
+    assert line == "::error title=a.b::never arrives"
+
+
+def test_only_so_many_annotations_are_made() -> None:
+    findings = [Finding("a.yaml", number, 1, "", "bad") for number in range(1, 200)]
+    lines = list(github.annotations((), findings))
+    assert len(lines) == github.ANNOTATIONS_MAX + 1
+    assert "149 more" in lines[-1]
+
+
+def test_the_summary_of_the_step_is_appended_to(tmp_path: Path) -> None:
+    path = tmp_path / "summary.md"
+    path.write_text("before\n")
+    github.append_summary("after\n", {"GITHUB_STEP_SUMMARY": str(path)})
+    github.append_summary("nowhere\n", {})
+    assert path.read_text() == "before\nafter\n"
+
+
+def test_markdown_cells_hold_what_would_break_them() -> None:
+    text = markdown_text(ROWS, ())
+    assert "| no &lt;way> | infeasible |" in text
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(table) == 2 + len(ROWS)
+    assert {line.replace("\\|", "").count("|") for line in table} == {6}
+
+
+def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[Row]:
+    pairs = []
+    for (speed, degrees), seconds in time.items():
+        swept = (("environment.wind." + unit, str(speed)), ("environment.wind.from_deg", str(degrees)))
+        step = Step(f"x,{speed},{degrees}", "x", "x.yaml", None, swept, None)
+        pairs.append((step, Result(0, "", seconds)))
+    return rows_of(*pairs)
+
+
+def test_a_sweep_over_the_wind_tells_best_worst_and_what_a_knot_costs_from_where() -> None:
+    rows = windy({(s, d): 60.0 + (0.2 if d == 90 else -0.1) * s for s in (0, 5, 10) for d in (0, 90)})
+    (summary,) = wind_summaries(rows)
+    assert wind_words(summary.best) == "10 kt from 0"
+    assert wind_words(summary.worst) == "10 kt from 90"
+    assert [one.from_deg for one in summary.bearings] == ["0", "90"]
+    assert [one.per_knot for one in summary.bearings] == pytest.approx([-0.1, 0.2])
+    assert [one.mean for one in summary.bearings] == pytest.approx([59.5, 61.0])
+    assert summary.per_knot == pytest.approx(0.05)
+
+
+def test_metres_per_second_are_told_per_knot_as_well() -> None:
+    rows = windy({(s, 0): 60.0 + s for s in (0, 1, 2)}, unit="speed_m_s")
+    (summary,) = wind_summaries(rows)
+    assert summary.per_knot == pytest.approx(1852.0 / 3600.0)
+
+
+def test_one_speed_has_no_slope_and_one_flight_no_summary() -> None:
+    (summary,) = wind_summaries(windy({(5, 0): 60.0, (5, 90): 61.0}))
+    assert summary.per_knot is None
+    assert wind_summaries(windy({(5, 0): 60.0})) == []
+
+
+def test_only_certified_flights_count_and_other_sweeps_are_told_apart() -> None:
+    def row(speed: str, limit: str, result: Result) -> tuple[Step, Result]:
+        swept = (("environment.wind.speed_kt", speed), ("rules.n_z_max", limit))
+        return Step(f"x,{speed},{limit}", "x", "x.yaml", None, swept, None), result
+
+    rows = rows_of(
+        row("0", "9", Result(0, "", 60.0)),
+        row("5", "9", Result(0, "", 61.0)),
+        row("0", "10", Result(0, "", 50.0)),
+        row("5", "10", Result(5, "not certified", 40.0)),
+        row("10", "10", Result(0, "", 52.0)),
+        row("null", "10", Result(0, "", 50.0)),
+    )
+    summaries = {summary.title: summary for summary in wind_summaries(rows)}
+    assert set(summaries) == {"x, rules.n_z_max=9", "x, rules.n_z_max=10"}
+    assert summaries["x, rules.n_z_max=10"].per_knot == pytest.approx(0.2)
+    assert summaries["x, rules.n_z_max=10"].flights == 3
