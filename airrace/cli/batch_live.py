@@ -111,6 +111,7 @@ class LiveTable:
     def __init__(self, console: Console, clock: Clock = time.monotonic) -> None:
         self._clock = clock
         self._began = clock()
+        self._console = console
         self._seen: dict[str, _Seen] = {}
         self._total = 0
         self._ended: dict[str, int] = {}
@@ -162,7 +163,7 @@ class LiveTable:
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for name in ("job", "stage", "race time s", "state", "elapsed s"):
             table.add_column(name, justify="right" if name.endswith(" s") else "left", no_wrap=True, style="none")
-        shown = list(seen.items())[: max(1, self.live.console.height - 4)]
+        shown = list(seen.items())[: max(1, self._console.height - 4)]
         for name, one in shown:
             race_time = "-" if one.race_time is None else f"{one.race_time:.3f}"
             state = f"{one.state}{_circumstances(one.attempt, one.where)}"

@@ -84,6 +84,8 @@ def main() -> None:
     resumed = path.exists()
     with path.with_suffix(".starts").open("a") as starts:
         starts.write(f"{os.getpid()} {'resumed' if resumed else 'new'}\n")
+    if behaviour(job).endswith("-once") and not resumed:
+        path.write_bytes(CHECKPOINT)
     tell({"stage_started": "point-mass"})
     race_time = race_time_of(job)
     match behaviour(job):
@@ -98,7 +100,6 @@ def main() -> None:
         case "crash":
             os.abort()
         case "crash-once" if not resumed:
-            path.write_bytes(CHECKPOINT)
             os.abort()
         case "killed":
             os.kill(os.getpid(), signal.SIGKILL)
@@ -109,15 +110,14 @@ def main() -> None:
             end(8, run_object(job, None), "the solver process died (status -9)")
             return
         case "hang":
-            time.sleep(600.0)
+            time.sleep(60.0)
         case "hang-once" if not resumed:
-            path.write_bytes(CHECKPOINT)
-            time.sleep(600.0)
+            time.sleep(60.0)
         case "deaf":  # to being told to stop, with a process of its own
             signal.signal(signal.SIGTERM, signal.SIG_IGN)
             sleeper = subprocess.Popen(["sleep", "600"], start_new_session=True)
             path.with_suffix(".child").write_text(str(sleeper.pid))
-            time.sleep(600.0)
+            time.sleep(60.0)
         case "slow":
             time.sleep(0.3)
         case "no-checkpoint":

@@ -1,0 +1,402 @@
+"""`airrace batch`, its jobs flown by stand-ins: what it prints, writes and returns."""
+
+import csv
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from batch_examples import STAND_IN, starts, write_course
+from junitparser import JUnitXml
+from rich.console import Console
+from typer.testing import CliRunner
+
+import airrace.cli.batch as batch_module
+from airrace.batch.executor import StageFinished
+from airrace.batch.lock import locked
+from airrace.batch.plan import Plan, Result, Step
+from airrace.batch.ranking import STATES
+from airrace.cli.batch_live import BatchLines, LiveTable
+from airrace.cli.exit_codes import ExitCode
+from airrace.cli.main import app
+from airrace.errors import UsageError
+
+PROGRAM = f"""
+import airrace.cli.batch as batch
+batch.JOB_COMMAND = {STAND_IN!r}
+from airrace.cli.main import main
+main()
+"""
+
+
+class Shell:
+    """`airrace batch --until point-mass` in a folder of its own, with a course `oval.yaml` in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.out = folder / "batch"
+
+    def __call__(self, *arguments: str | Path) -> "Ran":
+        result = CliRunner().invoke(app, ["batch", "--until", "point-mass", *map(str, arguments)])
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+        return Ran(result.exit_code, result.stdout, result.stderr)
+
+    def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
+        """In a process of its own."""
+        return subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, "batch", "--until", "point-mass", *map(str, arguments)],
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+
+class Ran:
+    """A command that has ended."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    @property
+    def answered(self) -> dict:
+        """The one object on stdout."""
+        assert self.out.count("\n") == 1
+        return json.loads(self.out)
+
+    @property
+    def states(self) -> dict[str, str]:
+        return {job["name"]: job["state"] for job in self.answered["jobs"]}
+
+
+@pytest.fixture
+def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(batch_module, "JOB_COMMAND", STAND_IN)
+    monkeypatch.delenv("GITHUB_ACTIONS", raising=False)
+    write_course(tmp_path)
+    return Shell(tmp_path)
+
+
+def test_all_jobs_are_flown_and_shown_fastest_first(airrace: Shell) -> None:
+    ran = airrace("oval.yaml", "--sweep", "environment.wind.speed_kt=5,0", "--set", "environment.wind.from_deg=0")
+    assert ran.code == 0
+    lines = [line.split() for line in ran.out.splitlines() if line.startswith("oval,")]
+    assert [line[:4] for line in lines] == [
+        ["oval,speed_kt=0", "certified", "10.000", "+0.000"],
+        ["oval,speed_kt=5", "certified", "10.500", "+0.500"],
+    ]
+    assert "+0.1000 s per knot" in ran.out
+    assert "(2 of 2)" in ran.err
+    assert "\x1b" not in ran.err + ran.out
+
+
+def test_a_second_call_flies_nothing_and_says_the_same(airrace: Shell) -> None:
+    first = airrace("oval.yaml", "--json").answered
+    second = airrace("oval.yaml", "--json").answered
+    assert starts(airrace.out, "oval") == ["new"]
+    assert [first["jobs"][0]["kept"], second["jobs"][0]["kept"]] == [False, True]
+    for key in ("race_time_s", "stages", "state"):
+        assert first["jobs"][0][key] == second["jobs"][0][key]
+
+
+def test_a_second_call_says_why_it_flies_again(airrace: Shell) -> None:
+    airrace("oval.yaml")
+    course = airrace.folder / "oval.yaml"
+    course.write_text(course.read_text().replace("n_z_max: 10", "n_z_max: 9"))
+    dry = airrace("oval.yaml", "--dry-run")
+    assert dry.out.splitlines() == ["oval: fly (the track changed)", "1 job: 1 to fly"]
+    assert "oval: again (the track changed)" in airrace("oval.yaml").err
+    assert starts(airrace.out, "oval") == ["new", "resumed"]
+
+
+def test_a_dry_run_writes_nothing_and_shows_the_plan(airrace: Shell) -> None:
+    ran = airrace("oval.yaml", "--sweep", "notes=a,b", "--dry-run", "--json")
+    assert ran.code == 0
+    assert [(job["name"], job["action"], job["reason"]) for job in ran.answered["jobs"]] == [
+        ("oval,notes=a", "fly", "new"),
+        ("oval,notes=b", "fly", "new"),
+    ]
+    assert ran.answered["counts"] == {"fly": 2, "keep": 0, "refuse": 0}
+    assert not airrace.out.exists()
+
+
+@pytest.mark.parametrize(
+    ("notes", "code"),
+    [
+        ("fine", 0),
+        ("fine,infeasible", 4),
+        ("infeasible,hang", 6),
+        ("hang,not-certified", 5),
+        ("not-certified,crash,fine", 8),
+    ],
+)
+def test_the_exit_code_is_that_of_the_worst_job(notes: str, code: int, airrace: Shell) -> None:
+    ran = airrace("oval.yaml", "--sweep", f"notes={notes}", "--timeout", "1.5", "--json")
+    assert ran.code == code
+    assert ran.answered["certified"] is (code == 0)
+    assert len(ran.answered["jobs"]) == len(notes.split(","))
+
+
+def test_every_state_has_its_exit_code() -> None:
+    assert set(STATES) == {int(code) for code in ExitCode} - {int(ExitCode.USAGE)}
+
+
+def test_a_broken_file_among_many_is_told_and_the_others_are_flown(airrace: Shell) -> None:
+    broken = write_course(airrace.folder, "broken")
+    broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
+    ran = airrace("*.yaml", "--json")
+    assert ran.code == 3
+    assert ran.states == {"oval": "certified", "broken": "invalid input"}
+    assert "broken.yaml:5:" in ran.err
+    assert "did you mean `n_z_max`?" in ran.err
+    (finding,) = ran.answered["findings"]
+    assert (finding["file"], finding["line"], finding["key"]) == ("broken.yaml", 5, "rules.n_z_mx")
+
+
+def test_two_jobs_with_one_file_are_refused_before_anything_starts(airrace: Shell) -> None:
+    write_course(airrace.folder / "other", "oval")
+    ran = airrace("oval.yaml", "other/oval.yaml", "--json")
+    assert ran.code == 2
+    assert "oval.yaml" in ran.answered["error"]
+    assert "other/oval.yaml" in ran.answered["error"]
+    assert not list(airrace.out.glob("*.starts"))
+
+
+def test_the_reports_are_written_and_replaced_by_the_next_call(airrace: Shell) -> None:
+    for _ in range(2):
+        reports = ("--csv", "a.csv", "--junit", "a.xml", "--markdown", "a.md")
+        assert airrace("oval.yaml", "--sweep", "notes=fine,infeasible", *reports).code == 4
+    table = list(csv.DictReader(io.StringIO((airrace.folder / "a.csv").read_text())))
+    assert [line["state"] for line in table] == ["certified", "infeasible"]
+    assert JUnitXml.fromfile(str(airrace.folder / "a.xml")).failures == 2
+    assert "| oval,notes=infeasible | infeasible |" in (airrace.folder / "a.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (("--csv", "a", "--junit", "./a"), 2, "two reports"),
+        (("--csv", "oval.yaml"), 2, "is an input"),
+        (("--csv", "nowhere/a.csv"), 8, "cannot write"),
+        (("--junit", "."), 2, "is a folder"),
+        (("--out-dir", "oval.yaml"), 2, "is not a folder"),
+        (("--sweep", "environment.wind.speed_kt=1:2:-1"), 3, "never arrives"),
+        (("--sweep", "nonsense"), 3, "key=values"),
+        (("--settings", "nowhere.yaml"), 3, "no such file"),
+        (("--until", "landing"), 2, "no stage"),
+        (("nothing*.yaml",), 3, "no file matches"),
+    ],
+)
+def test_what_cannot_work_is_said_before_anything_is_flown(
+    arguments: tuple[str, ...], code: int, word: str, airrace: Shell
+) -> None:
+    ran = airrace("oval.yaml", *arguments)
+    assert ran.code == code
+    assert word in ran.err
+    if "*" not in arguments[0]:
+        assert not list(airrace.folder.rglob("*.starts"))
+    assert "schema:" in (airrace.folder / "oval.yaml").read_text()
+
+
+def test_github_gets_marks_on_the_files_and_a_summary(airrace: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = write_course(airrace.folder, "broken")
+    broken.write_text(broken.read_text().replace("n_z_max", "n_z_mx"))
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(airrace.folder / "summary.md"))
+    ran = airrace("*.yaml", "--json")
+    assert ran.answered["counts"] == {"certified": 1, "invalid input": 1}
+    assert "::error file=broken.yaml,line=5,col=" in ran.err
+    assert "| oval | certified | 10.000 |" in (airrace.folder / "summary.md").read_text()
+
+
+def test_quiet_says_nothing_about_success(airrace: Shell) -> None:
+    ran = airrace("oval.yaml", "--quiet")
+    assert (ran.code, ran.out, ran.err) == (0, "", "")
+
+
+def test_a_retry_is_told_with_its_reason(airrace: Shell) -> None:
+    ran = airrace("oval.yaml", "--set", "notes=crash-once", "--json")
+    (job,) = ran.answered["jobs"]
+    assert job["retries"] == ["its process crashed (SIGABRT)"]
+    assert "oval: tried again: its process crashed (SIGABRT)" in ran.err
+
+
+def test_failed_jobs_are_flown_again_when_asked_for(airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,infeasible")
+    airrace(*arguments)
+    assert airrace(*arguments).code == 4
+    assert airrace(*arguments, "--retry-failed").code == 4
+    assert len(starts(airrace.out, "oval,notes=fine")) == 1
+    assert len(starts(airrace.out, "oval,notes=infeasible")) == 2
+    assert airrace(*arguments, "--force").code == 4
+    assert starts(airrace.out, "oval,notes=fine") == ["new", "new"]
+
+
+def test_two_batches_in_one_folder_are_refused(airrace: Shell) -> None:
+    with locked(airrace.out):
+        ran = airrace("oval.yaml")
+    assert ran.code == 2
+    assert "another batch" in ran.err
+    assert airrace("oval.yaml").code == 0
+    with locked(airrace.out), pytest.raises(UsageError), locked(airrace.out):
+        pass
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_batch_keeps_what_is_finished_and_goes_on_later(number: signal.Signals, airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once,slow", "--jobs", "1", "--csv", "a.csv", "--json")
+    with airrace.start(*arguments) as running:
+        wait_for(running, "notes=hang-once: point-mass started")
+        running.send_signal(number)
+        out, _ = running.communicate(timeout=30.0)
+    assert running.returncode == 130
+    assert Ran(130, out, "").states == {
+        "oval,notes=fine": "certified",
+        "oval,notes=hang-once": "interrupted",
+        "oval,notes=slow": "interrupted",
+    }
+    assert (airrace.folder / "a.csv").exists()
+    assert airrace(*arguments).code == 0
+    assert starts(airrace.out, "oval,notes=fine") == ["new"]
+    assert starts(airrace.out, "oval,notes=hang-once") == ["new", "resumed"]
+
+
+def test_a_second_interrupt_ends_everything_at_once(airrace: Shell) -> None:
+    with airrace.start("oval.yaml", "--set", "notes=deaf") as running:
+        wait_for(running, "point-mass started")
+        child = airrace.out / "oval.child"
+        wait_until(lambda: child.exists() and child.read_text() != "")
+        running.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        began = time.monotonic()
+        running.send_signal(signal.SIGINT)
+        running.communicate(timeout=30.0)
+        assert time.monotonic() - began < 4.0
+    assert running.returncode == 130
+    job = int((airrace.out / "oval.starts").read_text().split()[0])
+    for process in (job, int(child.read_text())):
+        wait_until(lambda process=process: is_gone(process))
+
+
+def test_what_was_under_way_when_the_parent_was_killed_is_flown_again(airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once", "--jobs", "1")
+    with airrace.start(*arguments) as running:
+        wait_for(running, "notes=hang-once: point-mass started")
+        os.kill(running.pid, signal.SIGKILL)
+        running.communicate(timeout=30.0)
+    for line in (airrace.out / "oval,notes=hang-once.starts").read_text().splitlines():
+        os.kill(int(line.split()[0]), signal.SIGKILL)  # a stand-in does not mind its parent
+    ran = airrace(*arguments)
+    assert ran.code == 0
+    assert "oval,notes=hang-once: again (it was not finished)" in ran.err
+    assert starts(airrace.out, "oval,notes=fine") == ["new"]
+
+
+def wait_for(running: subprocess.Popen[str], text: str) -> None:
+    """Read the progress until a line holds the text; what follows is read on, so that nobody waits for a reader."""
+    assert running.stderr is not None
+    for line in running.stderr:
+        if text in line:
+            return
+    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
+
+
+def wait_until(holds: object, within: float = 15.0) -> None:
+    deadline = time.monotonic() + within
+    while time.monotonic() < deadline:
+        if holds():  # type: ignore[operator]
+            return
+        time.sleep(0.02)
+    raise AssertionError("it never came about")
+
+
+def is_gone(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    status = Path(f"/proc/{process}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] in "ZX"
+
+
+STEP = Step("oval", "oval", "oval.yaml", None, (), None, "the track changed")
+
+
+def test_the_live_table_shows_course_stage_race_time_state_and_elapsed_time() -> None:
+    written, now = io.StringIO(), [0.0]
+    console = Console(file=written, force_terminal=True, width=100, height=20, no_color=True)
+    view = LiveTable(console, lambda: now[0])
+    view.begun(Plan(Path(), (STEP,)))
+    view.started(STEP, 2, "worker-1")
+    view.stage_finished(STEP, StageFinished("oval", "point-mass", "solved", 55.25, True))
+    now[0] = 7.0
+    with console.capture() as captured:
+        console.print(view.live.get_renderable())
+    header, row, total = re.sub(r"\x1b\[[0-9;]*m", "", captured.get()).splitlines()
+    assert header.split() == ["job", "stage", "race", "time", "s", "state", "elapsed", "s"]
+    assert "oval" in row
+    assert all(word in row for word in ("point-mass", "55.250", "solved (attempt 2, on worker-1)", " 7"))
+    assert "0 of 1 done, 1 under way, 7 s" in total
+    view.ended(STEP, Result(4, "cannot be reached", None, 7.0))
+    with console.capture() as captured:
+        console.print(view.live.get_renderable())
+    assert "1 of 1 done (1 infeasible), 0 under way" in captured.get()
+    assert "oval: again (the track changed)" in written.getvalue()
+
+
+def test_the_live_table_never_grows_beyond_the_terminal() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80, height=10)
+    view = LiveTable(console)
+    steps = [Step(f"j{number}", "x", "x.yaml", None, (), None) for number in range(50)]
+    view.begun(Plan(Path(), tuple(steps)))
+    for step in steps:
+        view.started(step, 1, "")
+    with console.capture() as captured:
+        console.print(view.live.get_renderable())
+    assert len(captured.get().splitlines()) <= 10
+
+
+def test_the_live_table_may_be_drawn_while_jobs_come_and_go() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80, height=40)
+    view = LiveTable(console)
+    failed: list[BaseException] = []
+    done = threading.Event()
+
+    def draw() -> None:
+        try:
+            while not done.is_set():
+                view.live.get_renderable()
+        except BaseException as error:
+            failed.append(error)
+
+    drawing = threading.Thread(target=draw)
+    drawing.start()
+    for number in range(2000):
+        step = Step(f"j{number % 7}", "x", "x.yaml", None, (), None)
+        view.started(step, 1, "")
+        view.retried(step, "crashed") if number % 3 else view.ended(step, Result(0))
+    done.set()
+    drawing.join()
+    assert failed == []
+
+
+def test_plain_lines_carry_time_and_count() -> None:
+    written, now = io.StringIO(), [0.0]
+    lines = BatchLines(written, lambda: now[0])
+    lines.begun(Plan(Path(), (STEP,)))
+    now[0] = 12.34
+    lines.ended(STEP, Result(0, "", 55.25, 12.0))
+    assert written.getvalue().splitlines() == [
+        "[    0.0 s] 1 job: 1 to fly",
+        "[    0.0 s] oval: again (the track changed)",
+        "[   12.3 s] oval: certified, race time 55.250 s, 12.0 s (1 of 1)",
+    ]

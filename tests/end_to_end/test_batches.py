@@ -1,0 +1,121 @@
+"""`airrace batch` flying real courses: as a single run would, whatever happens to its processes."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, gone, start
+
+FAST = (*POINT_MASS, "--set", "settings.guess=plan")
+WINDS = ("--sweep", "environment.wind.speed_kt=0,10", "--set", "environment.wind.from_deg=270")
+# Takes a few seconds: time enough to be killed in the middle.
+ONE_LAP = ("--set", "course.laps=1", "--set", "settings.solver.compile_kernels=false")
+linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
+
+
+def test_a_job_finds_what_a_run_of_its_own_finds(tmp_path: Path) -> None:
+    ran = airrace("batch", HALF_CUBAN, *FAST, *WINDS, "--jobs", "2", "--json", cwd=tmp_path)
+    assert ran.code == 0
+    jobs = {job["name"]: job for job in ran.answer["jobs"]}  # type: ignore[attr-defined]
+    assert len(jobs) == 2
+    single = ("--set", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
+    alone = airrace("optimize", HALF_CUBAN, *FAST, *single, "--threads", "1", "--json", cwd=tmp_path)
+    assert jobs["half_cuban_eight,speed_kt=10"]["race_time_s"] == pytest.approx(alone.race_time, rel=1e-9)
+    assert jobs["half_cuban_eight,speed_kt=10"]["certified"]
+    for job in jobs.values():
+        assert airrace("verify", job["checkpoint"], cwd=tmp_path).code == 0
+    again = airrace("batch", HALF_CUBAN, *FAST, *WINDS, "--json", cwd=tmp_path)
+    assert [job["kept"] for job in again.answer["jobs"]] == [True, True]  # type: ignore[attr-defined]
+
+
+def test_a_job_whose_limits_contradict_each_other_costs_the_others_nothing(tmp_path: Path) -> None:
+    limits = ("--sweep", "rules.ceiling_m=150,1000")
+    ran = airrace("batch", HALF_CUBAN, *FAST, *limits, "--json", cwd=tmp_path)
+    assert ran.code == 4
+    states = {job["name"]: job["state"] for job in ran.answer["jobs"]}  # type: ignore[attr-defined]
+    assert states == {"half_cuban_eight,ceiling_m=150": "infeasible", "half_cuban_eight,ceiling_m=1000": "certified"}
+
+
+@linux_only
+@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
+def test_nothing_outlives_a_batch_that_is_ended_and_the_next_one_goes_on(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    arguments = ("batch", SIXTEEN, *POINT_MASS, *ONE_LAP)
+    with start(*arguments, cwd=tmp_path) as running:
+        wait_for(running, "point-mass started")
+        family = descendants(running.pid)
+        assert len(family) >= 2  # the job and its solver
+        running.send_signal(number)
+        running.communicate(timeout=30.0)
+    assert running.returncode == (130 if number is signal.SIGINT else -number)
+    assert all(gone(process) for process in family)
+    ran = airrace(*arguments, "--json", cwd=tmp_path)
+    assert ran.code == 0
+    assert "again (it was" in ran.err
+    assert "homotopy started" not in ran.err
+
+
+@linux_only
+@pytest.mark.slow
+def test_a_job_or_a_solver_that_is_killed_is_flown_to_its_end_by_the_next_attempt(tmp_path: Path) -> None:
+    with start("batch", SIXTEEN, *POINT_MASS, *ONE_LAP, "--retries", "2", "--json", cwd=tmp_path) as running:
+        wait_for(running, "point-mass started")
+        (job,) = children(running.pid)
+        (solver, *_) = children(job)
+        os.kill(job, signal.SIGKILL)
+        assert gone(solver)
+        wait_for(running, "point-mass started")
+        (job,) = children(running.pid)
+        (solver, *_) = children(job)
+        os.kill(solver, signal.SIGKILL)
+        out, err = running.communicate(timeout=120.0)
+    assert running.returncode == 0, err
+    (answer,) = json.loads(out)["jobs"]
+    killed, crashed = answer["retries"]
+    assert killed == "its process was killed (out of memory?)"
+    assert "status -9" in crashed
+    assert "out of memory?" in crashed
+    assert answer["certified"]
+
+
+def test_a_damaged_checkpoint_is_noticed_and_flown_again(tmp_path: Path) -> None:
+    arguments = ("batch", HALF_CUBAN, *FAST, "--json")
+    before = airrace(*arguments, cwd=tmp_path).answer["jobs"][0]  # type: ignore[index]
+    path = tmp_path / before["checkpoint"]
+    path.write_bytes(path.read_bytes()[:-100])
+    ran = airrace(*arguments, cwd=tmp_path)
+    (after,) = ran.answer["jobs"]  # type: ignore[misc]
+    assert ran.code == 0
+    assert after["reason"].startswith("its checkpoint has changed")
+    assert after["race_time_s"] == pytest.approx(before["race_time_s"], rel=1e-9)
+
+
+def test_a_further_stage_is_flown_on_top_of_those_that_are_finished(tmp_path: Path) -> None:
+    plan = ("--set", "settings.guess=plan")
+    assert airrace("batch", HALF_CUBAN, "--until", "point-mass", *plan, cwd=tmp_path).code == 0
+    ran = airrace("batch", HALF_CUBAN, "--until", "transfer-function", *plan, "--json", cwd=tmp_path)
+    assert ran.code == 0
+    assert "again (the last stage was point-mass and is transfer-function)" in ran.err
+    assert "point-mass started" not in ran.err
+    (job,) = ran.answer["jobs"]  # type: ignore[misc]
+    assert [stage["stage"] for stage in job["stages"]] == ["point-mass", "transfer-function"]
+
+
+def wait_for(running: subprocess.Popen[str], text: str) -> None:
+    """Read the progress until a line holds the text, and a moment more."""
+    assert running.stderr is not None
+    for line in running.stderr:
+        if text in line:
+            time.sleep(0.2)
+            return
+    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
+
+
+def descendants(process: int) -> list[int]:
+    """All processes that a process has started, and those have."""
+    return [one for child in children(process) for one in (child, *descendants(child))]
