@@ -1,6 +1,7 @@
 """Help comes at once, and nothing the program can do stays untold."""
 
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,7 +11,8 @@ import pytest
 import typer.main
 
 from airrace.cli.main import app
-from airrace.documents import load_inputs
+from airrace.documents import Document, load_inputs
+from airrace.documents.batch import read_batch
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -63,8 +65,28 @@ def test_the_readme_names_no_command_that_does_not_exist() -> None:
     assert set(written) <= known
 
 
+def examples() -> list[str]:
+    """All YAML in the README."""
+    return re.findall(r"```yaml\n(.+?)```", README, re.DOTALL)
+
+
+def test_the_batch_of_the_readme_is_valid() -> None:
+    (example,) = [text for text in examples() if text.startswith("schema: airrace/batch/1")]
+    entry, reporter = read_batch(Document("batch.yaml", example))
+    assert reporter.findings == []
+    assert len(entry.sweep) == 2
+
+
+def test_the_workflow_of_the_readme_calls_the_command_as_it_is() -> None:
+    (example,) = [yaml.safe_load(text) for text in examples() if text.startswith("# .github/workflows/")]
+    (called,) = [step["run"] for step in example["jobs"]["fly"]["steps"] if "airrace batch" in step.get("run", "")]
+    program, command, *arguments = shlex.split(called)
+    assert (program, command) == ("airrace", "batch")
+    assert {word for word in arguments if word.startswith("--")} <= set(dict(commands())["airrace batch"])
+
+
 def test_the_course_of_the_readme_is_valid(tmp_path: Path) -> None:
-    (example,) = re.findall(r"```yaml\n(.+?)```", README, re.DOTALL)
+    (example,) = [text for text in examples() if text.startswith("schema: airrace/track/1")]
     track = tmp_path / "example.yaml"
     track.write_text(example, encoding="utf-8")
     inputs = load_inputs(track, aircraft=ROOT / "configs" / "edge540.yaml")
