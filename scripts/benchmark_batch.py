@@ -4,8 +4,8 @@
     python scripts/benchmark_batch.py speed [TRACK.yaml ...] [--slots 2] [--until STAGE]
     python scripts/benchmark_batch.py battery [--jobs 300] [--killed 0.05] [--slots 2]
 
-`plan` times `--dry-run` of many jobs: of new ones, and of finished ones (made up), whose records and checkpoints are all
-looked at. `speed` compares a batch with the same runs one after another, each with `--threads 1`. `battery` flies
+`plan` times `--dry-run` of many jobs: of new ones, and of finished ones (made up), whose records and checkpoints are
+all looked at. `speed` compares a batch with the same runs one after another, each with `--threads 1`. `battery` flies
 courses drawn by lot up to the point mass while processes (jobs and solvers alike) are killed at random, calls the batch
 again until nothing is left to do, and tells what became of the jobs and what memory the batch took. It ends with 1 if a
 job is lost, or flown again after it had finished.
@@ -117,7 +117,7 @@ def battery(jobs: int, killed: float, slots: int) -> bool:
             repeated = [path.stem for path, mark in marks.items() if path.stat().st_mtime_ns != mark]
             ended = Counter(job["state"] for job in answer["jobs"])
             flown = [job["name"] for job in answer["jobs"] if not job["kept"]]
-            retried = sum(len(job["retries"]) for job in answer["jobs"])
+            retried = sum(len(job["retries"]) for job in answer["jobs"] if not job["kept"])
             print(f"call {call}: {dict(ended)}; flown {len(flown)}, tried again {retried}, repeated {len(repeated)}")
             good = good and len(answer["jobs"]) == jobs and not repeated
             if not flown:

@@ -5,53 +5,62 @@ wrong in the same way, so are the others. What is not looked at here, or wrong i
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from itertools import zip_longest
+from dataclasses import dataclass, replace
+from itertools import islice, zip_longest
 
 from airrace.batch.job import Job
 from airrace.batch.sweep import Sweep, cover
 from airrace.documents import inputs_from_documents
+from airrace.documents.nodes import Place
 from airrace.documents.overrides import FILE as SET_OPTION
 from airrace.errors import Finding, InputError
 
 CHECKED_MAX = 300
 """So many jobs are checked at most."""
 
+SWEPT = Place("--sweep", 0, 0)
+
 Findings = tuple[Finding, ...]
 
 
-def findings_of(job: Job) -> Findings:
-    """What is wrong with the inputs of a job; a value that was swept is told as such."""
+@dataclass(frozen=True)
+class Family:
+    """The jobs of one course and aircraft, that differ by the values of the sweeps.
+
+    Attributes:
+        sweeps: what they differ by.
+        places: where keys are set or swept in a file, as far as they are.
+        jobs: those to be checked.
+    """
+
+    sweeps: Sequence[Sweep]
+    places: Mapping[str, Place]
+    jobs: Sequence[Job]
+
+
+def findings_of(job: Job, places: Mapping[str, Place]) -> Findings:
+    """What is wrong with the inputs of a job; of a value that was swept, or set in a file, it is told where."""
     try:
         inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     except InputError as error:
-        swept = {key for key, _ in job.swept}
-        return tuple(
-            replace(one, file="--sweep") if one.file == SET_OPTION and _within(one.key, swept) else one
-            for one in error.findings
-        )
+        known = {**{key: SWEPT for key, _ in job.swept}, **places}
+        return tuple(_placed(finding, known) for finding in error.findings)
     return ()
 
 
-def refused_jobs(families: Sequence[tuple[Sequence[Sweep], Sequence[Job]]]) -> Mapping[str, Findings]:
-    """Findings by name, of the jobs whose inputs are not valid.
-
-    Args:
-        families: the jobs of one course and aircraft each, that differ by the values of the sweeps.
-    """
-    chosen = [list(_chosen(sweeps, jobs)) for sweeps, jobs in families]
+def refused_jobs(families: Sequence[Family]) -> Mapping[str, Findings]:
+    """Findings by name, of the jobs whose inputs are not valid."""
+    chosen = [list(_chosen(family.sweeps, family.jobs)) for family in families]
     found: dict[str, Findings] = {}
     checked: list[set[Findings]] = [set() for _ in families]
-    for number, (family, job) in enumerate(_in_turn(chosen)):
-        if number == CHECKED_MAX:
-            break
-        findings = findings_of(job)
-        checked[family].add(findings)
+    for index, job in islice(_in_turn(chosen), CHECKED_MAX):
+        findings = findings_of(job, families[index].places)
+        checked[index].add(findings)
         if findings:
             found[job.name] = findings
-    for (_, jobs), seen in zip(families, checked, strict=True):
+    for family, seen in zip(families, checked, strict=True):
         if len(seen) == 1 and (findings := next(iter(seen))):
-            found.update({job.name: findings for job in jobs})
+            found.update({job.name: findings for job in family.jobs})
     return found
 
 
@@ -68,5 +77,9 @@ def _in_turn(chosen: Sequence[Sequence[Job]]) -> Iterator[tuple[int, Job]]:
         yield from ((family, job) for family, job in enumerate(row) if job is not None)
 
 
-def _within(key: str, swept: set[str]) -> bool:
-    return any(key == one or key.startswith(f"{one}.") for one in swept)
+def _placed(finding: Finding, places: Mapping[str, Place]) -> Finding:
+    if finding.file == SET_OPTION:
+        for key, place in places.items():
+            if finding.key == key or finding.key.startswith(f"{key}."):
+                return replace(finding, file=place.file, line=place.line, column=place.column)
+    return finding

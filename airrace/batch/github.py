@@ -36,7 +36,7 @@ def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> No
     if not path:
         return
     try:
-        with Path(path).open("a", encoding="utf-8") as file:
+        with Path(path).open("a", encoding="utf-8", errors="backslashreplace") as file:
             file.write(text)
     except OSError as error:
         raise StorageError(f"cannot write to the step summary {path}: {error.strerror}") from error

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from airrace.batch.cache import Choice, reason_to_fly
-from airrace.batch.checking import Findings, refused_jobs
+from airrace.batch.checking import Family, Findings, refused_jobs
 from airrace.batch.job import Job
 from airrace.batch.naming import job_name, refuse_clashes
 from airrace.batch.plan import Plan, Step, invalid, result_of
 from airrace.batch.sources import Group, Manner, Sources
-from airrace.batch.sweep import Combination, Sweep, combinations, count
+from airrace.batch.sweep import Combination, combinations, count
 from airrace.documents import Document, read_documents
 from airrace.documents.document import read_document
 from airrace.errors import Finding, InputError, UsageError
@@ -23,10 +23,10 @@ AIRCRAFT_KEY = "aircraft"
 
 
 @dataclass(frozen=True)
-class _Family:
-    """The jobs of one course and aircraft."""
+class _Steps:
+    """What is done with one course and aircraft."""
 
-    sweeps: tuple[Sweep, ...]
+    manner: Manner
     steps: tuple[Step, ...]
 
 
@@ -55,7 +55,9 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
     decided = [
         replace(family, steps=tuple(_decided(step, folder, choice) for step in family.steps)) for family in families
     ]
-    refused = refused_jobs([(family.sweeps, jobs) for family in decided if (jobs := _to_fly(family))])
+    refused = refused_jobs(
+        [Family(one.manner.sweeps, one.manner.places, jobs) for one in decided if (jobs := _to_fly(one))]
+    )
     steps = tuple(_checked(step, refused.get(step.name)) for family in decided for step in family.steps)
     return Plan(folder, steps, sources.findings)
 
@@ -83,7 +85,7 @@ class _Reader:
         return self._documents.setdefault(document, document)
 
 
-def _families(group: Group, reader: _Reader, *, until: str, versions: str) -> Iterator[_Family]:
+def _families(group: Group, reader: _Reader, *, until: str, versions: str) -> Iterator[_Steps]:
     manner = group.manner
     _refuse_ambiguity(manner)
     settings = reader.settings(manner.settings)
@@ -95,9 +97,9 @@ def _families(group: Group, reader: _Reader, *, until: str, versions: str) -> It
                 name = job_name(course, aircraft, ())
                 flown = None if aircraft is None else str(aircraft)
                 known = invalid(tuple(error.findings))
-                yield _Family((), (Step(name, course.stem, str(course), flown, (), None, known=known),))
+                yield _Steps(manner, (Step(name, course.stem, str(course), flown, (), None, known=known),))
                 continue
-            yield _Family(manner.sweeps, tuple(_step(job) for job in jobs))
+            yield _Steps(manner, tuple(_step(job) for job in jobs))
 
 
 def _jobs(
@@ -137,7 +139,7 @@ def _decided(step: Step, folder: Path, choice: Choice) -> Step:
     return replace(step, reason=reason, known=result_of(record) if record and not reason else None)
 
 
-def _to_fly(family: _Family) -> list[Job]:
+def _to_fly(family: _Steps) -> list[Job]:
     return [step.job for step in family.steps if step.job and step.known is None]
 
 

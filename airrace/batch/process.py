@@ -19,6 +19,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -42,6 +43,16 @@ ANSWER_MAX = 64 * 1024 * 1024  # bytes of an answer; beyond this it is none
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
+@dataclass(frozen=True)
+class _Answer:
+    """What a process said of itself in the end."""
+
+    code: int
+    error: str
+    findings: tuple[Finding, ...]
+    run: Mapping[str, Any]  # Any: JSON
+
+
 class JobProcess:
     """A running attempt. `events` reads what it says; `stop` ends it early.
 
@@ -54,7 +65,7 @@ class JobProcess:
         self.order = order
         self._started = time.monotonic()
         self._received = b""
-        self._answer: Mapping[str, Any] | None = None  # Any: JSON
+        self._answer: _Answer | None = None
         self._stopping: Fault = Fault.NONE
         self._killed_at: float | None = None
         self._closed = False
@@ -136,7 +147,7 @@ class JobProcess:
 
     def _understood(self, line: bytes) -> Event | None:
         name = self.order.job.name
-        match json.loads(line):
+        match _plain(line):
             case {"stage_started": str(stage)}:
                 return StageStarted(name, stage)
             case {
@@ -147,23 +158,23 @@ class JobProcess:
             }:
                 return StageFinished(name, stage, status, race_time, certified)
             case {"ended": {**answer}}:
-                self._answer = answer
-                return None
+                self._answer = _answered(answer)
             case _:
-                return None
+                pass
+        return None
 
     def _ending(self, wall: float) -> Ending:
         """What became of it. An answer counts even if it was told to stop meanwhile."""
-        answer, status = self._answer, self._process.returncode
-        if self._stopping is Fault.TIMED_OUT and (answer is None or answer["code"] == INTERRUPTED):
-            message = f"stopped after {self.order.timeout:g} s (--timeout)"
-            return Ending(TIMEOUT, message, wall, run=_run_of(answer), fault=Fault.TIMED_OUT)
-        if self._stopping is Fault.STOPPED and (answer is None or answer["code"] == INTERRUPTED):
-            return Ending(INTERRUPTED, "interrupted", wall, run=_run_of(answer), fault=Fault.STOPPED)
+        answer = self._answer
+        if self._stopping is not Fault.NONE and (answer is None or answer.code == INTERRUPTED):
+            run = None if answer is None else answer.run
+            if self._stopping is Fault.TIMED_OUT:
+                message = f"stopped after {self.order.timeout:g} s (--timeout)"
+                return Ending(TIMEOUT, message, wall, run=run, fault=Fault.TIMED_OUT)
+            return Ending(INTERRUPTED, "interrupted", wall, run=run, fault=Fault.STOPPED)
         if answer is None:
-            return self._dead(status, wall)
-        findings = tuple(Finding(**finding) for finding in answer["findings"])
-        return Ending(answer["code"], _with_suspicion(answer["error"]), wall, findings, _run_of(answer))
+            return self._dead(self._process.returncode, wall)
+        return Ending(answer.code, _with_suspicion(answer.error), wall, answer.findings, answer.run)
 
     def _dead(self, status: int, wall: float) -> Ending:
         if status == -signal.SIGKILL:
@@ -179,8 +190,26 @@ class JobProcess:
 
 
 # Any: JSON, here and below.
-def _run_of(answer: Mapping[str, Any] | None) -> Mapping[str, Any] | None:
-    return None if answer is None else answer["run"]
+def _plain(line: bytes) -> Any:
+    """A line of JSON; None if it is none, for a process that went astray must not take this one along."""
+    try:
+        return json.loads(line, parse_constant=_refused)
+    except (ValueError, RecursionError):
+        return None
+
+
+def _refused(name: str) -> None:
+    raise ValueError(f"{name} is not JSON")
+
+
+def _answered(plain: Mapping[str, Any]) -> _Answer | None:
+    """An answer; None if it is not as it should be, which is as good as none."""
+    try:
+        run, findings = plain["run"], tuple(Finding(**finding) for finding in plain["findings"])
+        float(run["race_time_s"] or 0.0)
+        return _Answer(int(plain["code"]), str(plain["error"]), findings, {**run, "stages": list(run["stages"])})
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def _with_suspicion(error: str) -> str:

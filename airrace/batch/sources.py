@@ -1,14 +1,14 @@
 """From what a user names (files, patterns, `batch.yaml`) to the courses that are meant, and how each is to be flown."""
 
 import glob
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from airrace.batch.sweep import Sweep, parse_sweep, sweep_of
 from airrace.documents.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
 from airrace.documents.document import Document, missing_file, read_document
-from airrace.documents.nodes import Reporter
+from airrace.documents.nodes import MappingNode, Place, Reporter
 from airrace.errors import Finding, InputError
 
 SWEEP_OPTION = "--sweep"
@@ -24,6 +24,7 @@ class Manner:
         overrides: `key=value` texts for all jobs.
         sweeps: values flown in turn.
         until: name of the last stage, None where nobody names one.
+        places: where keys are set or swept in a file, for what is found to be wrong with them.
     """
 
     aircraft: tuple[Path, ...] = ()
@@ -31,6 +32,7 @@ class Manner:
     overrides: tuple[str, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
     until: str | None = None
+    places: Mapping[str, Place] = field(default_factory=dict[str, Place])
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
     aircraft = tuple(folder / name for name in entry.aircraft or ())
     settings = None if entry.settings is None else folder / entry.settings
     sweeps = {sweep.key: sweep for sweep in _sweeps_of(entry, reporter)}
+    of_command_line = {sweep.key for sweep in manner.sweeps}
     return Group(
         courses,
         Manner(
@@ -118,6 +121,7 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
             overrides=(*set_texts(entry.set), *manner.overrides),
             sweeps=tuple({**sweeps, **{sweep.key: sweep for sweep in manner.sweeps}}.values()),
             until=manner.until or entry.until,
+            places={key: place for key, place in _places(reporter) if key not in of_command_line},
         ),
     )
 
@@ -129,6 +133,14 @@ def _sweeps_of(entry: BatchEntry, reporter: Reporter) -> Iterator[Sweep]:
             yield sweep_of(key, items)
         except ValueError as error:
             reporter.value(("sweep", key), str(error))
+
+
+def _places(reporter: Reporter) -> Iterator[tuple[str, Place]]:
+    """Where every key of `set` and `sweep` stands."""
+    for part in ("set", "sweep"):
+        node = reporter.find((part,))
+        if isinstance(node, MappingNode):
+            yield from ((key, entry.key_place) for key, entry in node.entries.items())
 
 
 def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findings: list[Finding]) -> Iterator[Path]:
@@ -145,9 +157,9 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
             else:
                 yield path
             continue
-        matches = sorted(glob.glob(str(path), recursive=True))
+        matches = [match for match in sorted(glob.glob(str(path), recursive=True)) if not Path(match).is_dir()]
         if not matches and reporter is not None:
             reporter.value(("courses", index), f"no file matches {path}")
         elif not matches:
             findings.append(Finding(str(path), 0, 0, "", "no file matches this pattern"))
-        yield from (Path(match) for match in matches if not Path(match).is_dir())
+        yield from map(Path, matches)

@@ -60,11 +60,16 @@ class Reports:
             StorageError: the system refused.
         """
         if self.csv is not None:
-            write_text(self.csv, csv_text(rows, folder))
+            write_text(self.csv, _writable(csv_text(rows, folder)))
         if self.junit is not None:
             write_text(self.junit, junit_text(rows, folder))
         if self.markdown is not None:
-            write_text(self.markdown, markdown_text(rows, summaries))
+            write_text(self.markdown, _writable(markdown_text(rows, summaries)))
+
+
+def _writable(text: str) -> str:
+    """A text that UTF-8 can hold; names of files may hold bytes that it cannot."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def describe_plan(answer: Answer, plan: Plan, *, quiet: bool) -> None:

@@ -10,7 +10,15 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
-from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
+from airrace.checkpoint import (
+    Checkpoint,
+    StoredDocument,
+    StoredInputs,
+    inputs_hash,
+    read_checkpoint,
+    stale_stages,
+    write_checkpoint,
+)
 from airrace.checkpoint.atomic import replace_file
 from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode
@@ -79,17 +87,19 @@ def stored_run(checkpoint: Checkpoint, path: Path) -> Run:
 
 
 def taken_up(run: Run) -> Run:
-    """A new run together with the stages of the checkpoint that lies at its path, if it is one of this version.
+    """A new run together with the stages that still stand of the checkpoint at its path.
 
-    What is damaged, or from another version, is left aside; which of the stages still stand, `continuation` finds out.
+    What is damaged, of other inputs or from other versions, is left aside.
     """
     try:
         earlier = read_checkpoint(run.path)
     except CheckpointError:
         return run
-    if earlier.versions.get("airrace") != run.checkpoint.versions["airrace"]:
+    if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
         return run
-    return replace(run, checkpoint=replace(run.checkpoint, stages=earlier.stages))
+    stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
+    standing = tuple(one for one in earlier.stages if one.result.stage not in stale)
+    return replace(run, checkpoint=replace(run.checkpoint, stages=standing))
 
 
 def fly(

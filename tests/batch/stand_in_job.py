@@ -118,6 +118,12 @@ def main() -> None:
             sleeper = subprocess.Popen(["sleep", "600"], start_new_session=True)
             path.with_suffix(".child").write_text(str(sleeper.pid))
             time.sleep(60.0)
+        case "astray":
+            replies.write(
+                'nonsense\n{"stage_finished": 7}\n[]\n{"ended": {"code": "x"}}\n{"ended": {"code": 0, "run": NaN}}\n'
+            )
+            replies.flush()
+            return
         case "slow":
             time.sleep(0.3)
         case "no-checkpoint":

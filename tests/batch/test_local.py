@@ -79,6 +79,11 @@ def test_a_process_that_ends_without_an_answer_is_told_with_its_last_words(tmp_p
     assert ended.message == "its process crashed (exit code 3): the last words"
 
 
+def test_a_process_that_talks_nonsense_has_not_answered(tmp_path: Path) -> None:
+    ended = fly(tmp_path, "astray")
+    assert (ended.code, ended.fault, ended.message) == (8, Fault.CRASHED, "its process crashed (exit code 0)")
+
+
 def test_a_killed_process_is_suspected_to_have_used_up_the_memory(tmp_path: Path) -> None:
     ended = fly(tmp_path, "killed")
     assert (ended.code, ended.fault, ended.message) == (8, Fault.KILLED, "its process was killed (out of memory?)")

@@ -111,7 +111,7 @@ def test_finished_jobs_are_kept_and_not_read_again(tmp_path: Path, monkeypatch: 
         assert step.job is not None
         finished(out, step.job)
     checked: list[str] = []
-    monkeypatch.setattr(checking, "findings_of", lambda job: checked.append(job.name) or ())
+    monkeypatch.setattr(checking, "findings_of", lambda job, places: checked.append(job.name) or ())
     plan = planned(course, folder=out, sweeps=WIND)
     assert [step.action for step in plan.steps] == ["keep"] * 11 + ["fly"]
     assert checked == [plan.steps[-1].name]
@@ -156,6 +156,24 @@ def test_the_command_line_comes_before_a_batch_file(tmp_path: Path) -> None:
     assert group.manner.aircraft == (pc9,)
     assert group.manner.until == "six-dof"
     assert [sweep.values for sweep in group.manner.sweeps] == [("7",), ("0", "180")]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "key"),
+    [
+        ("wind.speed_kt", "wind.sped_kt", 6, "environment.wind.sped_kt"),
+        ("[0, 5]", "[0, 500]", 6, "environment.wind.speed_kt"),
+        ("rules.n_z_max", "rules.n_z_mix", 4, "rules.n_z_mix"),
+    ],
+)
+def test_a_value_that_courses_do_not_take_is_told_where_the_batch_file_gives_it(
+    old: str, new: str, line: int, key: str, tmp_path: Path
+) -> None:
+    write_course(tmp_path / "tracks", "a")
+    batch = tmp_path / "batch.yaml"
+    batch.write_text(BATCH.format(aircraft=AIRCRAFT).replace(old, new))
+    findings = {one for step in planned(batch, folder=tmp_path).steps if step.known for one in step.known.findings}
+    assert {(one.file, one.line, one.key) for one in findings} == {(str(batch), line, key)}
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import typer.main
+import yaml
 
 from airrace.cli.main import app
 from airrace.documents import Document, load_inputs
