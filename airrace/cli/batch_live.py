@@ -190,8 +190,9 @@ def stage_words(event: StageFinished) -> str:
 def ending_words(result: Result) -> str:
     """How a job ended."""
     race_time = "" if result.race_time is None else f", race time {result.race_time:.3f} s"
-    message = f": {' '.join(result.message.split())}" if result.message else ""
-    return f"{STATES.get(result.code, 'failed')}{race_time}, {result.wall:.1f} s{message}"
+    state, said = STATES.get(result.code, "failed"), " ".join(result.message.split())
+    message = f": {said}" if said not in ("", state) else ""
+    return f"{state}{race_time}, {result.wall:.1f} s{message}"
 
 
 def _circumstances(attempt: int, where: str) -> str:

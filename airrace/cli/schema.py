@@ -14,10 +14,11 @@ class Language(Enum):
     TRACK = "track"
     AIRCRAFT = "aircraft"
     SETTINGS = "settings"
+    BATCH = "batch"
 
 
 def schema(
-    language: Annotated[Language, typer.Argument(metavar="LANGUAGE", help="One of: track, aircraft, settings.")],
+    language: Annotated[Language, typer.Argument(metavar="LANGUAGE", help="One of: track, aircraft, settings, batch.")],
 ) -> None:
     """Print the JSON Schema of an input file.
 

@@ -1,4 +1,4 @@
-"""The three languages as JSON Schema (draft-07), for editors and other programs.
+"""The languages as JSON Schema (draft-07), for editors and other programs.
 
 Everything is derived from the models that read the documents. What a JSON Schema cannot say is left to `airrace check`:
 which keys exclude one another, that names refer to something, and that `1.0` is no whole number.
@@ -10,6 +10,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from airrace.documents.aircraft_schema import AircraftEntry
+from airrace.documents.batch import BatchEntry
 from airrace.documents.presets import preset_names
 from airrace.documents.rules_schema import RulesEntry
 from airrace.documents.schema import Schema
@@ -17,9 +18,19 @@ from airrace.documents.settings import SettingsEntry
 from airrace.documents.track_schema import TrackEntry
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
-LANGUAGES: dict[str, type[Schema]] = {"track": TrackEntry, "aircraft": AircraftEntry, "settings": SettingsEntry}
+LANGUAGES: dict[str, type[Schema]] = {
+    "track": TrackEntry,
+    "aircraft": AircraftEntry,
+    "settings": SettingsEntry,
+    "batch": BatchEntry,
+}
 
-_TITLES = {"track": "Track of airrace", "aircraft": "Aircraft of airrace", "settings": "Settings of airrace"}
+_TITLES = {
+    "track": "Track of airrace",
+    "aircraft": "Aircraft of airrace",
+    "settings": "Settings of airrace",
+    "batch": "Batch of airrace",
+}
 _FIRST = ("$schema", "title", "description")
 
 
