@@ -1,0 +1,40 @@
+"""Costates and the Hamiltonian, from the multipliers of the gaps between the intervals.
+
+The multiplier of a gap says how the optimum changes when the flight is shifted there, which is the costate p. With the
+control held and the equations free of time, the Hamiltonian
+
+    H = p . f(x, u) + regularisation
+
+is one constant within an interval, and it jumps where moving the node between two intervals would save time. So
+along an optimum in minimum time H is minus the weight of time, and how far it is from that says where a mesh is too
+coarse for the controls (Betts, Practical Methods for Optimal Control, 2010, on the adjoints of discretised problems).
+"""
+
+import numpy as np
+
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.trajectory import Array
+
+
+def costates(layout: Layout, constraint_multipliers: Array) -> Array:
+    """At the ends of the intervals, objective per unit of each state; shape (n_x, N)."""
+    scale = np.array([quantity.scale for quantity in layout.problem.system.states])
+    return -(constraint_multipliers[layout.gap_index[:, :-1]] / scale).T
+
+
+def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Array) -> Array:
+    """Of every interval, with the regularisation that the objective has in it; shape (N,).
+
+    Args:
+        problem: any; with free durations the value along its optimum is `-problem.objective.time`.
+        iterate: the optimum.
+        constraint_multipliers: of the scaled program; shape (n_g,).
+    """
+    system, intervals = problem.system, problem.intervals
+    parameters = np.repeat(np.asarray(problem.parameters)[:, None], intervals, axis=1)
+    slopes = np.asarray(system.rates.map(intervals)(iterate.state[:, 1:], iterate.control, parameters))
+    scale = np.array([quantity.scale for quantity in system.controls])[:, None]
+    weight = np.array([problem.objective.regularisation.get(quantity.name, 0.0) for quantity in system.controls])
+    regularisation = weight @ (iterate.control / scale) ** 2
+    return np.sum(costates(Layout(problem), constraint_multipliers) * slopes, axis=0) + regularisation
