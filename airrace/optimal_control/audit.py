@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import narrowed
@@ -33,10 +32,17 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Audit:
-    """Items of a certificate, and which intervals are too coarse; `coarse` has shape (N,)."""
+    """Items of a certificate, and what is wrong between the nodes.
+
+    Attributes:
+        items: of the certificate.
+        defect: largest scaled deviation of each replayed interval from the next node, shape (N,).
+        excess: what leaves its range within each interval, as a multiple of its limit, at worst; shape (N,).
+    """
 
     items: tuple[Item, ...]
-    coarse: NDArray[np.bool_]
+    defect: Array
+    excess: Array
 
 
 def audit(
@@ -46,9 +52,9 @@ def audit(
     defect = np.abs(flown.defect)
     worst = np.unravel_index(int(defect.argmax()), defect.shape)
     system = problem.system
-    where = f"{_phase_name(problem, int(worst[1]))}, {system.states[int(worst[0])].name}"
+    where = f"{problem.phase_of(int(worst[1])).name}, {system.states[int(worst[0])].name}"
     items = [Item("replay_defect", float(defect.max()), defect_limit, "scaled", where)]
-    coarse: NDArray[np.bool_] = np.any(defect > defect_limit, axis=0)
+    multiples = np.zeros(problem.intervals)
     excesses = [*_path_excesses(problem, flown), *_watch_excesses(problem, flown)]
     _require_tolerances([one.quantity for one in excesses], tolerances)
     for tolerance in tolerances:
@@ -57,20 +63,11 @@ def audit(
             continue
         largest = np.stack([one.largest for one in mine], axis=0)
         row, interval = np.unravel_index(int(largest.argmax()), largest.shape)
-        where = f"{_phase_name(problem, int(interval))}, {mine[int(row)].name}"
+        where = f"{problem.phase_of(int(interval)).name}, {mine[int(row)].name}"
         items.append(Item(f"path_{tolerance.name}", float(largest.max()), tolerance.path, tolerance.units[0], where))
-        left: NDArray[np.bool_] = np.any(largest > tolerance.path, axis=0)
-        coarse |= _with_neighbours(left)
+        multiples = np.maximum(multiples, largest.max(axis=0) / tolerance.path)
     items += _boundary_items(problem, iterate, tolerances)
-    return Audit(tuple(items), coarse)
-
-
-def _with_neighbours(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Intervals and those beside them: where one alone is made finer, the limit is left in the next."""
-    wider = marked.copy()
-    wider[1:] |= marked[:-1]
-    wider[:-1] |= marked[1:]
-    return wider
+    return Audit(tuple(items), defect.max(axis=0), multiples)
 
 
 @dataclass(frozen=True)
@@ -123,11 +120,6 @@ def _require_tolerances(declared: Sequence[Quantity], tolerances: Sequence[Toler
     for quantity in declared:
         if Interval(quantity.lower, quantity.upper).bounded and quantity.unit not in known:
             raise ValueError(f"no tolerance for {quantity.name} in {quantity.unit!r}")
-
-
-def _phase_name(problem: Problem, interval: int) -> str:
-    phase = int(np.searchsorted(problem.first_node, interval, side="right")) - 1
-    return problem.phases[phase].name
 
 
 def _violation(problem: Problem, quantity: Quantity, history: Array) -> Array:

@@ -16,13 +16,23 @@ def load_in_background() -> None:
 
 
 def integrate(
-    rates: Callable[[float, Array], Array], start: Array, times: Array, *, relative: float, absolute: float
+    rates: Callable[[float, Array], Array],
+    start: Array,
+    times: Array,
+    *,
+    relative: float,
+    absolute: float,
+    first_step: float | None = None,
 ) -> Array:
-    """States at increasing `times` (n,) from `start` (m,) at the first of them; shape (m, n)."""
+    """States at increasing `times` (n,) from `start` (m,) at the first of them; shape (m, n).
+
+    Args:
+        first_step: tried first; by default the integrator looks for one.
+    """
     # Imported here, see `load_in_background`; scipy ships no types.
     from scipy.integrate import solve_ivp as untyped  # pyright: ignore[reportUnknownVariableType]
 
     solve_ivp: Any = untyped  # pyright: ignore[reportUnknownVariableType]
     span = (float(times[0]), float(times[-1]))
-    flown = solve_ivp(rates, span, start, "DOP853", times, rtol=relative, atol=absolute)
+    flown = solve_ivp(rates, span, start, "DOP853", times, rtol=relative, atol=absolute, first_step=first_step)
     return np.asarray(flown.y, dtype=np.float64)

@@ -7,6 +7,7 @@ A page of Python states a textbook problem (see tests/validation). A free consta
 whose rate is zero; a periodic condition ties a state to such a constant through an `Observation`.
 """
 
+import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -108,12 +109,21 @@ class Problem:
         return sum(len(phase.fractions) for phase in self.phases)
 
     @property
+    def mesh(self) -> list[tuple[float, ...]]:
+        """Fractions of every phase."""
+        return [phase.fractions for phase in self.phases]
+
+    @property
     def first_node(self) -> list[int]:
         """Node at which each phase begins and, last, the final node."""
         nodes = [0]
         for phase in self.phases:
             nodes.append(nodes[-1] + len(phase.fractions))
         return nodes
+
+    def phase_of(self, interval: int) -> Phase:
+        """The phase that an interval belongs to."""
+        return self.phases[bisect.bisect_right(self.first_node, interval) - 1]
 
     @property
     def observations(self) -> list[Observation]:

@@ -1,31 +1,78 @@
-"""A finer mesh where a solution asks for one, and the solution carried over to it."""
+"""Finer and coarser meshes, and a solution carried over to them."""
+
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.replay import SAMPLES, Replay
+from airrace.trajectory import Array
 
 Fractions = tuple[float, ...]
+Mesh = list[Fractions]
+Marks = NDArray[np.bool_]
 
 
-def bisect(
-    problem: Problem, iterate: Iterate, flown: Replay, coarse: NDArray[np.bool_]
-) -> tuple[list[Fractions], Iterate]:
-    """Halve the intervals marked in `coarse`, shape (N,).
+def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay, parts: Indices) -> tuple[Mesh, Iterate]:
+    """Cut every interval into so many equal parts; `parts` has shape (N,).
 
     Returns:
-        The fractions of every phase, and the iterate on the new mesh: the new nodes lie on the replayed flight.
+        The new mesh, and the iterate on it: the new nodes lie on the replayed flight.
     """
-    fractions: list[Fractions] = []
-    for phase, first, last in zip(problem.phases, problem.first_node, problem.first_node[1:], strict=False):
-        halves = [
-            part
-            for fraction, split in zip(phase.fractions, coarse[first:last], strict=True)
-            for part in ([fraction / 2, fraction / 2] if split else [fraction])
-        ]
-        fractions.append(tuple(halves))
-    split = np.flatnonzero(coarse)
-    state = np.insert(iterate.state, split + 1, flown.state[:, split, SAMPLES // 2], axis=1)
-    control = np.insert(iterate.control, split + 1, iterate.control[:, split], axis=1)
-    return fractions, Iterate(iterate.durations, state, control)
+    counts = iter(parts.tolist())
+    finer = [tuple(fraction / n for fraction in phase for n in [next(counts)] for _ in range(n)) for phase in mesh]
+    parent = np.repeat(np.arange(len(parts)), parts)
+    share = _numbers_within(parts) / parts[parent]
+    state = np.hstack([_between(flown, parent, share), iterate.state[:, -1:]])
+    state[:, :-1][:, share == 0.0] = iterate.state[:, :-1]
+    return finer, Iterate(iterate.durations, state, iterate.control[:, parent])
+
+
+def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[Mesh, Iterate]:
+    """Drop nodes: intervals without a node between them become one, with the mean of their controls.
+
+    Args:
+        kept: which nodes remain, shape (N + 1,); those between phases have to.
+    """
+    first_node = np.cumsum([0, *(len(phase) for phase in mesh)])
+    if not kept[first_node].all():
+        raise ValueError("the nodes between phases cannot be dropped")
+    fractions = np.concatenate([np.asarray(phase) for phase in mesh])
+    group = np.cumsum(kept[:-1]) - 1
+    sums = np.bincount(group, weights=fractions)
+    held = np.stack([np.bincount(group, weights=fractions * row) for row in iterate.control]) / sums
+    ends = (np.cumsum(kept) - 1)[first_node].tolist()
+    coarser = [tuple(sums[first:last].tolist()) for first, last in itertools.pairwise(ends)]
+    return coarser, Iterate(iterate.durations, iterate.state[:, kept], held)
+
+
+def inherited(parts: Indices) -> Marks:
+    """Which nodes of a divided mesh were nodes before; shape (parts.sum() + 1,)."""
+    kept = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
+    kept[np.concatenate([[0], np.cumsum(parts)])] = True
+    return kept
+
+
+def widened(marked: Marks) -> Marks:
+    """Intervals and those beside them: where one alone is made finer, what is wrong moves to the next."""
+    wider = marked.copy()
+    wider[1:] |= marked[:-1]
+    wider[:-1] |= marked[1:]
+    return wider
+
+
+def _numbers_within(parts: Indices) -> Indices:
+    """0, 1, ... within each of the parts, shape (parts.sum(),)."""
+    first = np.repeat(np.cumsum(parts) - parts, parts)
+    return np.arange(len(first)) - first
+
+
+def _between(flown: Replay, interval: Indices, share: Array) -> Array:
+    """States at shares of intervals, straight between the samples of a replay; shape (n_x, n)."""
+    place = share * SAMPLES
+    before = np.minimum(place.astype(np.int64), SAMPLES - 1)
+    weight = place - before
+    return flown.state[:, interval, before] * (1.0 - weight) + flown.state[:, interval, before + 1] * weight

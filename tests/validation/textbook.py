@@ -13,7 +13,7 @@ import sliding_mass
 import terminal_bunt
 from statement import KnownAnswer
 
-from airrace.optimal_control.refinement import bisect
+from airrace.optimal_control.refinement import divide
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers import Solution
 
@@ -36,8 +36,8 @@ def known_answers() -> tuple[KnownAnswer, ...]:
 def refined(answer: KnownAnswer, solution: Solution) -> KnownAnswer:
     """The same with every interval halved, to be solved from where the solution is."""
     problem = answer.problem
-    everywhere = np.ones(problem.intervals, dtype=bool)
-    fractions, guess = bisect(problem, solution.iterate, replay(problem, solution.iterate), everywhere)
+    twice = np.full(problem.intervals, 2)
+    fractions, guess = divide(problem.mesh, solution.iterate, replay(problem, solution.iterate), twice)
     phases = tuple(replace(phase, fractions=finer) for phase, finer in zip(problem.phases, fractions, strict=True))
     options = replace(answer.options, barrier=1e-4)
     return replace(answer, problem=replace(problem, phases=phases), guess=guess, options=options)
