@@ -10,7 +10,7 @@ from airrace.checkpoint.place import Place
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Facts, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.result import Attempt, Facts, GateSplit, MeshRecord, Outcome, Stage, StageResult, Timings, Why
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -58,12 +58,13 @@ _TABLES = ("splits", "attempts", "timings", "facts")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, optional=("certificate",))
+    place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", optional=("certificate",))
+    trajectory = _trajectory(place)
     result = StageResult(
         stage=stage,
         outcome=_outcome(place),
         message=place.text("message"),
-        trajectory=_trajectory(place),
+        trajectory=trajectory,
         constraint_multipliers=place.floats("constraint_multipliers"),
         bound_multipliers=place.floats("bound_multipliers"),
         certificate=_certificate(place.group("certificate")) if "certificate" in place.node.members else None,
@@ -71,6 +72,7 @@ def _stage(place: Place, stage: Stage) -> StoredStage:
         attempts=rows_of(Attempt, place.table("attempts"), f"{place.path}/attempts"),
         timings=_one_row(place, "timings", Timings),
         facts=_one_row(place, "facts", Facts),
+        mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
     )
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
@@ -94,6 +96,18 @@ def _certificate(place: Place) -> Certificate:
     place.expecting("solver_status", "items")
     items = rows_of(Item, place.table("items"), f"{place.path}/items")
     return Certificate(place.text("solver_status"), items)
+
+
+def _mesh(place: Place, intervals: int) -> MeshRecord:
+    place.expecting("why", "coarser", "defect", "drift")
+    why, coarser = place.integers("why"), place.integers("coarser")
+    defect, drift = place.floats("defect"), place.floats("drift")
+    lengths = (len(why), len(coarser), len(defect), len(drift))
+    if lengths not in ((0, 0, 0, 0), (intervals, intervals + 1, intervals, intervals)):
+        raise CheckpointError(f"{place.path}: does not belong to {intervals} intervals")
+    if not np.isin(why, [reason.value for reason in Why]).all() or not np.isin(coarser, (0, 1)).all():
+        raise CheckpointError(f"{place.path}: has unknown entries")
+    return MeshRecord(why.astype(np.int8), coarser.astype(np.bool_), defect, drift)
 
 
 def _trajectory(place: Place) -> Trajectory:

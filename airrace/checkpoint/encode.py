@@ -12,24 +12,27 @@
     phases                          table: one name per row
     first_node, durations
     constraint_multipliers, bound_multipliers
+    mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
 from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Facts, GateSplit, Timings
+from airrace.procedure.result import Attempt, Facts, GateSplit, MeshRecord, Timings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
-SCHEMA = 2
+SCHEMA = 3
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 
@@ -83,6 +86,7 @@ def _stage(stored: StoredStage) -> Group:
         **_trajectory(result.trajectory, path),
         "constraint_multipliers": _series(result.constraint_multipliers, "1", "multipliers of the constraints"),
         "bound_multipliers": _series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
+        "mesh": _mesh(result.mesh),
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
@@ -100,12 +104,20 @@ def _trajectory(trajectory: Trajectory, path: str) -> dict[str, Node]:
         "states": _histories(trajectory.states, trajectory.state, f"{path}/time"),
         "controls": _histories(trajectory.controls, trajectory.control, f"{path}/interval_time"),
         "phases": Table({"phase": trajectory.phases}),
-        "first_node": Series(
-            np.asarray(trajectory.first_node, np.int64),
-            {"units": "1", "long_name": "node at which each phase begins, and the last node"},
-        ),
+        "first_node": _integers(trajectory.first_node, "node at which each phase begins, and the last node"),
         "durations": _series(trajectory.durations, "s", "duration of each phase"),
     }
+
+
+def _mesh(record: MeshRecord) -> Group:
+    return Group(
+        {
+            "why": _integers(record.why, "why each interval is as long as it is"),
+            "coarser": _integers(record.coarser, "1 for nodes of the mesh whose race time was compared"),
+            "defect": _series(record.defect, "scaled", "deviation of the replay from the next node"),
+            "drift": _series(record.drift, "1", "distance of the Hamiltonian from -1"),
+        }
+    )
 
 
 def _certificate(certificate: Certificate) -> Group:
@@ -134,3 +146,7 @@ def _declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
 
 def _series(values: Array, units: str, long_name: str) -> Series:
     return Series(np.asarray(values, np.float64), {"units": units, "long_name": long_name})
+
+
+def _integers(values: Sequence[int] | NDArray[np.generic], long_name: str) -> Series:
+    return Series(np.asarray(values, np.int64), {"units": "1", "long_name": long_name})

@@ -35,11 +35,9 @@ def verified_stages(answer: Answer, run: Run) -> list[Verification]:
     """Measure every stage that carries a certificate; fail the answer if one is stale or does not hold."""
     stale = dict(stale_stages(run.checkpoint, inputs_hash(run.checkpoint.inputs.resolved)))
     verifications: list[Verification] = []
-    for stored in run.checkpoint.stages:
-        result = stored.result
-        if result.certificate is None:
-            continue
-        again = procedure.recertify(run.inputs.race, run.inputs.settings, result)
+    claimed = [stored.result for stored in run.checkpoint.stages if stored.result.certificate is not None]
+    for result, again in procedure.recertified(run.inputs.race, run.inputs.settings, claimed):
+        assert result.certificate is not None  # claimed
         objection = stale.get(result.stage, "") or objection_to(result, result.certificate, again)
         verifications.append(Verification(result, again, objection))
         if objection:

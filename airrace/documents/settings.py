@@ -25,7 +25,7 @@ class MeshEntry(Schema):
     )
     intervals_min: Count | None = Field(default=None, description="at least so many intervals in a leg")
     refinements_max: Annotated[int, Ge(0), Le(20)] | None = Field(
-        default=None, description="how often the mesh may be refined where the certificate fails"
+        default=None, description="how many other meshes may be tried until the certificate holds"
     )
 
 
@@ -70,7 +70,16 @@ class CertificateEntry(Schema):
     gate_angle_deg: Positive | None = Field(
         default=None, description="largest excess of bank, climb and crossing angle at a gate"
     )
-    replay: Positive | None = Field(default=None, description="largest deviation of the controls flown again, scaled")
+    replay: Positive | None = Field(
+        default=None, description="largest deviation of the controls flown again, interval by interval, scaled"
+    )
+    replay_gate_m: Positive | None = Field(
+        default=None, description="largest deviation of the controls flown again at the end of each leg"
+    )
+    hamiltonian: Positive | None = Field(default=None, description="how far the Hamiltonian may be from -1")
+    race_time_s: Positive | None = Field(
+        default=None, description="how much the race time may change when all intervals are halved"
+    )
     variation: Positive | None = Field(
         default=None, description="how much the controls may be moved on average, as a share of their fastest rate"
     )
@@ -138,6 +147,9 @@ def _limits(entry: CertificateEntry, silent: CertificateLimits, reporter: Report
         ("gate_length_m", "gate_length", 1.0),
         ("gate_angle_deg", "gate_angle", degree),
         ("replay", "replay", 1.0),
+        ("replay_gate_m", "replay_gate", 1.0),
+        ("hamiltonian", "hamiltonian", 1.0),
+        ("race_time_s", "race_time", 1.0),
         ("variation", "variation", 1.0),
     ):
         value: float | None = getattr(entry, key)

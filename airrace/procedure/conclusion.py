@@ -6,7 +6,7 @@ from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers
 from airrace.procedure.flight import Flight, gate_splits, trajectory
-from airrace.procedure.result import NO_FACTS, Facts, Outcome, Stage, StageResult
+from airrace.procedure.result import NO_FACTS, NO_RECORD, Facts, MeshRecord, Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench
 
 
@@ -22,6 +22,7 @@ def conclude(
     multipliers: Multipliers | None = None,
     certificate: Certificate | None = None,
     facts: Facts = NO_FACTS,
+    mesh: MeshRecord = NO_RECORD,
 ) -> StageResult:
     """The result of a stage, by default the flight's own; without multipliers theirs are empty."""
     flown = trajectory(problem, iterate)
@@ -37,4 +38,5 @@ def conclude(
         attempts=tuple(bench.attempts),
         timings=bench.timings(),
         facts=facts,
+        mesh=mesh,
     )

@@ -13,7 +13,7 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.cruise import cruise
-from airrace.procedure.models import BUILDERS, regularised
+from airrace.procedure.models import BUILDERS, LONGEST_INTERVAL, regularised
 from airrace.procedure.plan import Plan, plan
 from airrace.procedure.race import Race
 from airrace.procedure.result import GateSplit, Stage
@@ -35,6 +35,11 @@ class Flight:
     watches: tuple[tuple[Watch, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
+
+    @property
+    def longest_interval(self) -> float:
+        """Of a mesh before it is halved, s; infinite where any length will do that keeps the limits."""
+        return LONGEST_INTERVAL[self.stage]
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """The joint problem over all phases; `mesh` holds the fractions of each."""

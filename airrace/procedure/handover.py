@@ -6,6 +6,8 @@ only the controls change, from commands to the deflections they made, the record
 """
 
 import dataclasses
+import itertools
+import math
 
 import numpy as np
 
@@ -14,16 +16,18 @@ from airrace.control.reference import Reference, from_optimum
 from airrace.control.settling import settle
 from airrace.control.simulation import follow
 from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.refinement import Marks
 from airrace.procedure.flight import Flight, history, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start
 from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
-from airrace.trajectory import Array, Trajectory
+from airrace.trajectory import Array
 
 FARTHEST = 25.0
 """m: a flight that strays further from what it follows is a worse start than a model at rest in it."""
-LONGEST_INTERVAL = 0.1
-"""s, of the mesh a stage with rotational dynamics begins with: the roll mode's time constant is 0.08 s."""
+
+FEWEST = 4
+"""Intervals of a phase."""
 
 
 def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -34,9 +38,8 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         source: of the stage whose optimum is followed.
         optimum: its result.
     """
-    flown = optimum.trajectory
     reference = _reference(source, optimum)
-    nodes, first_node = finer(flown)
+    nodes, first_node = first_nodes(optimum, flight.longest_interval)
     simulated = follow(flight.model, inner_controller_for(flight.stage.value), reference, nodes=nodes)
     facts = Facts(
         source=source.stage.value,
@@ -53,7 +56,7 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     """A stage's model at rest, node by node, in what the optimum of another stage does there."""
     flown = optimum.trajectory
-    nodes, first_node = finer(flown)
+    nodes, first_node = first_nodes(optimum, flight.longest_interval)
     inverse = inner_controller_for(flight.stage.value)
     state, control = settle(flight.model, inverse, _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
@@ -70,30 +73,48 @@ def _mesh(time: Array, first_node: list[int]) -> list[tuple[float, ...]]:
     return [tuple((one / one.sum()).tolist()) for one in steps]
 
 
-def finer(flown: Trajectory) -> tuple[Array, list[int]]:
-    """Times of the nodes with long intervals divided, and the node at which each phase begins and, last, the end."""
-    steps = np.diff(flown.time)
-    parts: list[int] = np.maximum(1, np.ceil(steps / LONGEST_INTERVAL - 1e-9)).astype(int).tolist()
-    times: list[float] = flown.time.tolist()
-    nodes = [a + (b - a) * part / n for a, b, n in zip(times, times[1:], parts, strict=False) for part in range(n)]
-    first_node = np.concatenate([[0], np.cumsum(parts)])[flown.first_node]
-    return np.array([*nodes, times[-1]]), first_node.tolist()
+def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]:
+    """Times of the nodes that the next stage begins with, and the node at which each phase begins and, last, the end.
+
+    They are as dense as in the mesh from which the optimum's was divided, and no further apart than `longest`, s.
+    """
+    flown = optimum.trajectory
+    times = flown.time[coarser_nodes(optimum)]
+    needed = np.concatenate([[0.0], np.cumsum(np.maximum(1.0, np.diff(times) / longest))])
+    nodes: list[Array] = []
+    for begin, end in itertools.pairwise(flown.time[flown.first_node]):
+        first, last = np.interp([begin, end], times, needed)
+        count = max(FEWEST, math.ceil(last - first - 1e-9))
+        nodes.append(np.interp(np.linspace(first, last, count + 1)[:-1], needed, times))
+    first_node = np.cumsum([0, *map(len, nodes)])
+    return np.concatenate([*nodes, times[-1:]]), first_node.tolist()
+
+
+def coarser_nodes(optimum: StageResult) -> Marks:
+    """Which nodes belong to the mesh that an optimum's was divided from; all where there is none."""
+    record = optimum.mesh.coarser
+    return record if len(record) else np.ones(len(optimum.trajectory.time), dtype=np.bool_)
 
 
 def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     """The very flight of a stage, told in the states and controls of another one that flies the same equations."""
     flown = optimum.trajectory
-    steps = np.diff(flown.time)
-    states = {one.name: history(source, flown, one.name) for one in flight.model.system.states}
+    nodes, first_node = first_nodes(optimum, flight.longest_interval)
+    steps = np.diff(nodes)
     held = {one.name: row for one, row in zip(flown.controls, flown.control, strict=True)}
+    states = {
+        one.name: np.interp(nodes, flown.time, history(source, flown, one.name)) for one in flight.model.system.states
+    }
 
     def control(name: str, lower: float, upper: float) -> Array:
-        values = held[name] if name in held else np.diff(states[name.removesuffix(RATE)]) / steps
-        return np.clip(values, lower, upper)
+        if name not in held:
+            return np.clip(np.diff(states[name.removesuffix(RATE)]) / steps, lower, upper)
+        added = np.concatenate([[0.0], np.cumsum(held[name] * np.diff(flown.time))])
+        return np.clip(np.diff(np.interp(nodes, flown.time, added)) / steps, lower, upper)
 
     guess = Iterate(
         flown.durations,
         np.vstack(list(states.values())),
         np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
     )
-    return Start(flight.problem(mesh_of(flown)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value))
+    return Start(flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value))

@@ -5,26 +5,22 @@ counts: the primary solver from all starts, then the fallback from those from wh
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from airrace.optimal_control.audit import Audit, Tolerance, audit
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import bisect
-from airrace.optimal_control.replay import interval_durations, replay
 from airrace.optimal_control.solvers import Solution
+from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.diagnosis import diagnose
 from airrace.procedure.flight import Flight
-from airrace.procedure.result import NO_FACTS, Facts, Outcome, StageResult
+from airrace.procedure.meshing import Draft, Solved, adapted, halved, mended, reconsidered
+from airrace.procedure.result import NO_FACTS, Facts, MeshRecord, Outcome, StageResult
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
 
-RATE = "_dot"  # what the names of controls that move something end with
-MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
+ADAPTATIONS_MAX = 2  # of a first mesh, before its intervals are halved
 COLD_BARRIER = 0.1
 PIECED_BARRIER = 1e-2  # of a solve that starts from assembled pieces
 HANDOVER_BARRIER = 1e-4  # of one that starts from another stage: more leads astray and back, in twice the iterations
@@ -80,80 +76,75 @@ def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable
 
 
 def _refined(flight: Flight, bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
-    """Solve jointly, measure, refine and solve again until the certificate holds or the refinements are used up."""
-    limits = bench.settings.certificate
-    total = bench.settings.mesh.refinements_max
-    problem, guess, barrier = start.problem, start.guess, start.barrier
-    solvers = (solver,)
+    """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
+    limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
+    draft, barrier, solvers = Draft.first(start.problem, start.guess), start.barrier, (solver,)
+    coarser: Solved | None = None
     for refinement in range(total + 1):
+        problem = flight.problem(draft.mesh)
         purpose = f"all {len(problem.phases)} phases" + (f", refinement {refinement}" if refinement else "")
         bench.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
-        solution = bench.solve(problem, guess, purpose, barrier=barrier, solvers=solvers)
+        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers)
         if solution is None or not solution.success:
             return Failure(start, solution)
-        flown = replay(problem, solution.iterate)
-        measured = audit(problem, solution.iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
-        certificate = certified(problem, solution, measured, limits)
-        if certificate.certified or not measured.coarse.any() or refinement == total:
-            return _finished(flight, bench, problem, solution, certificate, start.facts)
-        mesh, guess = bisect(problem, solution.iterate, flown, measured.coarse)
-        problem, barrier, solvers = flight.problem(mesh), REFINED_BARRIER, bench.solvers
+        evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
+        optimum = Solved(problem, solution.iterate, draft, evidence)
+        certificate = None if coarser is None else _certificate(optimum, solution, coarser, limits)
+        following = None
+        if refinement < total and (certificate is None or not certificate.certified):
+            following, coarser = _following(optimum, coarser, refinement, limits, flight.longest_interval)
+        if following is None:
+            certificate = certificate or _certificate(optimum, solution, None, limits)
+            return _finished(flight, bench, optimum, solution, certificate, start.facts)
+        draft, barrier, solvers = following, REFINED_BARRIER, bench.solvers
     raise AssertionError("the last refinement returns")
 
 
-def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
-    """What may be violated between nodes and at gates, by unit. Coefficients count as load factors.
+def _following(
+    optimum: Solved, coarser: Solved | None, refinement: int, limits: CertificateLimits, longest: float
+) -> tuple[Draft | None, Solved | None]:
+    """The next mesh, None if none would help; and the optimum whose race time the next one is compared with."""
+    if coarser is None:
+        better = adapted(optimum, limits, longest) if refinement < ADAPTATIONS_MAX else None
+        return (halved(optimum, limits), optimum) if better is None else (better, None)
+    if abs(optimum.race_time - coarser.race_time) > limits.race_time:
+        return reconsidered(optimum, coarser, limits), None
+    return mended(optimum, limits), coarser
 
-    The rows of a gate in unit "1" are sines and excesses of small angles, so their limit is that of gate angles.
-    """
-    return (
-        Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle, "attitude"),
-        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / MOMENT, limits.load_factor / MOMENT),
-        Tolerance("length", ("m",), limits.length, limits.gate_length),
-        Tolerance("angle", ("rad",), limits.angle, limits.gate_angle),
-        Tolerance("angular_rate", ("rad/s",), limits.angle, limits.gate_angle),
-        Tolerance("speed", ("m/s",), limits.speed, limits.speed),
+
+def _certificate(optimum: Solved, solution: Solution, coarser: Solved | None, limits: CertificateLimits) -> Certificate:
+    return certify(
+        optimum.problem,
+        optimum.iterate,
+        optimum.evidence,
+        limits,
+        claim=Item("solver", 0.0 if solution.success else 1.0, 0.0, "", solution.status),
+        status=f"{solution.solver}: {solution.status}",
+        kkt_error=solution.kkt.largest,
+        coarser_race_time=math.nan if coarser is None else coarser.race_time,
     )
 
 
-def certified(problem: Problem, solution: Solution, measured: Audit, limits: CertificateLimits) -> Certificate:
-    """The certificate of a solution."""
-    solved = Item("solver", 0.0 if solution.success else 1.0, 0.0, "", solution.status)
-    kkt = Item("kkt_error", solution.kkt.largest, limits.kkt_error, "scaled", "")
-    items = (solved, kkt, *measured.items, *variations(problem, solution.iterate, limits))
-    return Certificate(f"{solution.solver}: {solution.status}", items)
-
-
-def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Iterator[Item]:
-    """Total variation per second of everything a pilot moves: what its bounded rate adds up to, whichever way."""
-    steps = interval_durations(problem, iterate.durations)
-    for quantity, rates in zip(problem.system.controls, iterate.control, strict=True):
-        fastest = max(-quantity.lower, quantity.upper)
-        if quantity.name.endswith(RATE) and math.isfinite(fastest):
-            name = quantity.name.removesuffix(RATE)
-            mean = float(np.abs(rates) @ steps / steps.sum())
-            yield Item(f"variation_{name}", mean, limits.variation * fastest, quantity.unit, "mean over the race")
-
-
 def _finished(
-    flight: Flight,
-    bench: Workbench,
-    problem: Problem,
-    solution: Solution,
-    certificate: Certificate,
-    facts: Facts,
+    flight: Flight, bench: Workbench, optimum: Solved, solution: Solution, certificate: Certificate, facts: Facts
 ) -> StageResult:
-    failed = ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} ({item.where})" for item in certificate.failed)
+    failed = failures(certificate.failed)
     return conclude(
         flight,
         bench,
-        problem,
-        solution.iterate,
+        optimum.problem,
+        optimum.iterate,
         outcome=Outcome.SOLVED if certificate.certified else Outcome.NOT_CERTIFIED,
         message=f"solved but not certified: {failed}" if failed else "",
         multipliers=solution.multipliers,
         certificate=certificate,
-        facts=replace(facts, regularisation=solution.objective - float(solution.iterate.durations.sum())),
+        facts=replace(facts, regularisation=solution.objective - optimum.race_time),
+        mesh=MeshRecord(
+            why=optimum.draft.why,
+            coarser=optimum.draft.coarser,
+            defect=optimum.evidence.audit.defect,
+            drift=optimum.evidence.drift,
+        ),
     )
 
 

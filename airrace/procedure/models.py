@@ -1,5 +1,6 @@
 """Which equations fly which stage, and what of their controls is regularised."""
 
+import math
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -29,6 +30,18 @@ HALF_RUDDER = 0.4
 Its own limit does not tell: what is commanded may jump. With that as the measure the optimum wags the rudder wherever
 the angle of attack is at its limit, for side force in step with the bank turns the path at no cost.
 """
+
+
+LONGEST_INTERVAL: Mapping[Stage, float] = {
+    Stage.HOMOTOPY: math.inf,
+    Stage.POINT_MASS: math.inf,
+    Stage.TRANSFER_FUNCTION: 0.1,
+    Stage.STATE_SPACE_INVERSION: 0.1,
+    Stage.STATE_SPACE: 0.07,
+    Stage.SIX_DOF: 0.07,
+}
+"""s, of a mesh before it is halved. The roll mode's time constant is 0.08 s: where the surfaces themselves are
+optimised, steps of 0.1 s are so far from the equations that optima are found which nothing could fly."""
 
 
 class Builder(Protocol):

@@ -1,7 +1,10 @@
 """What a finished stage hands on: to the next stage, to the checkpoint, to the terminal."""
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Certificate
 from airrace.trajectory import Array, Trajectory
@@ -88,6 +91,37 @@ class Facts:
 NO_FACTS = Facts()
 
 
+class Why(IntEnum):
+    """Why an interval is as long as it is: what its mesh was last made coarser or finer for."""
+
+    FIRST = 0
+    CALM = 1
+    INTEGRATION = 2
+    LIMITS = 3
+    HAMILTONIAN = 4
+    RACE_TIME = 5
+
+
+@dataclass(frozen=True)
+class MeshRecord:
+    """Where a mesh has its nodes, and what is measured of its intervals; N intervals, none where nothing is.
+
+    Attributes:
+        why: a `Why` per interval, shape (N,).
+        coarser: which nodes belong to the mesh that the race time was compared with, shape (N + 1,).
+        defect: scaled deviation of the replay from the next node, shape (N,).
+        drift: distance of the Hamiltonian from -1, shape (N,).
+    """
+
+    why: NDArray[np.int8]
+    coarser: NDArray[np.bool_]
+    defect: Array
+    drift: Array
+
+
+NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0), np.zeros(0))
+
+
 @dataclass(frozen=True)
 class StageResult:
     """One stage, finished.
@@ -104,6 +138,7 @@ class StageResult:
         attempts: every solver call, in order.
         timings: where the time went.
         facts: where it started, what its regularisation costs.
+        mesh: how its mesh came about; empty where it is not certified by design, or not solved.
     """
 
     stage: Stage
@@ -117,6 +152,7 @@ class StageResult:
     attempts: tuple[Attempt, ...]
     timings: Timings
     facts: Facts = NO_FACTS
+    mesh: MeshRecord = NO_RECORD
 
     @property
     def certified(self) -> bool:

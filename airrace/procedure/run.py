@@ -13,11 +13,11 @@ from airrace.procedure.race import Race
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
-from airrace.procedure.stored import recertify, sampler
+from airrace.procedure.stored import recertified, recertify, sampler
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["STAGES", "derived_quantities", "optimise", "recertify", "sampler"]
+__all__ = ["STAGES", "derived_quantities", "optimise", "recertified", "recertify", "sampler"]
 
 
 def optimise(

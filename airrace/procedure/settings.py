@@ -14,12 +14,12 @@ class GuessKind(Enum):
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """First mesh: intervals of about `interval` seconds, at least `intervals_min` in a phase; refined up to
-    `refinements_max` times where the certificate finds a limit violated between nodes."""
+    """First mesh: intervals of about `interval` seconds, at least `intervals_min` in a phase; then up to
+    `refinements_max` other meshes, coarser where nothing happens and finer until the certificate holds."""
 
     interval: float = 0.17
     intervals_min: int = 6
-    refinements_max: int = 8
+    refinements_max: int = 10
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,8 @@ class SolverSettings:
 class CertificateLimits:
     """Largest values a certified result may show; lengths in m, angles in rad, load factors in g.
 
+    `replay` is of each interval, scaled, `replay_gate` of each leg at the gate that it ends in. `hamiltonian` is how
+    far the Hamiltonian may be from -1, `race_time` how much the race time may change when all intervals are halved, s.
     `variation` is what the controls may be moved on average, as a share of their fastest rate.
     """
 
@@ -48,7 +50,10 @@ class CertificateLimits:
     speed: float = 0.1
     gate_length: float = 0.01
     gate_angle: float = math.radians(0.1)
-    replay: float = 1e-4
+    replay: float = 1e-6
+    replay_gate: float = 0.1
+    hamiltonian: float = 0.02
+    race_time: float = 0.005
     variation: float = 0.5
 
 

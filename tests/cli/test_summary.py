@@ -32,6 +32,7 @@ def test_the_object_has_the_documented_keys() -> None:
             "derivatives_s",
             "wall_s",
             "certified",
+            "mesh",
             "certificate",
         ]
     assert stages[0]["certificate"] is None

@@ -8,15 +8,14 @@ from ladders import PLAN
 from races import EDGE_540, course, level, optimum, prepared
 
 from airrace.environment.air import Air
-from airrace.optimal_control.audit import audit
-from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.optimal_control.replay import replay
 from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.solvers import Solution
+from airrace.procedure.certification import examine
 from airrace.procedure.flight import iterate_of, mesh_of, trajectory
 from airrace.procedure.homotopy import held
-from airrace.procedure.joint import PIECED_BARRIER, certified, tolerances
+from airrace.procedure.joint import PIECED_BARRIER
 from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
@@ -61,7 +60,8 @@ def matched_laps(count: int) -> Trajectory:
     with SolverService(threads=1, compiled=True, stall_seconds=PLAN.solver.stall_seconds) as service:
         solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
     assert solution is not None
-    assert certificate_of(problem, solution).certified
+    assert solution.kkt.largest < PLAN.certificate.kkt_error
+    assert not violations_of(problem, solution)
     return trajectory(problem, solution.iterate)
 
 
@@ -73,12 +73,10 @@ def passing() -> Array:
     return state
 
 
-def certificate_of(problem: Problem, solution: Solution) -> Certificate:
-    """What the stages measure of their optima."""
-    limits = PLAN.certificate
-    flown = replay(problem, solution.iterate)
-    measured = audit(problem, solution.iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
-    return certified(problem, solution, measured, limits)
+def violations_of(problem: Problem, solution: Solution) -> tuple[Item, ...]:
+    """What the optimum violates, between nodes and at gates."""
+    measured = examine(problem, solution.iterate, solution.multipliers.constraints, PLAN.certificate).audit
+    return tuple(item for item in measured.items if item.name != "replay_defect" and not item.holds)
 
 
 def matched(end: Boundary, guess: Array, state: Array) -> Boundary:

@@ -8,7 +8,10 @@ from ladders import OPTIMA, PLAN, climbed
 from races import SMALL, prepared
 from test_solving import STALLED, Canned, asked
 
-from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.procedure import joint
+from airrace.procedure.certification import Evidence
 from airrace.procedure.flight import iterate_of, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start, optimise_jointly
 from airrace.procedure.ladder import Ladder
@@ -18,8 +21,18 @@ from airrace.procedure.settings import MeshSettings
 from airrace.procedure.solving import Workbench
 
 
+@pytest.fixture(autouse=True)
+def flights_that_fly_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Canned answers have no multipliers and know of no other mesh."""
+
+    def certify(problem: Problem, iterate: Iterate, evidence: Evidence, *_: object, **__: object) -> Certificate:
+        return Certificate("canned", evidence.audit.items)
+
+    monkeypatch.setattr(joint, "certify", certify)
+
+
 def canned(*verdicts: str) -> Workbench:
-    """Solvers that answer as told; meshes are not refined."""
+    """Solvers that answer as told; no other mesh is tried."""
     unrefined = dataclasses.replace(PLAN, mesh=MeshSettings(refinements_max=0))
     return Workbench(Canned(*verdicts), unrefined, Silent())
 

@@ -1,0 +1,120 @@
+"""What is measured of an optimum, and the certificate that it makes."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.optimal_control.audit import Audit, Tolerance, audit
+from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.hamiltonian import hamiltonian
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
+from airrace.procedure.settings import CertificateLimits
+from airrace.trajectory import Array
+
+RATE = "_dot"  # what the names of controls that move something end with
+MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is measured of an optimum besides what the solver says.
+
+    Attributes:
+        flown: its controls flown again.
+        audit: limits and gates on that flight.
+        drift: how far the Hamiltonian is from minus the weight of time, shape (N,).
+    """
+
+    flown: Replay
+    audit: Audit
+    drift: Array
+
+
+def examine(problem: Problem, iterate: Iterate, constraint_multipliers: Array, limits: CertificateLimits) -> Evidence:
+    """Measure an optimum."""
+    flown = replay(problem, iterate)
+    drift = np.abs(hamiltonian(problem, iterate, constraint_multipliers) + problem.objective.time)
+    measured = audit(problem, iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
+    return Evidence(flown, measured, drift)
+
+
+def certify(
+    problem: Problem,
+    iterate: Iterate,
+    evidence: Evidence,
+    limits: CertificateLimits,
+    *,
+    claim: Item,
+    status: str,
+    kkt_error: float,
+    coarser_race_time: float,
+) -> Certificate:
+    """The certificate of an optimum.
+
+    Args:
+        claim: what the solver says, as an item.
+        status: its own words.
+        kkt_error: of the conditions of optimality, scaled.
+        coarser_race_time: of the optimum on a mesh of at most half the intervals everywhere, s; NaN if there is none.
+    """
+    kkt = Item("kkt_error", kkt_error, limits.kkt_error, "scaled", "")
+    replayed, *between = evidence.audit.items
+    change = abs(float(iterate.durations.sum()) - coarser_race_time)
+    items = (
+        *(claim, kkt, replayed, _missed_gates(problem, iterate, limits), *between),
+        _hamiltonian(problem, iterate, evidence.drift, limits),
+        Item("race_time_change", change, limits.race_time, "s", "against a mesh of half the intervals"),
+        *variations(problem, iterate, limits),
+    )
+    return Certificate(status, items)
+
+
+def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
+    """What may be violated between nodes and at gates, by unit. Coefficients count as load factors.
+
+    The rows of a gate in unit "1" are sines and excesses of small angles, so their limit is that of gate angles.
+    """
+    return (
+        Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle, "attitude"),
+        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / MOMENT, limits.load_factor / MOMENT),
+        Tolerance("length", ("m",), limits.length, limits.gate_length),
+        Tolerance("angle", ("rad",), limits.angle, limits.gate_angle),
+        Tolerance("angular_rate", ("rad/s",), limits.angle, limits.gate_angle),
+        Tolerance("speed", ("m/s",), limits.speed, limits.speed),
+    )
+
+
+def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Iterator[Item]:
+    """Total variation per second of everything a pilot moves: what its bounded rate adds up to, whichever way."""
+    steps = interval_durations(problem, iterate.durations)
+    for quantity, rates in zip(problem.system.controls, iterate.control, strict=True):
+        fastest = max(-quantity.lower, quantity.upper)
+        if quantity.name.endswith(RATE) and math.isfinite(fastest):
+            name = quantity.name.removesuffix(RATE)
+            mean = float(np.abs(rates) @ steps / steps.sum())
+            yield Item(f"variation_{name}", mean, limits.variation * fastest, quantity.unit, "mean over the race")
+
+
+def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:
+    """How far beside its end each leg arrives when it is flown in one go: the largest of all lengths."""
+    lengths = [row for row, one in enumerate(problem.system.states) if one.unit == "m"]
+    missed = np.abs(replay_phases(problem, iterate)[lengths])
+    row, phase = np.unravel_index(int(missed.argmax()), missed.shape)
+    where = f"{problem.phases[int(phase)].name}, {problem.system.states[lengths[int(row)]].name}"
+    return Item("replay_gate", float(missed.max()), limits.replay_gate, "m", where)
+
+
+def _hamiltonian(problem: Problem, iterate: Iterate, drift: Array, limits: CertificateLimits) -> Item:
+    """The Hamiltonian's largest distance from -1."""
+    worst = int(drift.argmax())
+    time = float(interval_durations(problem, iterate.durations)[:worst].sum())
+    where = f"{problem.phase_of(worst).name}, {time:.2f} s"
+    return Item("hamiltonian_drift", float(drift.max()), limits.hamiltonian, "1", where)
+
+
+def failures(items: Sequence[Item]) -> str:
+    """Items that do not hold, for a sentence."""
+    return ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} ({item.where})" for item in items)

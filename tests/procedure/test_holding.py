@@ -1,0 +1,62 @@
+"""What it costs that controls are held."""
+
+import numpy as np
+import pytest
+from ladders import PLAN, climbed
+from races import SMALL, prepared
+from test_meshing import SYSTEM
+
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.refinement import restrict
+from airrace.optimal_control.service import SolverService
+from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.holding import foreseen, measured
+from airrace.procedure.joint import REFINED_BARRIER
+from airrace.procedure.progress import Silent
+from airrace.procedure.solving import Workbench
+from airrace.quantities import Interval
+
+WEIGHT = 0.25
+
+
+def held(*controls: float, seconds: float = 2.0) -> tuple[Problem, Iterate]:
+    phase = Phase("all", uniform(len(controls)), Interval(0.1, 9.0))
+    problem = Problem(SYSTEM, (), Boundary(), (phase,), objective=Objective(regularisation={"f": WEIGHT}))
+    return problem, Iterate(np.array([seconds]), np.zeros((2, len(controls) + 1)), np.array([controls]))
+
+
+def test_constant_controls_cost_nothing() -> None:
+    problem, iterate = held(3.0, 3.0, 3.0, 3.0)
+    assert (foreseen(problem, iterate) == 0.0).all()
+    assert (measured(problem, iterate, np.array([True, False, True, False, True])) == 0.0).all()
+
+
+def test_price_is_the_regularised_variance_within_the_coarser_interval() -> None:
+    problem, iterate = held(1.0, 5.0, 2.0, 2.0)
+    price = measured(problem, iterate, np.array([True, False, True, False, True]))
+    assert price == pytest.approx([1.0 * WEIGHT * 2.0**2, 0.0])
+
+
+def test_controls_that_vary_evenly_are_foreseen_as_they_will_be_measured() -> None:
+    """Where the finer mesh has the same slope: halves differ by half of what neighbours do."""
+    coarse, fine = held(0.0, 1.0, 2.0, 3.0), held(*(0.5 * np.arange(8) - 0.25))
+    kept = np.arange(9) % 2 == 0
+    assert foreseen(*coarse) == pytest.approx(measured(*fine, kept))
+
+
+def test_price_grows_with_time_weight_and_jump_squared() -> None:
+    usual, longer, higher = held(0.0, 1.0), held(0.0, 1.0, seconds=4.0), held(0.0, 3.0)
+    assert foreseen(*longer) == pytest.approx(2.0 * foreseen(*usual))
+    assert foreseen(*higher) == pytest.approx(9.0 * foreseen(*usual))
+
+
+def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
+    result, flight = climbed(SMALL)[0], prepared(SMALL)
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    mesh, guess = restrict(problem.mesh, iterate, result.mesh.coarser)
+    with SolverService() as service:
+        solution = Workbench(service, PLAN, Silent()).solve(flight.problem(mesh), guess, "", barrier=REFINED_BARRIER)
+    assert solution is not None
+    objective = result.trajectory.race_time + result.facts.regularisation
+    gained = solution.objective - objective
+    assert 0.1 * gained < measured(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained

@@ -1,0 +1,251 @@
+"""Which mesh comes next, decided from what is measured of an oscillator's flight."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from airrace.optimal_control.audit import Audit
+from airrace.optimal_control.integrators import RK4
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.replay import replay
+from airrace.procedure.certification import Evidence
+from airrace.procedure.meshing import CALM, PARTS_MAX, Draft, Solved, adapted, halved, mended, reconsidered
+from airrace.procedure.result import Why
+from airrace.procedure.settings import CertificateLimits
+from airrace.quantities import Interval, Quantity
+from airrace.system import System
+
+LIMITS = CertificateLimits()
+COUNTS = (12, 8)
+ANY = float("inf")
+
+
+def oscillator() -> System:
+    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 0)
+    return System(
+        name="oscillator",
+        states=(Quantity("x", "m"), Quantity("v", "m/s")),
+        controls=(Quantity("f", "N/kg"),),
+        parameters=(),
+        rates=ca.Function("rates", [x, u, p], [ca.vertcat(x[1], u - x[0])]),
+        path=(),
+        path_values=None,
+    )
+
+
+SYSTEM = oscillator()
+
+
+def flown(
+    marks: Mapping[str, Mapping[int, float]] | None = None, durations: tuple[float, float] = (2.0, 1.0)
+) -> Solved:
+    """A flight in two phases, calm but for marks: values of `drift`, `defect` or `excess` by interval."""
+    phases = tuple(
+        Phase(name, uniform(count), Interval(0.1, 9.0)) for name, count in zip(("out", "back"), COUNTS, strict=True)
+    )
+    problem = Problem(SYSTEM, (), Boundary("start"), phases)
+    N = problem.intervals
+    iterate = Iterate(np.array(durations), np.zeros((2, N + 1)), np.arange(float(N))[None, :])
+    measured = {name: np.zeros(N) for name in ("drift", "defect", "excess")}
+    for name, values in (marks or {}).items():
+        measured[name][list(values)] = list(values.values())
+    evidence = Evidence(replay(problem, iterate), Audit((), measured["defect"], measured["excess"]), measured["drift"])
+    return Solved(problem, iterate, Draft.first(problem, iterate), evidence)
+
+
+def counts(draft: Draft) -> list[int]:
+    return [len(phase) for phase in draft.mesh]
+
+
+def everywhere(value: float) -> Mapping[int, float]:
+    return dict.fromkeys(range(sum(COUNTS)), value)
+
+
+RESTLESS = everywhere(2.0 * CALM * LIMITS.hamiltonian)
+"""Too much for nodes to be dropped, too little for new ones."""
+
+
+def test_draft_fits_its_guess() -> None:
+    for draft in (halved(flown(), LIMITS), adapted(flown(), LIMITS, ANY)):
+        assert draft is not None
+        N = sum(counts(draft))
+        assert draft.guess.state.shape == (2, N + 1)
+        assert draft.guess.control.shape == (1, N)
+        assert draft.why.shape == (N,)
+        assert draft.coarser.shape == (N + 1,)
+        assert all(sum(phase) == pytest.approx(1.0) for phase in draft.mesh)
+
+
+# the first mesh
+
+
+def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
+    draft = adapted(flown(), LIMITS, ANY)
+    assert draft is not None
+    assert counts(draft) == [6, 4]
+    assert set(draft.why.tolist()) == {Why.CALM}
+    assert draft.guess.control[0].tolist() == [0.5 + 2.0 * index for index in range(10)]
+
+
+def test_nodes_are_dropped_only_where_any_length_will_do() -> None:
+    assert adapted(flown(), LIMITS, 0.1) is None
+
+
+@pytest.mark.parametrize("marks", [{"drift": RESTLESS}, {"excess": everywhere(0.2)}, {"defect": everywhere(0.4e-6)}])
+def test_mesh_with_something_going_on_is_left_alone(marks: Mapping[str, Mapping[int, float]]) -> None:
+    assert adapted(flown(marks), LIMITS, ANY) is None
+
+
+def test_few_dropped_nodes_are_not_worth_a_solve() -> None:
+    busy = dict.fromkeys(range(16), 2.0 * CALM * LIMITS.hamiltonian)
+    assert adapted(flown({"drift": busy}), LIMITS, ANY) is None
+
+
+def test_phase_keeps_a_few_intervals() -> None:
+    solved = flown()
+    for _ in range(5):
+        draft = adapted(solved, LIMITS, ANY)
+        if draft is None:
+            break
+        assert min(counts(draft)) >= 4
+        problem = replace(
+            solved.problem,
+            phases=tuple(
+                replace(phase, fractions=fractions)
+                for phase, fractions in zip(solved.problem.phases, draft.mesh, strict=True)
+            ),
+        )
+        still = np.zeros(problem.intervals)
+        evidence = Evidence(replay(problem, draft.guess), Audit((), still, still), still)
+        solved = Solved(problem, draft.guess, draft, evidence)
+    assert draft is None
+
+
+def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
+    draft = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}), LIMITS, ANY)
+    assert draft is not None
+    parts = 4  # more than four times what is wanted of it
+    assert counts(draft) == [9 + 3 * parts, 8]
+    assert (draft.why == Why.HAMILTONIAN).sum() == 3 * parts
+    steps = np.concatenate(draft.mesh)[: 9 + 3 * parts] * 12
+    assert steps[:4] == pytest.approx(np.ones(4))
+    assert steps[4 : 4 + 3 * parts] == pytest.approx(np.full(3 * parts, 1 / parts))
+
+
+def test_one_look_at_the_neighbours_does_not_cross_a_busy_place() -> None:
+    """What is cut is not joined at the same time, nor is what lies beside it."""
+    draft = adapted(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}}), LIMITS, ANY)
+    assert draft is not None
+    shares = np.concatenate(draft.mesh[:1]) * 12
+    cut = np.flatnonzero(shares < 0.9)
+    assert shares[cut[0] - 1] == pytest.approx(1.0)
+    assert shares[cut[-1] + 1] == pytest.approx(1.0)
+
+
+# the halved one
+
+
+def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
+    draft = halved(flown(), LIMITS)
+    assert counts(draft) == [24, 16]
+    assert draft.coarser.tolist() == [True, False] * 20 + [True]
+    assert set(draft.why.tolist()) == {Why.FIRST}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "parts", "why"),
+    [
+        ("defect", 1.1e-6, 2, Why.INTEGRATION),
+        ("defect", 1e-4, 3, Why.INTEGRATION),
+        ("defect", 1.0, PARTS_MAX, Why.INTEGRATION),
+        ("defect", np.nan, PARTS_MAX, Why.INTEGRATION),
+        ("excess", 1.1, 2, Why.LIMITS),
+        ("excess", 5.0, 4, Why.LIMITS),
+        ("drift", 0.03, 2, Why.HAMILTONIAN),
+        ("drift", 0.1, 4, Why.HAMILTONIAN),
+    ],
+)
+def test_interval_is_cut_into_what_it_needs(name: str, value: float, parts: int, why: Why) -> None:
+    draft = halved(flown({name: {5: value}}), LIMITS)
+    nodes = np.flatnonzero(draft.coarser)
+    into = np.diff(nodes)
+    assert into[5] == parts
+    assert into.min() == 2
+    assert set(draft.why[nodes[5] : nodes[6]].tolist()) == {why}
+    # What is wrong in an interval may move into the next; an integration error does so less than in full.
+    assert set(np.flatnonzero(into > 2).tolist()) <= {4, 5, 6}
+    assert into[[4, 6]].max() <= parts
+
+
+def test_more_accurate_integrator_needs_fewer_parts() -> None:
+    """The prediction takes the order from the scheme: of order 4, an error of 1e-4 takes one part more."""
+    solved = flown({"defect": {5: 1e-4}})
+    less = replace(solved, problem=replace(solved.problem, scheme=RK4))
+    assert sum(counts(halved(less, LIMITS))) > sum(counts(halved(solved, LIMITS)))
+
+
+# mending
+
+
+def test_nothing_wrong_is_not_mended() -> None:
+    assert mended(flown(), LIMITS) is None
+
+
+def test_mended_mesh_remembers_the_coarser_one() -> None:
+    solved = flown({"excess": {4: 1.5}})
+    first = solved.draft.coarser.copy()
+    first[1::2] = False
+    solved = replace(solved, draft=replace(solved.draft, coarser=first))
+    draft = mended(solved, LIMITS)
+    assert draft is not None
+    assert counts(draft) == [15, 8]
+    assert draft.coarser.sum() == first.sum()
+    shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
+    before = np.concatenate([[0.0], np.cumsum(np.concatenate(solved.problem.mesh))])
+    assert shares[draft.coarser] == pytest.approx(before[first])
+
+
+# a race time that changed
+
+
+def finer(before: Solved, gained: float, **varied: float) -> Solved:
+    """The halved mesh, on which the controls differ within some intervals of the mesh before: `i5=2.0` by two."""
+    draft = halved(before, LIMITS)
+    phases = tuple(
+        replace(phase, fractions=fractions) for phase, fractions in zip(before.problem.phases, draft.mesh, strict=True)
+    )
+    objective = Objective(regularisation={"f": 1.0})
+    problem = replace(before.problem, phases=phases, objective=objective)
+    control = np.zeros((1, problem.intervals))
+    for name, difference in varied.items():
+        control[0, 2 * int(name[1:])] = difference
+    iterate = replace(draft.guess, durations=draft.guess.durations * (1.0 - gained / 3.0), control=control)
+    return Solved(problem, iterate, draft, before.evidence)
+
+
+def test_intervals_that_gained_stay_fine_with_their_neighbours_and_the_others_go_back() -> None:
+    before = flown()
+    again = reconsidered(finer(before, 0.02, i5=2.0, i17=0.1), before, LIMITS)
+    assert counts(again) == [12 + 3, 8]
+    assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(4, 10))
+    assert again.coarser.all()
+
+
+def test_so_many_intervals_stay_fine_that_the_others_gain_half_of_what_is_allowed() -> None:
+    """Of 20 ms all but 2.5 ms: seven of eight that gain alike, with their neighbours."""
+    alike = {f"i{index}": 1.0 for index in (1, 3, 5, 7, 9, 11)} | {f"i{index}": np.sqrt(1.5) for index in (13, 17)}
+    before = flown()
+    again = reconsidered(finer(before, 0.02, **alike), before, LIMITS)
+    cut = sum(counts(again)) - sum(COUNTS)
+    assert cut < sum(COUNTS)
+    slight = reconsidered(finer(before, 0.0051, **alike), before, LIMITS)
+    assert sum(counts(slight)) < sum(counts(again))
+
+
+def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
+    before = flown()
+    again = reconsidered(finer(before, 0.02), before, LIMITS)
+    assert sum(counts(again)) > 1.8 * sum(COUNTS)
