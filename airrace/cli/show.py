@@ -10,6 +10,7 @@ def show(run_file: RunFile, as_json: AsJson = False) -> None:
     """Show stages, times and certificates."""
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
+        from airrace.cli.mesh_table import mesh_table
         from airrace.cli.summary import is_certified, run_object
         from airrace.cli.tables import rendered, result_tables, stages_table
 
@@ -20,4 +21,6 @@ def show(run_file: RunFile, as_json: AsJson = False) -> None:
         answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
         answer.texts.append(rendered(stages_table(results)) if results else "no stage is finished yet")
         answer.texts.extend(f"{result.stage.value}: {result.message}" for result in results if result.message)
-        answer.texts.extend(rendered(table) for result in results for table in result_tables(result))
+        for result in results:
+            meshes = [mesh_table(result)] if len(result.mesh.why) else []
+            answer.texts.extend(rendered(table) for table in [*result_tables(result), *meshes])

@@ -1,12 +1,14 @@
 """What a run came to: the object printed with `--json` and the exit code its stages deserve."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 
 from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode, worst
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import Outcome, StageResult, Why
 
 _CODES = {
     Outcome.SOLVED: ExitCode.DONE,
@@ -15,6 +17,17 @@ _CODES = {
     Outcome.INFEASIBLE: ExitCode.INFEASIBLE,
     Outcome.TIMEOUT: ExitCode.TIMEOUT,
 }
+
+
+REASONS: Mapping[Why, str] = {
+    Why.FIRST: "first mesh",
+    Why.CALM: "calm",
+    Why.INTEGRATION: "replay",
+    Why.LIMITS: "limits",
+    Why.HAMILTONIAN: "hamiltonian",
+    Why.RACE_TIME: "race time",
+}
+"""What the intervals of a mesh were last cut, or joined, for."""
 
 
 def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
@@ -68,7 +81,23 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "derivatives_s": finite(result.timings.derivatives),
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
+        "mesh": mesh_object(result),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
+    }
+
+
+def mesh_object(result: StageResult) -> dict[str, object] | None:
+    """Where the nodes of a mesh went; None where nothing was measured."""
+    steps, record = np.diff(result.trajectory.time), result.mesh
+    if not len(record.why):
+        return None
+    counts = np.bincount(record.why, minlength=len(Why)).tolist()
+    return {
+        "intervals": len(steps),
+        "intervals_of_coarser_mesh": int(record.coarser.sum()) - 1,
+        "shortest_s": float(steps.min()),
+        "longest_s": float(steps.max()),
+        "why": {REASONS[why]: counts[why] for why in Why},
     }
 
 
