@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited, restrict, widened
+from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.certification import Evidence
 from airrace.procedure.holding import foreseen, measured
 from airrace.procedure.result import Why
@@ -27,7 +28,7 @@ NEARBY = 0.1  # of the integration error beside an interval: on a finer mesh, wh
 FAR_OFF = 2.0  # times its limit: where the Hamiltonian is so far from -1, halving alone would change the race time
 UNDERRATED = 3.0  # the price of holding the controls is, seen from a coarse mesh
 CALM = 1 / 40  # of the limit of the Hamiltonian: less than that, and half of the nodes will do
-AT_REST = 1 / 8  # of a limit: an excess between nodes becomes four times as much when a node is dropped
+AT_REST = 1 / 32  # of a limit: an excess between nodes becomes four times as much when a node is dropped
 PARTS_MAX = 6
 WORTHWHILE = 0.85  # of the nodes: if no more than that are left, a mesh is made coarser for that alone
 FEWEST = 4  # intervals in a phase that are left
@@ -117,16 +118,27 @@ def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
 def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> Draft:
     """A better first mesh from an optimum whose race time has changed too much from that on the mesh before: what is
     taken to have changed it most stays as fine as it is, all else becomes what it was."""
-    price = measured(optimum.problem, optimum.iterate, optimum.draft.coarser)
-    gained = abs(before.race_time - optimum.race_time)
-    share = price / price.sum() if price.any() else np.full(len(price), 1.0 / len(price))
-    dearest = widened(_dearest(gained * share, SAFETY * limits.race_time))
+    share = _changed_by(optimum, before)
+    changed = abs(before.race_time - optimum.race_time)
+    dearest = widened(_dearest(changed * share, SAFETY * limits.race_time))
     fine = dearest[np.cumsum(optimum.draft.coarser[:-1]) - 1]
     kept = optimum.draft.coarser.copy()
     kept[:-1] |= fine
     why = np.where(fine, Why.RACE_TIME, optimum.draft.why).astype(np.int8)
     draft = Draft(optimum.draft.mesh, optimum.iterate, why, optimum.draft.coarser)
     return _restricted(draft, kept)
+
+
+def _changed_by(optimum: Solved, before: Solved) -> Array:
+    """Shares of the intervals of the mesh before in the change of race time; shape (N before,).
+
+    A finer mesh is faster, for it holds the controls less long; or slower, for limits are kept at more nodes.
+    """
+    if optimum.race_time < before.race_time:
+        price = measured(optimum.problem, optimum.iterate, optimum.draft.coarser)
+    else:
+        price = before.evidence.audit.excess * interval_durations(before.problem, before.iterate.durations)
+    return price / price.sum() if price.any() else np.full(len(price), 1.0 / len(price))
 
 
 def _dearest(price: Array, limit: float) -> Marks:
@@ -149,7 +161,7 @@ def _needed(optimum: Solved, limits: CertificateLimits) -> tuple[Indices, NDArra
     wanted = [
         (Why.INTEGRATION, integration),
         (Why.LIMITS, _stepped(_worst_nearby(evidence.audit.excess), 1.0)),
-        (Why.HAMILTONIAN, _stepped(_worst_nearby(evidence.drift), limits.hamiltonian)),
+        (Why.HAMILTONIAN, np.where(_worst_nearby(evidence.drift) <= limits.hamiltonian, 1.0, 4.0)),  # it falls slowly
     ]
     return _most(optimum, wanted)
 

@@ -164,7 +164,7 @@ def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
         ("defect", np.nan, PARTS_MAX, Why.INTEGRATION),
         ("excess", 1.1, 2, Why.LIMITS),
         ("excess", 5.0, 4, Why.LIMITS),
-        ("drift", 0.03, 2, Why.HAMILTONIAN),
+        ("drift", 0.03, 4, Why.HAMILTONIAN),
         ("drift", 0.1, 4, Why.HAMILTONIAN),
     ],
 )
@@ -243,6 +243,13 @@ def test_so_many_intervals_stay_fine_that_the_others_gain_half_of_what_is_allowe
     assert cut < sum(COUNTS)
     slight = reconsidered(finer(before, 0.0051, **alike), before, LIMITS)
     assert sum(counts(slight)) < sum(counts(again))
+
+
+def test_time_lost_to_limits_kept_at_more_nodes_makes_fine_where_they_were_left() -> None:
+    left = flown({"excess": {3: 0.5, 4: 0.5, 15: 0.001}})
+    again = reconsidered(finer(left, -0.006), left, LIMITS)
+    assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(2, 10))
+    assert counts(again) == [16, 8]
 
 
 def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
