@@ -33,11 +33,20 @@ class Scatter:
             self._entries.append((columns[off], rows[off], weights[off], sources[off] + self._offset))
 
     def matrix(self) -> ca.MX:
-        """The matrix as a sparse expression."""
+        """As a sparse expression: every contribution is picked from its source, those that meet are added."""
         rows, columns, weights, sources = (np.concatenate(parts) for parts in zip(*self._entries, strict=True))
-        places, nonzero = np.unique(columns * self._shape[0] + rows, return_inverse=True)
-        column_of, row_of = np.divmod(places, self._shape[0])
-        pattern = ca.Sparsity.triplet(*self._shape, row_of.tolist(), column_of.tolist())
-        total = sum(one.numel() for one in self._expressions)
-        weight = ca.DM.triplet(nonzero.tolist(), sources.tolist(), ca.DM(weights), len(places), total)
-        return ca.MX(pattern, ca.mtimes(ca.MX(weight), ca.vertcat(*self._expressions)))
+        places = columns * self._shape[0] + rows
+        order = np.argsort(places, kind="stable")
+        first = np.concatenate([[True], np.diff(places[order]) > 0])
+        nonzero = np.cumsum(first) - 1
+        turn = np.arange(len(order)) - np.flatnonzero(first)[nonzero]  # how many come before it at the same place
+        column_of, row_of = np.divmod(places[order[first]], self._shape[0])
+        begins = np.searchsorted(column_of, np.arange(self._shape[1] + 1))
+        drawn, count = ca.vertcat(*self._expressions), len(row_of)
+        values = ca.MX(0.0)
+        for number in range(int(turn.max()) + 1):
+            taken = turn == number
+            picked = drawn[sources[order[taken]].tolist()] * ca.DM(weights[order[taken]])
+            at = ca.Sparsity(count, 1, [0, int(taken.sum())], nonzero[taken].tolist())
+            values += ca.densify(ca.MX(at, picked)) if number else picked
+        return ca.MX(ca.Sparsity(*self._shape, begins.tolist(), row_of.tolist()), values)
