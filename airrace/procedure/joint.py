@@ -20,7 +20,7 @@ from airrace.procedure.result import NO_FACTS, Facts, MeshRecord, Outcome, Stage
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
 
-ADAPTATIONS_MAX = 2  # of a first mesh, before its intervals are halved
+ADAPTATIONS_MAX = 2  # of a first mesh that is not wrong, before its intervals are halved
 COLD_BARRIER = 0.1
 PIECED_BARRIER = 1e-2  # of a solve that starts from assembled pieces
 HANDOVER_BARRIER = 1e-4  # of one that starts from another stage: more leads astray and back, in twice the iterations
@@ -105,7 +105,8 @@ def _following(
 ) -> tuple[Draft | None, Solved | None]:
     """The next mesh, None if none would help; and the optimum whose race time the next one is compared with."""
     if coarser is None:
-        better = adapted(optimum, limits, longest) if refinement < ADAPTATIONS_MAX else None
+        early = refinement < ADAPTATIONS_MAX
+        better = adapted(optimum, limits, early=early, joining=early and math.isinf(longest))
         return (halved(optimum, limits), optimum) if better is None else (better, None)
     if abs(optimum.race_time - coarser.race_time) > limits.race_time:
         return reconsidered(optimum, coarser, limits), None

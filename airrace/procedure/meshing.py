@@ -5,7 +5,6 @@ least. What the finer optimum gains in race time is what a mesh still does to th
 intervals that gained go back into the first mesh as fine as they are now.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Self
 
@@ -31,6 +30,8 @@ CALM = 1 / 40  # of the limit of the Hamiltonian: less than that, and half of th
 AT_REST = 1 / 32  # of a limit: an excess between nodes becomes four times as much when a node is dropped
 PARTS_MAX = 6
 WORTHWHILE = 0.85  # of the nodes: if no more than that are left, a mesh is made coarser for that alone
+UNTRUE = 1e-2  # scaled, of a replay: an optimum that is so far off in an interval is made of what is wrong there
+LONGEST_JOINED = 0.4  # s
 FEWEST = 4  # intervals in a phase that are left
 
 
@@ -71,23 +72,25 @@ class Solved:
         return float(self.iterate.durations.sum())
 
 
-def adapted(optimum: Solved, limits: CertificateLimits, longest: float) -> Draft | None:
+def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining: bool) -> Draft | None:
     """A better first mesh, None if the one there is will do.
 
     Args:
-        longest: s, of an interval; nodes are dropped only where any length will do.
+        early: whether a mesh that is merely not good yet is worth another solve.
+        joining: whether nodes may be dropped.
     """
-    drift = optimum.evidence.drift
-    price = UNDERRATED * foreseen(optimum.problem, optimum.iterate)
+    drift, price = optimum.evidence.drift, UNDERRATED * foreseen(optimum.problem, optimum.iterate)
+    untrue = ~(optimum.evidence.audit.defect <= UNTRUE)
     wanted = [
+        (Why.INTEGRATION, np.where(widened(untrue), 4.0, 1.0)),
         (Why.HAMILTONIAN, _stepped(_worst_nearby(drift), SAFETY * limits.hamiltonian)),
         (Why.RACE_TIME, np.where(_dearest(price, SAFETY * limits.race_time), 2.0, 1.0)),
     ]
     parts, why = _most(optimum, wanted)
-    joined = _calm_pairs(optimum, parts, limits) if math.isinf(longest) else np.zeros(len(parts), dtype=np.bool_)
-    needed = bool((drift > FAR_OFF * limits.hamiltonian).any()) or price.sum() > limits.race_time
+    joined = _calm_pairs(optimum, parts, limits) if joining else np.zeros(len(parts), dtype=np.bool_)
+    far_off = bool((drift > FAR_OFF * limits.hamiltonian).any()) or price.sum() > limits.race_time
     worthwhile = parts.sum() - joined.sum() < WORTHWHILE * len(parts)
-    if not needed and not worthwhile:
+    if not untrue.any() and not (early and far_off) and not worthwhile:
         return None
     divided = _divided(optimum, parts, why)
     dropped = np.flatnonzero(joined) + 1
@@ -192,6 +195,7 @@ def _calm_pairs(optimum: Solved, parts: Indices, limits: CertificateLimits) -> M
     problem, evidence = optimum.problem, optimum.evidence
     busy = (
         widened(parts > 1)
+        | (interval_durations(problem, optimum.iterate.durations) > 0.5 * LONGEST_JOINED)
         | (_worst_nearby(evidence.drift) >= CALM * limits.hamiltonian)
         | (evidence.audit.defect >= 0.5 * SAFETY * limits.replay)
         | (evidence.audit.excess >= AT_REST)

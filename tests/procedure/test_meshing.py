@@ -20,7 +20,6 @@ from airrace.system import System
 
 LIMITS = CertificateLimits()
 COUNTS = (12, 8)
-ANY = float("inf")
 
 
 def oscillator() -> System:
@@ -69,7 +68,7 @@ RESTLESS = everywhere(2.0 * CALM * LIMITS.hamiltonian)
 
 
 def test_draft_fits_its_guess() -> None:
-    for draft in (halved(flown(), LIMITS), adapted(flown(), LIMITS, ANY)):
+    for draft in (halved(flown(), LIMITS), adapted(flown(), LIMITS, early=True, joining=True)):
         assert draft is not None
         N = sum(counts(draft))
         assert draft.guess.state.shape == (2, N + 1)
@@ -83,7 +82,7 @@ def test_draft_fits_its_guess() -> None:
 
 
 def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
-    draft = adapted(flown(), LIMITS, ANY)
+    draft = adapted(flown(), LIMITS, early=True, joining=True)
     assert draft is not None
     assert counts(draft) == [6, 4]
     assert set(draft.why.tolist()) == {Why.CALM}
@@ -91,23 +90,23 @@ def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
 
 
 def test_nodes_are_dropped_only_where_any_length_will_do() -> None:
-    assert adapted(flown(), LIMITS, 0.1) is None
+    assert adapted(flown(), LIMITS, early=True, joining=False) is None
 
 
 @pytest.mark.parametrize("marks", [{"drift": RESTLESS}, {"excess": everywhere(0.2)}, {"defect": everywhere(0.4e-6)}])
 def test_mesh_with_something_going_on_is_left_alone(marks: Mapping[str, Mapping[int, float]]) -> None:
-    assert adapted(flown(marks), LIMITS, ANY) is None
+    assert adapted(flown(marks), LIMITS, early=True, joining=True) is None
 
 
 def test_few_dropped_nodes_are_not_worth_a_solve() -> None:
     busy = dict.fromkeys(range(16), 2.0 * CALM * LIMITS.hamiltonian)
-    assert adapted(flown({"drift": busy}), LIMITS, ANY) is None
+    assert adapted(flown({"drift": busy}), LIMITS, early=True, joining=True) is None
 
 
 def test_phase_keeps_a_few_intervals() -> None:
     solved = flown()
     for _ in range(5):
-        draft = adapted(solved, LIMITS, ANY)
+        draft = adapted(solved, LIMITS, early=True, joining=True)
         if draft is None:
             break
         assert min(counts(draft)) >= 4
@@ -125,7 +124,7 @@ def test_phase_keeps_a_few_intervals() -> None:
 
 
 def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
-    draft = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}), LIMITS, ANY)
+    draft = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
     assert draft is not None
     parts = 4  # more than four times what is wanted of it
     assert counts(draft) == [9 + 3 * parts, 8]
@@ -137,12 +136,30 @@ def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
 
 def test_one_look_at_the_neighbours_does_not_cross_a_busy_place() -> None:
     """What is cut is not joined at the same time, nor is what lies beside it."""
-    draft = adapted(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}}), LIMITS, ANY)
+    draft = adapted(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
     assert draft is not None
     shares = np.concatenate(draft.mesh[:1]) * 12
     cut = np.flatnonzero(shares < 0.9)
     assert shares[cut[0] - 1] == pytest.approx(1.0)
     assert shares[cut[-1] + 1] == pytest.approx(1.0)
+
+
+def test_late_only_what_is_wrong_is_worth_another_solve() -> None:
+    far_off = flown({"drift": {5: 0.5}})
+    assert adapted(far_off, LIMITS, early=True, joining=False) is not None
+    assert adapted(far_off, LIMITS, early=False, joining=False) is None
+    wrong = adapted(flown({"defect": {5: 0.02}}), LIMITS, early=False, joining=False)
+    assert wrong is not None
+    assert counts(wrong) == [9 + 3 * 4, 8]
+    assert (wrong.why == Why.INTEGRATION).sum() == 12
+
+
+@pytest.mark.parametrize(("durations", "left"), [((12.0, 1.0), [12, 4]), ((2.0, 12.0), [6, 8])])
+def test_no_interval_is_joined_beyond_a_length(durations: tuple[float, float], left: list[int]) -> None:
+    """Intervals of a second or more stay as they are."""
+    draft = adapted(flown(durations=durations), LIMITS, early=True, joining=True)
+    assert draft is not None
+    assert counts(draft) == left
 
 
 # the halved one
