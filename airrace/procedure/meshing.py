@@ -23,7 +23,7 @@ from airrace.trajectory import Array
 
 SAFETY = 0.5  # of a limit: what a mesh is made to keep, by prediction
 SAFETY_OF_ORDER = 0.2  # likewise of the replay: on a coarse mesh the integrator is not yet of its order
-NEARBY = 0.1  # of the integration error beside an interval: on a finer mesh, what is jerked there may move by one
+NEARBY = 0.1  # of the integration error beside an interval is expected in it on a mesh of half the intervals
 FAR_OFF = 2.0  # times its limit: where the Hamiltonian is so far from -1, halving alone would change the race time
 UNDERRATED = 3.0  # the price of holding the controls is, seen from a coarse mesh
 CALM = 1 / 40  # of the limit of the Hamiltonian: less than that, and half of the nodes will do
@@ -101,7 +101,7 @@ def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining:
 
 def halved(optimum: Solved, limits: CertificateLimits) -> Draft:
     """All intervals halved at least, and cut into as many parts as they are expected to need."""
-    parts, why = _needed(optimum, limits)
+    parts, why = _needed(optimum, limits, nearby=NEARBY)
     parts = np.maximum(parts, 2)
     divided = _divided(optimum, parts, why)
     return Draft(divided.mesh, divided.guess, divided.why, inherited(parts))
@@ -109,7 +109,7 @@ def halved(optimum: Solved, limits: CertificateLimits) -> Draft:
 
 def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
     """Finer where something is wrong between nodes; None if nothing is."""
-    parts, why = _needed(optimum, limits)
+    parts, why = _needed(optimum, limits, nearby=1.0)
     if (parts == 1).all():
         return None
     divided = _divided(optimum, parts, why)
@@ -154,11 +154,15 @@ def _dearest(price: Array, limit: float) -> Marks:
     return dearest
 
 
-def _needed(optimum: Solved, limits: CertificateLimits) -> tuple[Indices, NDArray[np.int8]]:
-    """How many parts every interval needs for each indicator to keep its limit, and for which of them."""
+def _needed(optimum: Solved, limits: CertificateLimits, *, nearby: float) -> tuple[Indices, NDArray[np.int8]]:
+    """How many parts every interval needs for each indicator to keep its limit, and for which of them.
+
+    Args:
+        nearby: how much of the integration error beside an interval is expected in it.
+    """
     evidence = optimum.evidence
     order = optimum.problem.scheme.order + 1  # of what is left in one interval
-    defect = np.maximum(evidence.audit.defect, NEARBY * _worst_nearby(evidence.audit.defect))
+    defect = np.maximum(evidence.audit.defect, nearby * _worst_nearby(evidence.audit.defect))
     integration = np.ceil((defect / (SAFETY_OF_ORDER * limits.replay)) ** (1 / order))
     integration = np.where(defect <= limits.replay, 1, np.maximum(integration, 2))
     wanted = [
