@@ -8,7 +8,7 @@ import pytest
 from known_flights import SYSTEM, exact, flight, problem
 
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
+from airrace.optimal_control.replay import SAMPLES, interval_durations, replay, replay_phases
 
 EXACT = 1e-8
 SCALES = np.array([quantity.scale for quantity in SYSTEM.states])
@@ -87,3 +87,41 @@ def test_defect_of_one_interval_does_not_depend_on_the_others() -> None:
 def test_system_without_path_quantities_has_no_path() -> None:
     bare = replace(problem(), system=replace(SYSTEM, path=(), path_values=None))
     assert replay(bare, flight(bare)).path.shape == (0, bare.intervals, SAMPLES + 1)
+
+
+# whole phases
+
+MILLIMETRE = 1e-3  # what hundreds of intervals at the looser tolerance may add up to
+
+
+def test_exact_flight_ends_every_phase_where_it_should() -> None:
+    assert np.abs(replay_phases(problem(), flight(problem()))).max() < 1e-6
+
+
+@pytest.mark.parametrize("interval", range(problem().intervals))
+def test_tampered_control_shows_at_the_end_of_its_phase_as_the_flight_goes_on_from_it(interval: int) -> None:
+    stated, flown = problem(), flight(problem())
+    control = flown.control.copy()
+    control[0, interval] += 0.05
+    missed = replay_phases(stated, replace(flown, control=control))
+    first, last = (0, 3) if interval < 3 else (3, 5)
+    x = flown.state[:, first]
+    for number, step in enumerate(interval_durations(stated, flown.durations)[first:last], start=first):
+        x = exact(x, float(control[0, number]), step)
+    phase = 0 if interval < 3 else 1
+    assert missed[:, phase] == pytest.approx(x - flown.state[:, last], abs=1e-6)
+    assert np.abs(missed[:, 1 - phase]).max() < 1e-6
+
+
+@pytest.mark.parametrize("node", [1, 2, 4])
+def test_state_within_a_phase_does_not_matter(node: int) -> None:
+    """The flight starts anew at the beginnings of the phases alone."""
+    stated, flown = problem(), flight(problem())
+    state = flown.state.copy()
+    state[:, node] += 3.0
+    assert np.abs(replay_phases(stated, replace(flown, state=state))).max() < 1e-6
+
+
+def test_long_phase_of_many_intervals_is_flown_within_a_millimetre() -> None:
+    many = problem((1 / 400,) * 400, (1 / 300,) * 300)
+    assert np.abs(replay_phases(many, flight(many))).max() < MILLIMETRE
