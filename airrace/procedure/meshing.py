@@ -31,7 +31,7 @@ AT_REST = 1 / 32  # of a limit: an excess between nodes becomes four times as mu
 PARTS_MAX = 6
 WORTHWHILE = 0.85  # of the nodes: if no more than that are left, a mesh is made coarser for that alone
 UNTRUE = 1e-2  # scaled, of a replay: an optimum that is so far off in an interval is made of what is wrong there
-LONGEST_JOINED = 0.4  # s
+LONGEST_JOINED = 0.6  # s
 FEWEST = 4  # intervals in a phase that are left
 
 
