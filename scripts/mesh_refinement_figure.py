@@ -17,7 +17,7 @@ from airrace.procedure.result import Why
 
 BLUE, ORANGE, BLACK, GREY = "#0072b2", "#d55e00", "#222222", "#777777"
 DOTS_PER_INCH = 110
-LEAST = 1e-3  # ms, of an error that is drawn
+LEAST = 5e-3  # ms, of an error that is drawn
 REASONS = {
     Why.FIRST: ("first mesh", "#999999"),
     Why.CALM: ("joined where calm", "#009e73"),
@@ -26,7 +26,7 @@ REASONS = {
     Why.INTEGRATION: ("replay", "#56b4e9"),
     Why.LIMITS: ("limits", "#e69f00"),
 }
-"""Whose intervals are drawn in which colour."""
+TITLE = "intervals of the answer, by what they were last made shorter or longer for"
 
 Value = Callable[[Comparison, Measured], float]
 
@@ -76,7 +76,9 @@ def draw(courses: Sequence[Comparison], path: Path) -> None:
     upper.legend(*labels, loc="outside upper center", ncols=columns, frameon=False)
     intervals = lower.subplots()
     draw_intervals(intervals, courses[0])
-    lower.legend(*intervals.get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
+    lower.legend(
+        *intervals.get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, title=TITLE
+    )
     for axes in figure.axes:
         axes.grid(color="#e6e6e6", linewidth=0.6)
         axes.set_axisbelow(True)
@@ -115,7 +117,7 @@ def draw_intervals(axes: Axes, course: Comparison) -> None:
             axes.semilogy(middle[mine], steps[mine], ".", color=colour, markersize=5, label=label, linestyle="none")
     first = course.as_accurate("both")
     one = first or course.uniform[-1]
-    text = f"{'as accurate' if first else 'less accurate'}: {one.nodes} uniform nodes"
+    text = f"{one.nodes} uniform nodes, {'as accurate' if first else 'still less accurate'}"
     axes.axhline(one.spacing, color=ORANGE, linestyle="--", linewidth=1.2, label=text)
     for split in course.result.splits:
         axes.axvline(split.time, color=BLACK, linewidth=0.6, linestyle=":")
