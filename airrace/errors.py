@@ -46,6 +46,10 @@ class StorageError(AirraceError):
     """The system refused: disk full, no permission, no memory."""
 
 
+class ClusterError(AirraceError):
+    """A cluster's scheduler cannot be reached, or it or its workers cannot be used."""
+
+
 class SolverCrash(AirraceError):
     """The solver process died or stopped answering."""
 

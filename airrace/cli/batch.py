@@ -7,12 +7,16 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson, LastStage, Overrides, Quiet, SettingsFile
+from airrace.errors import UsageError
+
+if TYPE_CHECKING:
+    from airrace.batch.executor import Executor
 
 JOB_COMMAND = (sys.executable, "-m", "airrace.cli.batch_job")
 """What runs a job in a process of its own."""
@@ -39,6 +43,9 @@ def batch(
     until: LastStage = None,
     jobs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Jobs at a time; by default all cores.")] = None,
     out_dir: Annotated[Path, typer.Option(metavar="DIR", help="Where checkpoints and records lie.")] = Path("batch"),
+    cluster: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask.distributed cluster (tcp://scheduler:8786).")
+    ] = None,
     timeout: Annotated[
         float | None, typer.Option(min=0.1, metavar="SECONDS", help="Stop a job that takes longer.")
     ] = None,
@@ -65,14 +72,13 @@ def batch(
     """
     with answering({"certified": False, "jobs": []}, as_json=as_json) as answer:
         from airrace.batch.cache import Choice
-        from airrace.batch.local import LocalExecutor
         from airrace.batch.lock import locked
         from airrace.batch.planning import make_plan
         from airrace.batch.sources import Manner, find_sources, parse_sweeps
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_live import watching_batch
-        from airrace.cli.running import available_cores, library_versions, stage_named
+        from airrace.cli.running import library_versions, stage_named
 
         started = time.perf_counter()
         choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
@@ -87,14 +93,28 @@ def batch(
             describe_plan(answer, plan, quiet=quiet)
             return
         reports = Reports(csv_file, junit_file, markdown_file)
-        with locked(out_dir):
+        with _executor(cluster, jobs, timeout) as executor, locked(out_dir):
             plan = make_plan(sources, out_dir, until=last, versions=versions, choice=choice)
             reports.ensure_writable(plan)
             policy = Policy(timeout, retries, choice)
-            executor = LocalExecutor(JOB_COMMAND, jobs or available_cores())
-            with stopping() as stop_asked, executor, watching_batch(quiet=quiet) as watcher:
+            with stopping() as stop_asked, watching_batch(quiet=quiet) as watcher:
                 results = supervise(plan, executor, policy, watcher, stop_asked=stop_asked)
             answer_with(answer, plan, results, reports, wall=time.perf_counter() - started, quiet=quiet)
+
+
+def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "Executor":
+    """Who flies the jobs: this machine, or a cluster, which is given as long to have a worker as a job has to end."""
+    from airrace.cli.running import available_cores, library_versions
+
+    if cluster is None:
+        from airrace.batch.local import LocalExecutor
+
+        return LocalExecutor(JOB_COMMAND, jobs or available_cores())
+    try:
+        from airrace.batch.cluster import WORKERS_WAIT, ClusterExecutor
+    except ModuleNotFoundError as error:
+        raise UsageError("--cluster needs dask.distributed: pip install 'airrace[cluster]'") from error
+    return ClusterExecutor(cluster, JOB_COMMAND[1:], library_versions(), jobs, timeout or WORKERS_WAIT)
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from enum import IntEnum
 
-from airrace.errors import CheckpointError, InputError, SolverCrash, StorageError, UsageError
+from airrace.errors import CheckpointError, ClusterError, InputError, SolverCrash, StorageError, UsageError
 
 
 class ExitCode(IntEnum):
@@ -52,7 +52,7 @@ def of_error(error: BaseException) -> ExitCode:
             return ExitCode.INVALID_INPUT
         case CheckpointError():
             return ExitCode.BAD_CHECKPOINT
-        case StorageError() | SolverCrash() | MemoryError() | OSError():
+        case StorageError() | ClusterError() | SolverCrash() | MemoryError() | OSError():
             return ExitCode.SYSTEM
         case _:
             return ExitCode.BUG

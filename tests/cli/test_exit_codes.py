@@ -12,6 +12,7 @@ EXPECTED = {
     errors.UsageError("x"): 2,
     errors.CheckpointError("x"): 7,
     errors.StorageError("x"): 8,
+    errors.ClusterError("x"): 8,
     errors.SolverCrash("x"): 8,
     MemoryError(): 8,
     OSError(28, "no space"): 8,

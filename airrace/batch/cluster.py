@@ -1,0 +1,284 @@
+"""Jobs on a cluster: tasks of dask.distributed, which decides where each of them runs.
+
+    submit -> scheduler -> a worker: cluster_job.fly -> local.py -> process.py
+    events <- started, stages (with the checkpoint so far) <-+
+           <- the end, with the checkpoint <-----------------+
+
+An attempt is one task under a key of its own. It ends when its result is here, or when its worker is gone, whichever is
+seen first; afterwards nobody knows the key any more, so no attempt ends twice, and nothing is written for it twice.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import logging
+import queue
+import secrets
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+from airrace.batch.cluster_connection import Connection, words
+from airrace.batch.cluster_job import DamagedParcel, Flown, Parcel, Sending, collect, fly, stop
+from airrace.batch.executor import (
+    INTERRUPTED,
+    SYSTEM,
+    Ended,
+    Ending,
+    Event,
+    Fault,
+    Order,
+    StageFinished,
+    StageStarted,
+    Started,
+)
+from airrace.batch.process import GRACE
+from airrace.checkpoint.atomic import replace_file
+from airrace.errors import StorageError
+
+WORKERS_WAIT = 600.0
+"""So long a batch waits for a worker, s, when there is none."""
+LOOK = 1.0  # s, between two looks at the workers
+FETCH = 60.0  # s, to bring a result here
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Flight:
+    """An attempt under way.
+
+    Attributes:
+        future: of its task (Any: `distributed` has few annotations).
+        workers: that may take it.
+        since: when it was sent, later when it was begun.
+        where: the worker that flies it; empty while it is queued.
+        told: stages told of.
+    """
+
+    order: Order
+    future: Any
+    workers: frozenset[str]
+    since: float
+    where: str = ""
+    told: int = 0
+
+    @property
+    def wall(self) -> float:
+        return time.monotonic() - self.since
+
+
+class ClusterExecutor:
+    """Flies jobs on the workers of a scheduler.
+
+    Args:
+        address: of the scheduler.
+        command: arguments of a worker's Python that run a job, see `process.py`.
+        versions: that workers must have, by name.
+        slots: jobs at a time at most; None for as many as workers have threads.
+        wait: for a worker when there is none, s. After that jobs end without being flown, until there is one.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        command: Sequence[str],
+        versions: Mapping[str, str],
+        slots: int | None = None,
+        wait: float = WORKERS_WAIT,
+    ) -> None:
+        self._address = address
+        self._command = tuple(command)
+        self._versions = versions
+        self._slots = slots
+        self._wait = wait
+        self._batch = f"airrace-{secrets.token_hex(8)}"
+        self._numbers = itertools.count(1)
+        self._inbox: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
+        self._flights: dict[str, _Flight] = {}
+        self._pending: list[Event] = []
+        self._threads: Mapping[str, int] = {}
+        self._next_look = 0.0
+        self._alone_since: float | None = None
+
+    @property
+    def slots(self) -> int:
+        threads = sum(self._threads.values()) or (1 if self._gave_up else 0)
+        return threads if self._slots is None else min(threads, self._slots)
+
+    def submit(self, order: Order) -> None:
+        name, key = order.job.name, f"{self._batch}-{next(self._numbers)}"
+        if not self._threads:
+            self._pending.append(Ended(name, Ending(SYSTEM, self._no_worker, 0.0, fault=Fault.LOST)))
+            return
+        try:
+            parcel = Parcel.of(order.checkpoint)
+            sending = Sending(key, self._batch, order.job, order.attempt, order.timeout, parcel, self._command)
+            future = self._connection.submit(fly, sending, key=key, workers=list(self._threads))
+        except Exception as error:  # of the disk, or whatever the library raises
+            message = f"it could not be sent to the cluster: {words(error)}"
+            self._pending.append(Ended(name, Ending(SYSTEM, message, 0.0, fault=Fault.LOST)))
+            return
+        self._flights[key] = _Flight(order, future, frozenset(self._threads), time.monotonic())
+        future.add_done_callback(lambda _: self._inbox.put({"key": key, "done": True}))
+
+    def events(self, patience: float) -> Sequence[Event]:
+        deadline = time.monotonic() + patience
+        while True:
+            self._look()
+            while not self._inbox.empty():
+                self._hear(self._inbox.get())
+            events, self._pending = self._pending, []
+            left = deadline - time.monotonic()
+            if events or left <= 0.0:
+                return events
+            with contextlib.suppress(queue.Empty):
+                self._hear(self._inbox.get(timeout=min(left, LOOK)))
+
+    def stop(self) -> None:
+        queued = [key for key, flight in self._flights.items() if not flight.where]
+        where = {flight.where for flight in self._flights.values() if flight.where}
+        with contextlib.suppress(Exception):  # of a worker that does not answer; its jobs are called off below
+            self._connection.call(stop, self._batch, workers=sorted(where & set(self._threads)))
+        self._stopped(queued)
+        deadline, ended = time.monotonic() + GRACE + 2.0, list[Event]()
+        while self._flights and time.monotonic() < deadline:
+            ended += self.events(LOOK)
+        self._stopped(list(self._flights))
+        self._pending = [*ended, *self._pending]
+
+    def __enter__(self) -> Self:
+        self._connection = Connection(self._address, self._versions)
+        self._connection.listen(self._batch, self._inbox.put)
+        self._look()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        futures = [flight.future for flight in self._flights.values()]
+        self._flights = {}
+        with contextlib.suppress(Exception):  # a scheduler that is gone has nothing to be called off
+            if futures:
+                self._connection.cancel(futures)
+        with contextlib.suppress(Exception):
+            self._connection.close()
+
+    @property
+    def _no_worker(self) -> str:
+        return f"no worker at {self._address} for {self._wait:g} s"
+
+    @property
+    def _gave_up(self) -> bool:
+        return self._alone_since is not None and time.monotonic() - self._alone_since > self._wait
+
+    def _look(self) -> None:
+        """See which workers there are, now and then, and which flights are lost."""
+        now = time.monotonic()
+        if now < self._next_look:
+            return
+        try:
+            self._threads, heard = self._connection.threads(), True
+        except Exception:  # whatever the library raises; flights are called off where the connection is lost
+            self._threads, heard = {}, False
+        self._next_look = time.monotonic() + LOOK
+        if self._threads:
+            self._alone_since = None
+        elif self._alone_since is None:
+            self._alone_since = now
+            _log.warning("no worker at %s: waiting for one, for %g s at most", self._address, self._wait)
+        for key, flight in list(self._flights.items()):
+            gone = flight.where not in self._threads if flight.where else flight.workers.isdisjoint(self._threads)
+            if heard and gone:
+                self._lose(key, _gone(flight.where))
+            elif self._gave_up:
+                self._lose(key, self._no_worker)
+
+    def _hear(self, said: Mapping[str, Any]) -> None:
+        """What a worker says, or a future; of a flight that has ended nothing is heard."""
+        flight = self._flights.get(said["key"])
+        if flight is None:
+            return
+        name = flight.order.job.name
+        match said:
+            case {"started": str(where)}:
+                flight.where, flight.since = where, time.monotonic()
+                self._pending.append(Started(name, _place(where)))
+            case {"stage_started": str(stage)}:
+                self._pending.append(StageStarted(name, stage))
+            case {"stage_finished": {**stage}, "number": int(number)} if number == flight.told + 1:
+                self._keep_stage(said["key"], flight, StageFinished(**stage))
+            case {"done": True}:
+                self._land(said["key"], flight)
+            case _:
+                pass
+
+    def _keep_stage(self, key: str, flight: _Flight, stage: StageFinished) -> None:
+        """Fetch the checkpoint of a job under way, so that less is lost with its worker; else it is told in the end."""
+        with contextlib.suppress(Exception):  # whatever the library raises, a full disk, a damaged parcel
+            parcel = self._connection.call(collect, key, workers=[flight.where]).get(flight.where)
+            if parcel is not None:
+                replace_file(flight.order.checkpoint, parcel.unpacked())
+                flight.told += 1
+                self._pending.append(stage)
+
+    def _land(self, key: str, flight: _Flight) -> None:
+        """The end of an attempt as its task tells it."""
+        try:
+            flown = flight.future.result(timeout=FETCH)
+        except (Exception, asyncio.CancelledError) as error:  # the task's, the library's, a lost connection's
+            self._lose(key, f"its worker failed: {words(error)}")
+            return
+        if flown.ending is None:
+            self._lose(key, _gone(flight.where))
+            return
+        del self._flights[key]
+        with contextlib.suppress(Exception):
+            self._connection.forget(flight.future, key)
+        stages, ending = landed(flight.order, flown)
+        self._pending += [*stages[flight.told :], Ended(flight.order.job.name, ending)]
+
+    def _lose(self, key: str, message: str) -> None:
+        flight = self._flights.pop(key)
+        self._call_off([flight])
+        ending = Ending(SYSTEM, message, flight.wall, fault=Fault.LOST)
+        self._pending.append(Ended(flight.order.job.name, ending))
+
+    def _stopped(self, keys: Sequence[str]) -> None:
+        flights = [self._flights.pop(key) for key in keys]
+        self._call_off(flights)
+        for flight in flights:
+            ending = Ending(INTERRUPTED, "interrupted", flight.wall, fault=Fault.STOPPED)
+            self._pending.append(Ended(flight.order.job.name, ending))
+
+    def _call_off(self, flights: Sequence[_Flight]) -> None:
+        with contextlib.suppress(Exception):  # whatever the library raises: they count as ended already
+            if flights:
+                self._connection.cancel([flight.future for flight in flights])
+
+
+def landed(order: Order, flown: Flown) -> tuple[Sequence[StageFinished], Ending]:
+    """Put the checkpoint that came back where it belongs, if it is what was sent.
+
+    Returns:
+        The stages in it, and how the attempt ended: as the worker says, or with what went wrong here.
+    """
+    assert flown.ending is not None  # who asks has seen to that
+    try:
+        if flown.checkpoint is not None:
+            replace_file(order.checkpoint, flown.checkpoint.unpacked())
+    except DamagedParcel as error:
+        return (), Ending(SYSTEM, f"its checkpoint came back {error}", flown.ending.wall, fault=Fault.LOST)
+    except StorageError as error:
+        return (), Ending(SYSTEM, str(error), flown.ending.wall)
+    return flown.stages, flown.ending
+
+
+def _gone(where: str) -> str:
+    return f"its worker{where and ' '}{_place(where)} is gone"
+
+
+def _place(address: str) -> str:
+    return address.rpartition("://")[2]

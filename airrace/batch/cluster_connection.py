@@ -1,0 +1,146 @@
+"""A scheduler of dask.distributed and those of its workers that can fly: all that is asked of the library.
+
+Any: `distributed` has few annotations.
+"""
+
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import dask.config
+from distributed import Client
+from distributed import Event as Flag
+
+from airrace.errors import ClusterError
+
+CONNECT = 5.0  # s, to reach the scheduler
+REPLY = 5.0  # s, for a scheduler or a worker to answer
+
+_log = logging.getLogger(__name__)
+
+
+class Connection:
+    """A scheduler that was reached, and whose workers at that time fit.
+
+    Args:
+        address: of the scheduler, e.g. `tcp://head:8786`.
+        versions: of airrace and of what its numbers depend on, by name. Workers with others are of no use.
+
+    Raises:
+        ClusterError: the scheduler cannot be reached, or it or a worker lacks airrace or has other versions.
+    """
+
+    def __init__(self, address: str, versions: Mapping[str, str]) -> None:
+        self.address = address
+        self._versions = versions
+        self._client = _client_of(address)
+        self._fitting: dict[str, bool] = {}
+        self._warned: set[str] = set()
+        try:
+            self._refuse_misfits()
+        except BaseException:
+            self.close()
+            raise
+
+    def threads(self) -> Mapping[str, int]:
+        """How many threads each fitting worker has, by address.
+
+        Raises:
+            Exception: the scheduler does not answer.
+        """
+        known: Mapping[str, int] = self._client.nthreads(callback_timeout=REPLY)
+        self._fitting = {one: fits for one, fits in self._fitting.items() if one in known}
+        for worker, misfit in self._misfits([one for one in known if one not in self._fitting]).items():
+            self._fitting[worker] = not misfit
+            if misfit and misfit not in self._warned:
+                self._warned.add(misfit)
+                _log.warning("worker %s gets no jobs: it has %s", worker, misfit)
+        return {worker: number for worker, number in known.items() if self._fitting.get(worker, False)}
+
+    def submit(self, function: Callable[..., Any], argument: Any, *, key: str, workers: Sequence[str]) -> Any:
+        """The future of a task that nothing but the death of its worker makes dask repeat."""
+        with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):  # a checkpoint is large
+            return self._client.submit(
+                function, argument, key=key, pure=False, retries=0, workers=list(workers), allow_other_workers=False
+            )
+
+    def call(self, function: Callable[..., Any], *arguments: Any, workers: Sequence[str]) -> Mapping[str, Any]:
+        """Call a function in the processes of workers, beside their tasks; what it returns, by address.
+
+        Raises:
+            Exception: they do not answer in time.
+        """
+        return self._client.run(
+            function, *arguments, workers=list(workers), on_error="ignore", callback_timeout=REPLY
+        )
+
+    def forget(self, future: Any, key: str) -> None:
+        """Let go of a task that is done, and of its mark that it was begun."""
+        future.release()
+        Flag(key, client=self._client).clear()
+
+    def cancel(self, futures: Sequence[Any]) -> None:
+        """Call tasks off, queued or running."""
+        self._client.cancel(list(futures), callback_timeout=REPLY)
+
+    def listen(self, topic: str, hear: Callable[[Any], None]) -> None:
+        """Have everything that workers say under a topic handed over, in another thread."""
+        self._client.subscribe_topic(topic, lambda event: hear(event[1]))
+
+    def close(self) -> None:
+        """Say goodbye; tasks under way are called off by the scheduler."""
+        self._client.close(timeout=REPLY)
+
+    def _refuse_misfits(self) -> None:
+        """Ask everybody who is there; with a cluster that was set up wrongly nothing is begun."""
+        try:
+            try:
+                own = self._client.run_on_scheduler(version, "airrace", callback_timeout=REPLY)
+            except PackageNotFoundError:
+                raise ClusterError(f"the scheduler {self.address} has no airrace, which it needs as well") from None
+            if own != self._versions["airrace"]:
+                raise ClusterError(
+                    f"the scheduler {self.address} has airrace {own}, here is {self._versions['airrace']}"
+                )
+            for worker, misfit in self._misfits(list(self._client.nthreads(callback_timeout=REPLY))).items():
+                if misfit:
+                    raise ClusterError(f"worker {worker} of {self.address} has {misfit}")
+                self._fitting[worker] = True
+        except ClusterError:
+            raise
+        except Exception as error:  # whatever the library raises
+            raise ClusterError(f"the scheduler {self.address} does not answer as it should: {words(error)}") from error
+
+    def _misfits(self, workers: Sequence[str]) -> Mapping[str, str]:
+        """What is wrong with each of these workers, empty if nothing is; workers that do not answer are left out."""
+        if not workers:
+            return {}
+        found = dict.fromkeys(workers, "")
+        for name, here in self._versions.items():
+            answers = self._client.run(
+                version, name, workers=list(workers), on_error="return", callback_timeout=REPLY
+            )
+            for worker in list(found):
+                there = answers.get(worker)
+                if isinstance(there, PackageNotFoundError):
+                    found[worker] = found[worker] or f"no {name}"
+                elif not isinstance(there, str):
+                    del found[worker]
+                elif there != here:
+                    found[worker] = found[worker] or f"{name} {there}, here is {here}"
+        return found
+
+
+def words(error: BaseException) -> str:
+    """An error of a library in one line."""
+    return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")[:300]
+
+
+def _client_of(address: str) -> Any:
+    for name in [one for one in logging.root.manager.loggerDict if one.partition(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is told as the end of a job
+    try:
+        return Client(address, timeout=CONNECT, set_as_default=False, name="airrace")
+    except Exception as error:  # whatever the library raises: no such host, nobody there, not an address
+        raise ClusterError(f"cannot reach the scheduler {address}: {words(error)}") from error

@@ -1,0 +1,182 @@
+"""A job on a worker of a cluster: what travels there, the run itself, and what comes back.
+
+Nothing is shared with the machine that planned the job: texts and the bytes of a checkpoint travel, each file with its
+sha256. On the worker the job is flown in a temporary folder by the executor of a single machine, `local.py`: in a
+process of its own, with its time limit.
+"""
+
+import hashlib
+import sys
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from distributed import Event as Flag
+from distributed import get_client, get_worker
+
+from airrace.batch.executor import SYSTEM, Ended, Ending, Fault, Order, StageFinished, StageStarted
+from airrace.batch.job import Job
+from airrace.batch.local import LocalExecutor
+from airrace.errors import AirraceError
+
+POLL = 0.5  # s, between two looks whether the job is still wanted
+
+
+class DamagedParcel(AirraceError):
+    """What arrived is not what was sent."""
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A file on its way: its bytes, and their sha256 (hex) where they were sent from."""
+
+    content: bytes
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path) -> Self | None:
+        """Of a file as it is now; None where there is none.
+
+        Raises:
+            OSError: there is one that cannot be read.
+        """
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            return None
+        return cls(content, hashlib.sha256(content).hexdigest())
+
+    def unpacked(self) -> bytes:
+        """The bytes.
+
+        Raises:
+            DamagedParcel: they are not those that were sent.
+        """
+        arrived = hashlib.sha256(self.content).hexdigest()
+        if arrived != self.sha256:
+            raise DamagedParcel(f"damaged on its way (sha256 {arrived[:12]}... instead of {self.sha256[:12]}...)")
+        return self.content
+
+
+@dataclass(frozen=True)
+class Sending:
+    """An attempt at a job, as it travels to a worker.
+
+    Attributes:
+        key: names this attempt and no other, on the whole cluster.
+        batch: names the batch likewise; what workers tell while they fly comes under this name.
+        job, attempt, timeout: as of `executor.Order`.
+        checkpoint: of earlier attempts, if there is one.
+        command: arguments of the worker's Python that run a job, see `process.py`.
+    """
+
+    key: str
+    batch: str
+    job: Job
+    attempt: int
+    timeout: float | None
+    checkpoint: Parcel | None
+    command: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What came of an attempt.
+
+    Attributes:
+        ending: None if nothing was flown: the attempt had been begun before, on a worker that is gone.
+        stages: those that it finished.
+        checkpoint: as it was left behind, if it was.
+    """
+
+    ending: Ending | None
+    stages: tuple[StageFinished, ...] = ()
+    checkpoint: Parcel | None = None
+
+
+# The process of a worker flies several jobs at once, in threads, and is told of them from outside.
+_under_way: dict[str, Path] = {}
+_stopped: set[str] = set()
+
+
+def fly(sending: Sending) -> Flown:
+    """Fly a job; the task of a worker."""
+    worker = get_worker()
+    if not _is_first(sending.key):
+        return Flown(None)
+
+    def tell(**said: object) -> None:
+        worker.log_event(sending.batch, {"key": sending.key, **said})
+
+    tell(started=worker.address)
+    with tempfile.TemporaryDirectory(prefix="airrace-", dir=worker.local_directory) as folder:
+        path = Path(folder) / f"{sending.job.name}.h5"
+        try:
+            if sending.checkpoint is not None:
+                path.write_bytes(sending.checkpoint.unpacked())
+        except DamagedParcel as error:
+            return Flown(Ending(SYSTEM, f"its checkpoint was {error}", 0.0, fault=Fault.LOST))
+        _under_way[sending.key] = path
+        try:
+            return _watched(sending, path, worker, tell)
+        finally:
+            del _under_way[sending.key]
+
+
+# Any: `distributed`'s Worker, and a function of keyword arguments; run by name on the worker.
+def _watched(sending: Sending, path: Path, worker: Any, tell: Any) -> Flown:
+    """The flight, told of while it lasts, and ended when it is no longer wanted."""
+    stages: list[StageFinished] = []
+    with LocalExecutor((sys.executable, *sending.command), 1) as local:
+        local.submit(Order(sending.job, sending.attempt, path, sending.timeout))
+        while True:
+            for event in local.events(POLL):
+                match event:
+                    case StageStarted(stage=stage):
+                        tell(stage_started=stage)
+                    case StageFinished(stage=stage):
+                        stages.append(event)
+                        if stage != sending.job.until:  # the end, with everything, follows the last one at once
+                            tell(stage_finished=asdict(event), number=len(stages))
+                    case Ended(ending=ending):
+                        return Flown(ending, tuple(stages), Parcel.of(path))
+                    case _:
+                        pass
+            if _is_dropped(worker, sending.key):
+                return Flown(None)  # nobody hears it; the process ends with the executor
+            if sending.batch in _stopped:
+                local.stop()
+
+
+def collect(key: str) -> Parcel | None:
+    """The checkpoint of a job under way on this worker, as it is now; None if it is not (any more)."""
+    path = _under_way.get(key)
+    return None if path is None else Parcel.of(path)
+
+
+def stop(batch: str) -> None:
+    """End all jobs of a batch on this worker soon, and let none begin."""
+    _stopped.add(batch)
+
+
+def _is_first(key: str) -> bool:
+    """Whether this attempt is begun for the first time, on any worker.
+
+    dask repeats the tasks of a worker that is gone by itself, several times. Whether a job is flown again is not for
+    it to say: attempts are counted, and their reasons kept.
+    """
+    begun = Flag(key, client=get_client())
+    if begun.is_set():
+        return False
+    begun.set()
+    return True
+
+
+def _is_dropped(worker: Any, key: str) -> bool:
+    """Whether nobody waits for this task any more: it was cancelled, or who asked for it is gone.
+
+    dask has no word for a task to ask this with, so the worker's own list of tasks is looked into.
+    """
+    task = worker.state.tasks.get(key)
+    return task is None or task.state == "cancelled"

@@ -1,0 +1,369 @@
+"""Jobs on a real scheduler and real workers, on loopback: whatever dies, every job is accounted for, and none is doubled."""
+
+import hashlib
+import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed")
+
+from batch_examples import AIRCRAFT, Watched, flown, job, planned, write_course
+from clusters import Cluster, wait_until
+from stand_in_job import CHECKPOINT
+
+from airrace.batch.cluster import ClusterExecutor, landed
+from airrace.batch.cluster_job import DamagedParcel, Flown, Parcel
+from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, Started
+from airrace.batch.plan import Plan
+from airrace.batch.supervision import Policy, supervise
+from airrace.errors import ClusterError
+
+VERSIONS = {"airrace": version("airrace"), "numpy": version("numpy")}
+STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
+PROGRAM = """
+import sys
+import airrace.cli.batch as batch
+from airrace.cli.main import main
+batch.JOB_COMMAND = (sys.executable, "-S", {stand_in!r}, {log!r})
+main()
+"""
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """Two workers, of one thread and of two; nobody kills them."""
+    with Cluster(tmp_path_factory.mktemp("cluster")) as one:
+        one.worker(1)
+        one.worker(2)
+        yield one
+
+
+class Log:
+    """Every start of a stand-in."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @property
+    def lines(self) -> list[list[str]]:
+        return [line.split() for line in self.path.read_text().splitlines()] if self.path.exists() else []
+
+    def of(self, name: str) -> list[str]:
+        """How each process of a job began: `new` or `resumed`."""
+        return [how for one, _, _, how in self.lines if one == name]
+
+    def processes(self) -> list[int]:
+        return [int(process) for _, process, _, _ in self.lines]
+
+    def on(self, worker: int) -> list[str]:
+        """Names of the jobs that were begun by a worker, by its process."""
+        return [name for name, _, parent, _ in self.lines if int(parent) == worker]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Log:
+    return Log(tmp_path / "starts")
+
+
+def executor_of(cluster: Cluster, log: Log, slots: int | None = None, wait: float = 60.0) -> ClusterExecutor:
+    return ClusterExecutor(cluster.address, ("-S", str(STAND_IN), str(log.path)), VERSIONS, slots, wait)
+
+
+def plan_with(folder: Path, notes: str) -> Plan:
+    return planned(write_course(folder), folder=folder, sweeps=[f"notes={notes}"])
+
+
+def alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def heard(executor: ClusterExecutor, enough: Callable[[list[Event]], object], within: float = 30.0) -> list[Event]:
+    """Events until there are enough of them."""
+    events: list[Event] = []
+    deadline = time.monotonic() + within
+    while not enough(events):
+        assert time.monotonic() < deadline, events
+        events += executor.events(0.5)
+    return events
+
+
+def endings(events: list[Event]) -> dict[str, Ending]:
+    """How jobs ended; none of them twice."""
+    ended = [event for event in events if isinstance(event, Ended)]
+    assert len({event.name for event in ended}) == len(ended)
+    return {event.name: event.ending for event in ended}
+
+
+def test_whatever_one_job_does_the_others_are_flown_as_on_one_machine(
+    cluster: Cluster, tmp_path: Path, log: Log
+) -> None:
+    manners = "fine,crash,infeasible,killed,exit,hang,not-certified,slow,no-checkpoint"
+    plan = plan_with(tmp_path, manners)
+    results = flown(plan, Policy(timeout=2.0), executor_of(cluster, log))
+    assert [result.code for result in results] == [0, 8, 4, 8, 8, 6, 5, 0, 8]
+    by_manner = dict(zip(manners.split(","), results, strict=True))
+    assert by_manner["crash"].message == "its process crashed (SIGABRT)"
+    assert by_manner["crash"].retries == ("its process crashed (SIGABRT)",)
+    assert by_manner["hang"].message == "stopped after 2 s (--timeout)"
+    again = plan_with(tmp_path, manners)
+    assert {step.swept[0][1] for step in again.steps if step.action == "keep"} == {
+        "fine",
+        "infeasible",
+        "not-certified",
+        "slow",
+    }
+
+
+def test_checkpoints_travel_both_ways(cluster: Cluster, tmp_path: Path, log: Log) -> None:
+    (result,) = flown(plan_with(tmp_path, "crash-once"), executor=executor_of(cluster, log))
+    assert result.code == 0
+    assert log.of("oval,notes=crash-once") == ["new", "resumed"]
+    assert (tmp_path / "oval,notes=crash-once.h5").read_bytes() == CHECKPOINT
+    assert len({parent for _, _, parent, _ in log.lines} & {str(os.getpid())}) == 0
+
+
+def test_a_flight_is_told_in_order_and_where_it_is(cluster: Cluster, tmp_path: Path, log: Log) -> None:
+    path = tmp_path / "oval.h5"
+    with executor_of(cluster, log) as executor:
+        executor.submit(Order(job(), 1, path, None))
+        events = heard(executor, endings)
+    assert [type(event).__name__ for event in events] == ["Started", "StageStarted", "StageFinished", "Ended"]
+    assert isinstance(events[0], Started)
+    assert events[0].where.startswith("127.0.0.1:")
+    assert path.read_bytes() == CHECKPOINT
+
+
+def test_a_stage_that_is_not_the_last_comes_back_while_the_job_is_under_way(
+    cluster: Cluster, tmp_path: Path, log: Log
+) -> None:
+    path = tmp_path / "oval.h5"
+    with executor_of(cluster, log) as executor:
+        executor.submit(Order(job(overrides=("notes=stage-then-hang",), until="six-dof"), 1, path, None))
+        events = heard(executor, lambda events: any(isinstance(event, StageFinished) for event in events))
+        assert not endings(events)
+        assert path.read_bytes() == CHECKPOINT
+
+
+def test_as_many_jobs_run_at_a_time_as_there_are_threads_or_as_are_asked_for(cluster: Cluster, log: Log) -> None:
+    with executor_of(cluster, log) as executor:
+        heard(executor, lambda _: executor.slots > 1)
+        wait_until(lambda: executor.events(0.5) is not None and executor.slots == 3, 30.0)
+    with executor_of(cluster, log, slots=2) as executor:
+        wait_until(lambda: executor.events(0.5) is not None and executor.slots == 2, 30.0)
+        time.sleep(1.1)
+        executor.events(0.0)
+        assert executor.slots == 2
+
+
+def test_jobs_that_are_stopped_say_so_and_leave_no_process(cluster: Cluster, tmp_path: Path, log: Log) -> None:
+    with executor_of(cluster, log) as executor:
+        wait_until(lambda: executor.events(0.5) is not None and executor.slots == 3, 30.0)
+        for name in ("a", "b", "c", "queued"):
+            executor.submit(Order(job(name, overrides=("notes=hang-once",)), 1, tmp_path / f"{name}.h5", None))
+        events = heard(executor, lambda events: sum(isinstance(event, Started) for event in events) == 3)
+        wait_until(lambda: len(log.lines) == 3)
+        began = time.monotonic()
+        executor.stop()
+        assert time.monotonic() - began < 10.0
+        ended = endings([*events, *executor.events(0.0)])
+    assert {name: (one.code, one.fault) for name, one in ended.items()} == dict.fromkeys(
+        ("a", "b", "c", "queued"), (130, Fault.STOPPED)
+    )
+    assert not any(map(alive, log.processes()))
+    time.sleep(0.5)
+    assert len(log.lines) == 3  # what was queued is never begun
+    begun = {event.name for event in events if isinstance(event, Started)}
+    assert {name for name in begun if (tmp_path / f"{name}.h5").read_bytes() == CHECKPOINT} == begun
+
+
+def test_nothing_flies_on_when_the_executor_is_left(cluster: Cluster, tmp_path: Path, log: Log) -> None:
+    with executor_of(cluster, log) as executor:
+        executor.submit(Order(job(overrides=("notes=deaf",)), 1, tmp_path / "oval.h5", None))
+        wait_until(lambda: log.lines)
+    wait_until(lambda: not any(map(alive, log.processes())))
+
+
+def test_nothing_flies_on_when_the_parent_is_killed(cluster: Cluster, tmp_path: Path, log: Log) -> None:
+    with started(cluster, tmp_path, log, "--set", "notes=hang") as running:
+        wait_until(lambda: log.lines, 60.0)
+        running.kill()
+        running.communicate(timeout=30.0)
+    wait_until(lambda: not any(map(alive, log.processes())))
+
+
+def test_an_interrupted_batch_goes_on_later(cluster: Cluster, tmp_path: Path, log: Log) -> None:
+    arguments = ("--sweep", "notes=fine,hang-once", "--json")
+    with started(cluster, tmp_path, log, *arguments) as running:
+        wait_until(lambda: (tmp_path / "batch/oval,notes=fine.h5").exists() and len(log.lines) == 2, 60.0)
+        running.send_signal(signal.SIGINT)
+        running.communicate(timeout=30.0)
+    assert running.returncode == 130
+    with started(cluster, tmp_path, log, *arguments) as running:
+        running.communicate(timeout=60.0)
+    assert running.returncode == 0
+    assert log.of("oval,notes=fine") == ["new"]
+    assert log.of("oval,notes=hang-once") == ["new", "resumed"]
+
+
+def test_a_worker_killed_in_mid_run_loses_no_job_and_doubles_none(tmp_path: Path, log: Log) -> None:
+    names = [f"oval,notes={note}" for note in [*(f"fine-{n}" for n in range(8)), *(f"slow{n}" for n in range(12))]]
+    notes = [name.partition("=")[2] for name in names]
+    with Cluster(tmp_path / "cluster") as cluster:
+        doomed, spared = cluster.worker(2), cluster.worker(2)
+        plan = plan_with(tmp_path, ",".join(["hang-once", *notes, "slow"]))
+        watched, kept = Watched(), dict[str, int]()
+
+        def kill_in_mid_run() -> bool:
+            """When a job of it hangs and others have ended; the one that hangs may be on the other worker."""
+            ended = [line for line in watched.lines if "ended" in line]
+            if doomed.poll() is None and len(ended) >= 6 and "hang-once" in " ".join(log.on(doomed.pid)):
+                kept.update({line.split()[0]: 1 for line in ended})
+                doomed.kill()
+            elif doomed.poll() is None and "hang-once" in " ".join(log.on(spared.pid)):
+                raise AssertionError("it hangs on the worker that is spared")
+            return False
+
+        with executor_of(cluster, log) as executor:
+            wait_until(lambda: executor.events(0.5) is not None and executor.slots == 4, 30.0)
+            results = supervise(plan, executor, Policy(retries=2), watched, stop_asked=kill_in_mid_run)
+    assert doomed.poll() == -signal.SIGKILL
+    assert [result.code for result in results] == [0] * len(plan.steps)
+    for step, result in zip(plan.steps, results, strict=True):
+        assert all("its worker 127.0.0.1:" in reason for reason in result.retries)
+        assert sum(line == f"{step.name} ended 0" for line in watched.lines) == 1
+        assert len(log.of(step.name)) <= 1 + len(result.retries)  # every start is accounted for
+    lost = {step.name for step, result in zip(plan.steps, results, strict=True) if result.retries}
+    assert "oval,notes=hang-once" in lost
+    assert len(lost) <= 2  # what was under way on two threads
+    assert len(kept) >= 6
+    assert all(log.of(name) == ["new"] for name in kept)
+    assert {step.action for step in plan_with(tmp_path, ",".join(["hang-once", *notes, "slow"])).steps} == {"keep"}
+    assert not any(map(alive, log.processes()))
+
+
+def test_without_a_worker_jobs_end_when_the_wait_is_over_and_a_late_worker_flies_the_rest(
+    tmp_path: Path, log: Log, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Cluster(tmp_path / "cluster") as cluster:
+        with caplog.at_level(logging.WARNING):
+            (result,) = flown(plan_with(tmp_path, "fine"), executor=executor_of(cluster, log, wait=0.5))
+        assert "waiting for one, for 0.5 s at most" in caplog.text
+        assert (result.code, log.lines) == (8, [])
+        assert result.message == f"no worker at {cluster.address} for 0.5 s"
+        cluster.worker()
+        (result,) = flown(plan_with(tmp_path, "fine"), executor=executor_of(cluster, log))
+        assert result.code == 0
+
+
+def test_jobs_are_accounted_for_when_the_scheduler_dies(tmp_path: Path, log: Log) -> None:
+    with Cluster(tmp_path / "cluster") as cluster:
+        cluster.worker(2)
+        plan = plan_with(tmp_path, "hang,fine,slow,slow2")
+
+        def kill_in_mid_run() -> bool:
+            if log.of("oval,notes=hang"):
+                cluster.kill_scheduler()
+            return False
+
+        with executor_of(cluster, log, wait=1.0) as executor:
+            results = supervise(plan, executor, Policy(retries=0), Watched(), stop_asked=kill_in_mid_run)
+    assert results[0].code == 8
+    assert results[0].message
+    assert {result.code for result in results} <= {0, 8}
+    assert all(len(log.of(step.name)) <= 1 for step in plan.steps)
+
+
+def test_an_unreachable_scheduler_is_told_before_anything_starts(tmp_path: Path, log: Log) -> None:
+    began = time.monotonic()
+    with started("tcp://127.0.0.1:9", tmp_path, log) as running:
+        out, err = running.communicate(timeout=60.0)
+    assert time.monotonic() - began < 10.0
+    assert (running.returncode, out) == (8, "")
+    assert err.startswith("airrace: cannot reach the scheduler tcp://127.0.0.1:9: ")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "batch").exists()
+
+
+@pytest.mark.parametrize(
+    ("versions", "words"),
+    [
+        ({"airrace": "9.9"}, "airrace"),
+        ({"airrace": VERSIONS["airrace"], "numpy": "0.1"}, "has numpy "),
+        ({"airrace": VERSIONS["airrace"], "an-absent-library": "1"}, "has no an-absent-library"),
+    ],
+)
+def test_workers_with_other_versions_are_refused(cluster: Cluster, versions: dict[str, str], words: str) -> None:
+    with pytest.raises(ClusterError, match=words), ClusterExecutor(cluster.address, (), versions):
+        pass
+
+
+@pytest.mark.parametrize("address", ["nowhere", "tcp://", "xyz://127.0.0.1:1", "tcp://no-such-host.invalid:1"])
+def test_an_address_that_is_none_is_one_clear_error(address: str) -> None:
+    with pytest.raises(ClusterError, match="cannot reach the scheduler"), ClusterExecutor(address, (), VERSIONS):
+        pass
+
+
+def test_a_parcel_knows_whether_it_was_damaged(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"flown")
+    parcel = Parcel.of(tmp_path / "a")
+    assert parcel is not None
+    assert parcel.unpacked() == b"flown"
+    assert parcel.sha256 == hashlib.sha256(b"flown").hexdigest()
+    with pytest.raises(DamagedParcel):
+        Parcel(b"flawn", parcel.sha256).unpacked()
+    assert Parcel.of(tmp_path / "b") is None
+
+
+def test_a_checkpoint_that_was_damaged_on_its_way_is_a_failed_attempt_and_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "oval.h5"
+    path.write_bytes(b"before")
+    done = Ending(0, "", 1.0, run={"race_time_s": 10.0, "stages": []})
+    stage = StageFinished("oval", "point-mass", "solved", 10.0, True)
+    stages, ending = landed(Order(job(), 1, path, None), Flown(done, (stage,), Parcel(b"flawn", "0" * 64)))
+    assert (stages, ending.code, ending.fault, ending.run) == ((), 8, Fault.LOST, None)
+    assert ending.message.startswith("its checkpoint came back damaged on its way (sha256 ")
+    assert path.read_bytes() == b"before"
+
+
+@pytest.mark.slow
+def test_real_courses_are_flown_on_a_cluster_as_at_home(cluster: Cluster, tmp_path: Path) -> None:
+    write_course(tmp_path)
+    arguments = ("--sweep", "environment.wind.speed_kt=0,5", "--set", "environment.wind.from_deg=0")
+    command = (sys.executable, "-m", "airrace.cli.main", "batch", "oval.yaml", "--until", "point-mass", *arguments)
+    times = []
+    for folder, where in (("there", ("--cluster", cluster.address)), ("here", ())):
+        ran = subprocess.run([*command, "--out-dir", folder, "--csv", f"{folder}.csv", *where], cwd=tmp_path, timeout=300)
+        assert ran.returncode == 0
+        lines = (tmp_path / f"{folder}.csv").read_text().splitlines()
+        times.append([line.split(",")[:12] for line in lines])
+    assert len(times[0]) == 3
+    assert AIRCRAFT.exists()
+
+
+def started(cluster: Cluster | str, folder: Path, log: Log, *arguments: str) -> "subprocess.Popen[str]":
+    """`airrace batch oval.yaml --cluster ...`, its jobs flown by stand-ins."""
+    write_course(folder)
+    address = cluster if isinstance(cluster, str) else cluster.address
+    program = PROGRAM.format(stand_in=str(STAND_IN), log=str(log.path))
+    options = ("--until", "point-mass", "--cluster", address, *arguments)
+    return subprocess.Popen(
+        [sys.executable, "-c", program, "batch", "oval.yaml", *options],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
