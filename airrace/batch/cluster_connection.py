@@ -14,7 +14,7 @@ from distributed import Event as Flag
 
 from airrace.errors import ClusterError
 
-CONNECT = 5.0  # s, to reach the scheduler
+CONNECT = 4.0  # s, to reach the scheduler
 REPLY = 5.0  # s, for a scheduler or a worker to answer
 
 _log = logging.getLogger(__name__)
@@ -71,9 +71,7 @@ class Connection:
         Raises:
             Exception: they do not answer in time.
         """
-        return self._client.run(
-            function, *arguments, workers=list(workers), on_error="ignore", callback_timeout=REPLY
-        )
+        return self._client.run(function, *arguments, workers=list(workers), on_error="ignore", callback_timeout=REPLY)
 
     def forget(self, future: Any, key: str) -> None:
         """Let go of a task that is done, and of its mark that it was begun."""
@@ -118,9 +116,7 @@ class Connection:
             return {}
         found = dict.fromkeys(workers, "")
         for name, here in self._versions.items():
-            answers = self._client.run(
-                version, name, workers=list(workers), on_error="return", callback_timeout=REPLY
-            )
+            answers = self._client.run(version, name, workers=list(workers), on_error="return", callback_timeout=REPLY)
             for worker in list(found):
                 there = answers.get(worker)
                 if isinstance(there, PackageNotFoundError):

@@ -1,6 +1,7 @@
 """`stand_in_job.py` for a job whose folder vanishes with it: every start adds a line to a file of the test's.
 
-`python cluster_stand_in.py LOG FD`; a line is: name, process, process of the worker, `resumed` or `new`.
+`python cluster_stand_in.py LOG FD`; a line is: name, process, process of the worker, `resumed` or `new`. One manner
+more: `stage-then-hang` hangs behind its first stage when it is started for the first time.
 """
 
 import ctypes
@@ -9,6 +10,7 @@ import json
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import stand_in_job
@@ -20,9 +22,15 @@ def main() -> None:
     log = Path(sys.argv.pop(1))
     text = sys.stdin.read()
     order = json.loads(text)
-    resumed = "resumed" if Path(order["checkpoint"]).exists() else "new"
+    name, checkpoint = order["job"]["name"], Path(order["checkpoint"])
+    first = not log.exists() or f"{name} " not in log.read_text()
     with log.open("a") as starts:  # one short write: lines of several processes do not mix
-        starts.write(f"{order['job']['name']} {os.getpid()} {os.getppid()} {resumed}\n")
+        starts.write(f"{name} {os.getpid()} {os.getppid()} {'resumed' if checkpoint.exists() else 'new'}\n")
+    if stand_in_job.behaviour(order["job"]) == "stage-then-hang" and first:
+        checkpoint.write_bytes(stand_in_job.CHECKPOINT)
+        stage = {"stage_finished": "homotopy", "status": "solved", "race_time_s": None, "certified": False}
+        os.write(int(sys.argv[1]), f"{json.dumps(stage)}\n".encode())
+        time.sleep(60.0)
     sys.stdin = io.StringIO(text)
     stand_in_job.main()
 
