@@ -122,7 +122,11 @@ class ClusterExecutor:
             self._pending.append(Ended(name, Ending(SYSTEM, message, 0.0, fault=Fault.LOST)))
             return
         self._flights[key] = _Flight(order, future, frozenset(self._threads), time.monotonic())
-        future.add_done_callback(lambda _: self._inbox.put({"key": key, "done": True}))
+
+        def done(_: object) -> None:
+            self._inbox.put({"key": key, "done": True})
+
+        future.add_done_callback(done)
 
     def events(self, patience: float) -> Sequence[Event]:
         deadline = time.monotonic() + patience
@@ -179,10 +183,11 @@ class ClusterExecutor:
         now = time.monotonic()
         if now < self._next_look:
             return
+        heard = True
         try:
-            self._threads, heard = self._connection.threads(), True
-        except Exception:  # whatever the library raises; flights are called off where the connection is lost
-            self._threads, heard = {}, False
+            self._threads = self._connection.threads()
+        except Exception:  # whatever the library raises; it ends what is under way itself if the connection is lost
+            self._threads, heard = dict[str, int](), False
         self._next_look = time.monotonic() + LOOK
         if self._threads:
             self._alone_since = None

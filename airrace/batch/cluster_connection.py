@@ -80,11 +80,15 @@ class Connection:
 
     def cancel(self, futures: Sequence[Any]) -> None:
         """Call tasks off, queued or running."""
-        self._client.cancel(list(futures), callback_timeout=REPLY)
+        self._client.cancel(list(futures))
 
     def listen(self, topic: str, hear: Callable[[Any], None]) -> None:
         """Have everything that workers say under a topic handed over, in another thread."""
-        self._client.subscribe_topic(topic, lambda event: hear(event[1]))
+
+        def heard(event: tuple[float, Any]) -> None:
+            hear(event[1])
+
+        self._client.subscribe_topic(topic, heard)
 
     def close(self) -> None:
         """Say goodbye; tasks under way are called off by the scheduler."""

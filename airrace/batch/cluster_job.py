@@ -12,8 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from distributed import Event as Flag
-from distributed import get_client, get_worker
+import distributed
 
 from airrace.batch.executor import SYSTEM, Ended, Ending, Fault, Order, StageFinished, StageStarted
 from airrace.batch.job import Job
@@ -102,7 +101,7 @@ _stopped: set[str] = set()
 
 def fly(sending: Sending) -> Flown:
     """Fly a job; the task of a worker."""
-    worker = get_worker()
+    worker = distributed.get_worker()
     if not _is_first(sending.key):
         return Flown(None)
 
@@ -166,7 +165,8 @@ def _is_first(key: str) -> bool:
     dask repeats the tasks of a worker that is gone by itself, several times. Whether a job is flown again is not for
     it to say: attempts are counted, and their reasons kept.
     """
-    begun = Flag(key, client=get_client())
+    client: Any = distributed.get_client()  # pyright: ignore[reportUnknownMemberType]  (it has few annotations)
+    begun = distributed.Event(key, client=client)
     if begun.is_set():
         return False
     begun.set()

@@ -21,6 +21,7 @@ from stand_in_job import CHECKPOINT
 
 from airrace.batch import cluster_connection
 from airrace.batch.cluster import ClusterExecutor, landed
+from airrace.batch.cluster_connection import Connection
 from airrace.batch.cluster_job import DamagedParcel, Flown, Parcel
 from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, Started
 from airrace.batch.plan import Plan
@@ -266,6 +267,21 @@ def test_a_task_that_dask_begins_again_by_itself_is_not_flown(tmp_path: Path, lo
     assert log.of("oval") == ["new"]
 
 
+def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path, log: Log) -> None:
+    with Cluster(tmp_path / "cluster") as cluster:
+        worker = cluster.worker()
+        with executor_of(cluster, log) as executor:
+            wait_until(lambda: executor.events(0.5) is not None and executor.slots == 1, 30.0)
+            executor.submit(Order(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
+            events = heard(executor, lambda events: log.lines and events)
+            worker.kill()
+            ended = endings([*events, *heard(executor, endings, within=15.0)])
+            assert executor.slots == 0
+    assert ended["oval"].fault is Fault.LOST
+    assert ended["oval"].message.startswith("its worker 127.0.0.1:")
+    wait_until(lambda: not any(map(alive, log.processes())))
+
+
 def test_without_a_worker_jobs_end_when_the_wait_is_over_and_a_late_worker_flies_the_rest(
     tmp_path: Path, log: Log, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -307,6 +323,23 @@ def test_an_unreachable_scheduler_is_told_before_anything_starts(tmp_path: Path,
     assert err.startswith("airrace: cannot reach the scheduler tcp://127.0.0.1:9: ")
     assert err.count("\n") == 1
     assert not (tmp_path / "batch").exists()
+
+
+def test_tasks_are_called_off_called_upon_and_forgotten(cluster: Cluster) -> None:
+    connection = Connection(cluster.address, VERSIONS)
+    try:
+        workers = connection.threads()
+        assert sorted(workers.values()) == [1, 2]
+        assert connection.call(os.path.basename, "a/b", workers=list(workers)) == dict.fromkeys(workers, "b")
+        queued = [connection.submit(time.sleep, 1.0, key=f"sleep-{n}", workers=list(workers)) for n in range(6)]
+        connection.cancel(queued)
+        assert [future.status for future in queued] == ["cancelled"] * 6
+        done = connection.submit(len, "abc", key="length", workers=list(workers))
+        assert done.result(timeout=20.0) == 3
+        connection.forget(done, "length")
+        wait_until(lambda: connection.submit(len, "abcd", key="length", workers=list(workers)).result(20.0) == 4)
+    finally:
+        connection.close()
 
 
 @pytest.mark.parametrize(
