@@ -41,7 +41,10 @@ def batch(
         ),
     ] = None,
     until: LastStage = None,
-    jobs: Annotated[int | None, typer.Option(min=1, metavar="N", help="Jobs at a time; by default all cores.")] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Jobs at a time; by default all cores, or threads of workers."),
+    ] = None,
     out_dir: Annotated[Path, typer.Option(metavar="DIR", help="Where checkpoints and records lie.")] = Path("batch"),
     cluster: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask.distributed cluster (tcp://scheduler:8786).")
