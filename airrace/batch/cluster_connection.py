@@ -3,14 +3,17 @@
 Any: `distributed` has few annotations.
 """
 
+import asyncio
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
+from typing import Any, cast
 
 import dask.config
 from distributed import Client
 from distributed import Event as Flag
+from distributed.comm.core import connect  # pyright: ignore[reportUnknownVariableType]  (few annotations)
+from distributed.security import Security
 
 from airrace.errors import ClusterError
 
@@ -141,6 +144,16 @@ def _client_of(address: str) -> Any:
     for name in [one for one in logging.root.manager.loggerDict if one.partition(".")[0] == "distributed"]:
         logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is told as the end of a job
     try:
+        asyncio.run(asyncio.wait_for(_shake_hands(address), CONNECT))
         return Client(address, timeout=CONNECT, set_as_default=False, name="airrace")
+    except TimeoutError as error:
+        raise ClusterError(f"cannot reach the scheduler {address}: no answer within {CONNECT:g} s") from error
     except Exception as error:  # whatever the library raises: no such host, nobody there, not an address
         raise ClusterError(f"cannot reach the scheduler {address}: {words(error)}") from error
+
+
+async def _shake_hands(address: str) -> None:
+    """Find out whether a scheduler is there at all: a client waits for ever for somebody who listens and is silent."""
+    security: Any = Security()
+    comm = await cast(Any, connect)(address, timeout=CONNECT, **security.get_connection_args("client"))
+    await comm.close()

@@ -4,6 +4,7 @@ import hashlib
 import logging
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -360,6 +361,16 @@ def test_an_address_that_is_none_is_one_clear_error(address: str, monkeypatch: p
     monkeypatch.setattr(cluster_connection, "CONNECT", 1.0)
     with pytest.raises(ClusterError, match="cannot reach the scheduler"), ClusterExecutor(address, (), VERSIONS):
         pass
+
+
+def test_somebody_who_listens_and_is_silent_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster_connection, "CONNECT", 1.0)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        began = time.monotonic()
+        with pytest.raises(ClusterError, match="no answer within 1 s"), ClusterExecutor(address, (), VERSIONS):
+            pass
+        assert time.monotonic() - began < 5.0
 
 
 def test_a_parcel_knows_whether_it_was_damaged(tmp_path: Path) -> None:
