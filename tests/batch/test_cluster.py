@@ -1,6 +1,5 @@
 """Jobs on a real scheduler and real workers, on loopback: whatever dies, no job is lost and none doubled."""
 
-import hashlib
 import logging
 import os
 import signal
@@ -21,9 +20,8 @@ from clusters import Cluster, wait_until
 from stand_in_job import CHECKPOINT
 
 from airrace.batch import cluster_connection
-from airrace.batch.cluster import ClusterExecutor, landed
+from airrace.batch.cluster import ClusterExecutor
 from airrace.batch.cluster_connection import Connection
-from airrace.batch.cluster_job import DamagedParcel, Flown, Parcel
 from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, Started
 from airrace.batch.plan import Plan
 from airrace.batch.supervision import Policy, supervise
@@ -103,6 +101,10 @@ def heard(executor: ClusterExecutor, enough: Callable[[list[Event]], object], wi
     return events
 
 
+def await_slots(executor: ClusterExecutor, number: int) -> None:
+    wait_until(lambda: executor.events(0.5) is not None and executor.slots == number, 30.0)
+
+
 def endings(events: list[Event]) -> dict[str, Ending]:
     """How jobs ended; none of them twice."""
     ended = [event for event in events if isinstance(event, Ended)]
@@ -122,12 +124,8 @@ def test_whatever_one_job_does_the_others_are_flown_as_on_one_machine(
     assert by_manner["crash"].retries == ("its process crashed (SIGABRT)",)
     assert by_manner["hang"].message == "stopped after 2 s (--timeout)"
     again = plan_with(tmp_path, manners)
-    assert {step.swept[0][1] for step in again.steps if step.action == "keep"} == {
-        "fine",
-        "infeasible",
-        "not-certified",
-        "slow",
-    }
+    kept = {step.swept[0][1] for step in again.steps if step.action == "keep"}
+    assert kept == {"fine", "infeasible", "not-certified", "slow"}
 
 
 def test_checkpoints_travel_both_ways(cluster: Cluster, tmp_path: Path, log: Log) -> None:
@@ -162,18 +160,15 @@ def test_a_stage_that_is_not_the_last_comes_back_while_the_job_is_under_way(
 
 def test_as_many_jobs_run_at_a_time_as_there_are_threads_or_as_are_asked_for(cluster: Cluster, log: Log) -> None:
     with executor_of(cluster, log) as executor:
-        heard(executor, lambda _: executor.slots > 1)
-        wait_until(lambda: executor.events(0.5) is not None and executor.slots == 3, 30.0)
+        await_slots(executor, 3)
     with executor_of(cluster, log, slots=2) as executor:
-        wait_until(lambda: executor.events(0.5) is not None and executor.slots == 2, 30.0)
-        time.sleep(1.1)
-        executor.events(0.0)
+        heard(executor, lambda _: sum(executor._threads.values()) == 3)
         assert executor.slots == 2
 
 
 def test_jobs_that_are_stopped_say_so_and_leave_no_process(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     with executor_of(cluster, log) as executor:
-        wait_until(lambda: executor.events(0.5) is not None and executor.slots == 3, 30.0)
+        await_slots(executor, 3)
         for name in ("a", "b", "c", "queued"):
             executor.submit(Order(job(name, overrides=("notes=hang-once",)), 1, tmp_path / f"{name}.h5", None))
         events = heard(executor, lambda events: sum(isinstance(event, Started) for event in events) == 3)
@@ -237,7 +232,7 @@ def test_a_worker_killed_in_mid_run_loses_no_job_and_doubles_none(tmp_path: Path
             return False
 
         with executor_of(cluster, log) as executor:
-            wait_until(lambda: executor.events(0.5) is not None and executor.slots == 4, 30.0)
+            await_slots(executor, 4)
             results = supervise(plan, executor, Policy(), watched, stop_asked=kill_in_mid_run)
     assert [result.code for result in results] == [0] * 22
     assert len(finished_before) >= 6
@@ -258,7 +253,7 @@ def test_a_task_that_dask_begins_again_by_itself_is_not_flown(tmp_path: Path, lo
     with Cluster(tmp_path / "cluster") as cluster:
         workers = {worker.pid: worker for worker in (cluster.worker(), cluster.worker())}
         with executor_of(cluster, log) as executor:
-            wait_until(lambda: executor.events(0.5) is not None and executor.slots == 2, 30.0)
+            await_slots(executor, 2)
             executor.submit(Order(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             wait_until(lambda: log.lines)
             workers[log.workers("oval")[0]].kill()
@@ -272,7 +267,7 @@ def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path
     with Cluster(tmp_path / "cluster") as cluster:
         worker = cluster.worker()
         with executor_of(cluster, log) as executor:
-            wait_until(lambda: executor.events(0.5) is not None and executor.slots == 1, 30.0)
+            await_slots(executor, 1)
             executor.submit(Order(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             events = heard(executor, lambda events: log.lines and events)
             worker.kill()
@@ -373,26 +368,20 @@ def test_somebody_who_listens_and_is_silent_is_no_scheduler(monkeypatch: pytest.
         assert time.monotonic() - began < 5.0
 
 
-def test_a_parcel_knows_whether_it_was_damaged(tmp_path: Path) -> None:
-    (tmp_path / "a").write_bytes(b"flown")
-    parcel = Parcel.of(tmp_path / "a")
-    assert parcel is not None
-    assert parcel.unpacked() == b"flown"
-    assert parcel.sha256 == hashlib.sha256(b"flown").hexdigest()
-    with pytest.raises(DamagedParcel):
-        Parcel(b"flawn", parcel.sha256).unpacked()
-    assert Parcel.of(tmp_path / "b") is None
-
-
-def test_a_checkpoint_that_was_damaged_on_its_way_is_a_failed_attempt_and_not_written(tmp_path: Path) -> None:
-    path = tmp_path / "oval.h5"
-    path.write_bytes(b"before")
-    done = Ending(0, "", 1.0, run={"race_time_s": 10.0, "stages": []})
-    stage = StageFinished("oval", "point-mass", "solved", 10.0, True)
-    stages, ending = landed(Order(job(), 1, path, None), Flown(done, (stage,), Parcel(b"flawn", "0" * 64)))
-    assert (stages, ending.code, ending.fault, ending.run) == ((), 8, Fault.LOST, None)
-    assert ending.message.startswith("its checkpoint came back damaged on its way (sha256 ")
-    assert path.read_bytes() == b"before"
+def test_a_worker_with_other_versions_that_comes_later_gets_no_jobs(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Cluster(tmp_path / "cluster") as cluster:
+        connection = Connection(cluster.address, {**VERSIONS, "numpy": "0.1"})
+        try:
+            cluster.worker()
+            with caplog.at_level(logging.WARNING):
+                wait_until(lambda: connection.threads() == {} and caplog.records, 30.0)
+                assert connection.threads() == {}
+            (record,) = caplog.records
+            assert f"gets no jobs: it has numpy {VERSIONS['numpy']}, here is 0.1" in record.getMessage()
+        finally:
+            connection.close()
 
 
 def started(cluster: Cluster | str, folder: Path, log: Log, *arguments: str) -> "subprocess.Popen[str]":
