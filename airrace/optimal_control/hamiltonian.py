@@ -38,3 +38,13 @@ def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Arra
     weight = np.array([problem.objective.regularisation.get(quantity.name, 0.0) for quantity in system.controls])
     regularisation = weight @ (iterate.control / scale) ** 2
     return np.sum(costates(Layout(problem), constraint_multipliers) * slopes, axis=0) + regularisation
+
+
+def errors_in_objective(problem: Problem, defect: Array, constraint_multipliers: Array) -> Array:
+    """What the objective would be more, to first order, if every interval ended where its replay does; shape (N,).
+
+    Args:
+        defect: end of each replayed interval minus the next node, scaled; shape (n_x, N).
+    """
+    scale = np.array([quantity.scale for quantity in problem.system.states])[:, None]
+    return np.sum(costates(Layout(problem), constraint_multipliers) * defect * scale, axis=0)

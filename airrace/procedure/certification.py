@@ -8,7 +8,7 @@ import numpy as np
 
 from airrace.optimal_control.audit import Audit, Tolerance, audit
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.optimal_control.hamiltonian import hamiltonian
+from airrace.optimal_control.hamiltonian import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
 from airrace.procedure.settings import CertificateLimits
@@ -26,11 +26,13 @@ class Evidence:
         flown: its controls flown again.
         audit: limits and gates on that flight.
         drift: how far the Hamiltonian is from minus the weight of time, shape (N,).
+        integration: what each interval's error of integration takes off the race time, s; shape (N,).
     """
 
     flown: Replay
     audit: Audit
     drift: Array
+    integration: Array
 
 
 def examine(problem: Problem, iterate: Iterate, constraint_multipliers: Array, limits: CertificateLimits) -> Evidence:
@@ -38,7 +40,8 @@ def examine(problem: Problem, iterate: Iterate, constraint_multipliers: Array, l
     flown = replay(problem, iterate)
     drift = np.abs(hamiltonian(problem, iterate, constraint_multipliers) + problem.objective.time)
     measured = audit(problem, iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
-    return Evidence(flown, measured, drift)
+    integration = errors_in_objective(problem, flown.defect, constraint_multipliers)
+    return Evidence(flown, measured, drift, integration)
 
 
 def certify(

@@ -79,16 +79,19 @@ def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining:
         early: whether a mesh that is merely not good yet is worth another solve.
         joining: whether nodes may be dropped.
     """
-    drift, price = optimum.evidence.drift, UNDERRATED * foreseen(optimum.problem, optimum.iterate)
+    drift, integration = optimum.evidence.drift, optimum.evidence.integration
+    held = UNDERRATED * foreseen(optimum.problem, optimum.iterate)
     untrue = ~(optimum.evidence.audit.defect <= UNTRUE)
     wanted = [
         (Why.INTEGRATION, np.where(widened(untrue), 4.0, 1.0)),
         (Why.HAMILTONIAN, _stepped(_worst_nearby(drift), SAFETY * limits.hamiltonian)),
-        (Why.RACE_TIME, np.where(_dearest(price, SAFETY * limits.race_time), 2.0, 1.0)),
+        (Why.RACE_TIME, np.where(_dearest(held + np.abs(integration), SAFETY * limits.race_time), 2.0, 1.0)),
     ]
     parts, why = _most(optimum, wanted)
     joined = _calm_pairs(optimum, parts, limits) if joining else np.zeros(len(parts), dtype=np.bool_)
-    far_off = bool((drift > FAR_OFF * limits.hamiltonian).any()) or price.sum() > limits.race_time
+    far_off = (
+        bool((drift > FAR_OFF * limits.hamiltonian).any()) or held.sum() + abs(integration.sum()) > limits.race_time
+    )
     worthwhile = parts.sum() - joined.sum() < WORTHWHILE * len(parts)
     if not untrue.any() and not (early and far_off) and not worthwhile:
         return None
@@ -121,9 +124,7 @@ def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
 def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> Draft:
     """A better first mesh from an optimum whose race time has changed too much from that on the mesh before: what is
     taken to have changed it most stays as fine as it is, all else becomes what it was."""
-    share = _changed_by(optimum, before)
-    changed = abs(before.race_time - optimum.race_time)
-    dearest = widened(_dearest(changed * share, SAFETY * limits.race_time))
+    dearest = widened(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time))
     fine = dearest[np.cumsum(optimum.draft.coarser[:-1]) - 1]
     kept = optimum.draft.coarser.copy()
     kept[:-1] |= fine
@@ -133,15 +134,19 @@ def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> 
 
 
 def _changed_by(optimum: Solved, before: Solved) -> Array:
-    """Shares of the intervals of the mesh before in the change of race time; shape (N before,).
+    """What the intervals of the mesh before are taken to have changed of the race time, s; shape (N before,).
 
-    A finer mesh is faster, for it holds the controls less long; or slower, for limits are kept at more nodes.
+    What is not the integrator's error is due to controls that are held less long, if the finer mesh is faster; if it is
+    slower, to limits that are kept at more nodes.
     """
-    if optimum.race_time < before.race_time:
+    integration = before.evidence.integration
+    changed = optimum.race_time - before.race_time
+    if changed < 0.0:
         price = measured(optimum.problem, optimum.iterate, optimum.draft.coarser)
     else:
         price = before.evidence.audit.excess * interval_durations(before.problem, before.iterate.durations)
-    return price / price.sum() if price.any() else np.full(len(price), 1.0 / len(price))
+    share = price / price.sum() if price.any() else np.full(len(price), 1.0 / len(price))
+    return np.abs(integration) + abs(changed - integration.sum()) * share
 
 
 def _dearest(price: Array, limit: float) -> Marks:

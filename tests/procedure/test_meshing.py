@@ -48,10 +48,11 @@ def flown(
     problem = Problem(SYSTEM, (), Boundary("start"), phases)
     N = problem.intervals
     iterate = Iterate(np.array(durations), np.zeros((2, N + 1)), np.arange(float(N))[None, :])
-    measured = {name: np.zeros(N) for name in ("drift", "defect", "excess")}
+    measured = {name: np.zeros(N) for name in ("drift", "defect", "excess", "integration")}
     for name, values in (marks or {}).items():
         measured[name][list(values)] = list(values.values())
-    evidence = Evidence(replay(problem, iterate), Audit((), measured["defect"], measured["excess"]), measured["drift"])
+    audited = Audit((), measured["defect"], measured["excess"])
+    evidence = Evidence(replay(problem, iterate), audited, measured["drift"], measured["integration"])
     return Solved(problem, iterate, Draft.first(problem, iterate), evidence)
 
 
@@ -118,7 +119,7 @@ def test_phase_keeps_a_few_intervals() -> None:
             ),
         )
         still = np.zeros(problem.intervals)
-        evidence = Evidence(replay(problem, draft.guess), Audit((), still, still), still)
+        evidence = Evidence(replay(problem, draft.guess), Audit((), still, still), still, still)
         solved = Solved(problem, draft.guess, draft, evidence)
     assert draft is None
 
@@ -267,6 +268,22 @@ def test_time_lost_to_limits_kept_at_more_nodes_makes_fine_where_they_were_left(
     again = reconsidered(finer(left, -0.006), left, LIMITS)
     assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(2, 10))
     assert counts(again) == [16, 8]
+
+
+def test_time_lost_to_the_integrator_makes_fine_where_it_erred() -> None:
+    erring = flown({"integration": {2: 0.004, 16: 0.0005}})
+    again = reconsidered(finer(erring, -0.0055), erring, LIMITS)
+    assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(1, 7))
+    assert counts(again) == [15, 8]
+
+
+def test_errors_of_the_integrator_that_add_up_are_cut_before_all_is_halved() -> None:
+    erring = {3: 0.004, 12: 0.002}
+    draft = adapted(flown({"drift": RESTLESS, "integration": erring}), LIMITS, early=True, joining=True)
+    assert draft is not None
+    assert counts(draft) == [13, 8]
+    cancelling = {3: 0.004, 12: -0.002}
+    assert adapted(flown({"drift": RESTLESS, "integration": cancelling}), LIMITS, early=True, joining=True) is None
 
 
 def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
