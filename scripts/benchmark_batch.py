@@ -6,12 +6,13 @@
 
 `plan` times `--dry-run` of many jobs: of new ones, and of finished ones (made up), whose records and checkpoints are
 all looked at. `speed` compares a batch with the same runs one after another, each with `--threads 1`. `battery` flies
-courses drawn by lot up to the point mass while processes (jobs and solvers alike) are killed at random, calls the batch
-again until nothing is left to do, and tells what became of the jobs and what memory the batch took. It ends with 1 if a
-job is lost, or flown again after it had finished.
+small courses drawn by lot up to the point mass while processes (jobs and solvers alike) are killed at random, calls the
+batch again until nothing is left to do, and tells what became of the jobs and what memory the batch took. It ends with
+1 if a job is lost, or flown again after it had finished.
 """
 
 import argparse
+import itertools
 import json
 import os
 import random
@@ -32,8 +33,10 @@ from airrace.batch.planning import make_plan  # noqa: E402
 from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record  # noqa: E402
 from airrace.batch.sources import Manner, find_sources, parse_sweeps  # noqa: E402
 from airrace.cli.running import library_versions  # noqa: E402
+from airrace.documents import load_inputs  # noqa: E402
 
 COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
+SMALL = 8  # passings of a course of the battery, at most
 STAGES = ("homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
 ITEM = {
     "name": "path_angular_rate",
@@ -105,8 +108,7 @@ def battery(jobs: int, killed: float, slots: int) -> bool:
     with tempfile.TemporaryDirectory() as folder:
         courses, out = Path(folder) / "courses", Path(folder) / "out"
         courses.mkdir()
-        for seed in range(jobs):
-            (courses / f"seed_{seed}.yaml").write_text(generated_course(seed, str(ROOT / "configs")))
+        write_small_courses(courses, jobs)
         options = ["--until", "point-mass", "--set", "settings.guess=plan", "--timeout", "300", "--jobs", str(slots)]
         command = [*COMMAND, "batch", f"{courses}/*.yaml", *options, "--out-dir", str(out), "--json"]
         ended: Counter[str] = Counter()
@@ -123,6 +125,20 @@ def battery(jobs: int, killed: float, slots: int) -> bool:
             if not flown:
                 break
     return good and sum(ended.values()) == jobs
+
+
+def write_small_courses(folder: Path, count: int) -> None:
+    """The first so many courses drawn by lot that have no more than `SMALL` passings."""
+    written = 0
+    for seed in itertools.count():
+        if written == count:
+            return
+        path = folder / f"seed_{seed}.yaml"
+        path.write_text(generated_course(seed, str(ROOT / "configs")))
+        if len(load_inputs(path).race.course.passages) > SMALL:
+            path.unlink()
+        else:
+            written += 1
 
 
 def finished(checkpoint: Path) -> bool:
