@@ -46,7 +46,7 @@ class Scatter:
         values = ca.MX(0.0)
         for number in range(int(turn.max()) + 1):
             taken = turn == number
-            picked = drawn[sources[order[taken]].tolist()] * ca.DM(weights[order[taken]])
+            picked = ca.vec(drawn[sources[order[taken]].tolist()]) * ca.DM(weights[order[taken]])  # of a scalar: a row
             at = ca.Sparsity(count, 1, [0, int(taken.sum())], nonzero[taken].tolist())
             values += ca.densify(ca.MX(at, picked)) if number else picked
         return ca.MX(ca.Sparsity(*self._shape, begins.tolist(), row_of.tolist()), values)
