@@ -5,12 +5,24 @@ from collections.abc import Mapping
 import numpy as np
 
 from airrace.checkpoint.checkpoint import STAGE_ORDER, Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, Version
+from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, ExploredSummary, Version
 from airrace.checkpoint.place import Place
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Facts, GateSplit, MeshRecord, Outcome, Stage, StageResult, Timings, Why
+from airrace.procedure.result import (
+    Attempt,
+    Explored,
+    Facts,
+    GateSplit,
+    MeshRecord,
+    Outcome,
+    Stage,
+    StageResult,
+    Timings,
+    Way,
+    Why,
+)
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -58,7 +70,7 @@ _TABLES = ("splits", "attempts", "timings", "facts")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", optional=("certificate",))
+    place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "explored", optional=("certificate",))
     trajectory = _trajectory(place)
     result = StageResult(
         stage=stage,
@@ -73,6 +85,7 @@ def _stage(place: Place, stage: Stage) -> StoredStage:
         timings=_one_row(place, "timings", Timings),
         facts=_one_row(place, "facts", Facts),
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
+        explored=_explored(place.group("explored")),
     )
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
@@ -96,6 +109,13 @@ def _certificate(place: Place) -> Certificate:
     place.expecting("solver_status", "items")
     items = rows_of(Item, place.table("items"), f"{place.path}/items")
     return Certificate(place.text("solver_status"), items)
+
+
+def _explored(place: Place) -> Explored:
+    place.expecting("ways", "loops", "summary")
+    summary = _one_row(place, "summary", ExploredSummary)
+    ways = rows_of(Way, place.table("ways"), f"{place.path}/ways")
+    return Explored(ways, summary.led, summary.lost, summary.seconds, place.texts("loops", "loop"))
 
 
 def _mesh(place: Place, intervals: int) -> MeshRecord:

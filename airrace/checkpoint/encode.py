@@ -15,6 +15,7 @@
     mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
+    explored/ways, loops, summary       tables: other ways round that were tried
 """
 
 import re
@@ -28,11 +29,11 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInpu
 from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Facts, GateSplit, MeshRecord, Timings
+from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, Timings, Way
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
-SCHEMA = 3
+SCHEMA = 4
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 
@@ -42,6 +43,15 @@ class Version:
 
     name: str
     version: str
+
+
+@dataclass(frozen=True)
+class ExploredSummary:
+    """The one row that says how exploring went, see `Explored`."""
+
+    led: int
+    lost: int
+    seconds: float
 
 
 def encode(checkpoint: Checkpoint) -> Group:
@@ -91,6 +101,7 @@ def _stage(stored: StoredStage) -> Group:
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
         "facts": table_of(Facts, [result.facts]),
+        "explored": _explored(result.explored),
     }
     if result.certificate is not None:
         members["certificate"] = _certificate(result.certificate)
@@ -116,6 +127,17 @@ def _mesh(record: MeshRecord) -> Group:
             "coarser": _integers(record.coarser, "1 for nodes of the mesh whose race time was compared"),
             "defect": _series(record.defect, "scaled", "deviation of the replay from the next node"),
             "drift": _series(record.drift, "1", "distance of the Hamiltonian from -1"),
+        }
+    )
+
+
+def _explored(explored: Explored) -> Group:
+    summary = ExploredSummary(explored.led, explored.lost, explored.seconds)
+    return Group(
+        {
+            "ways": table_of(Way, explored.ways),
+            "loops": Table({"loop": explored.loops}),
+            "summary": table_of(ExploredSummary, [summary]),
         }
     )
 

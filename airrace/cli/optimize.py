@@ -7,7 +7,7 @@ import typer
 
 from airrace.cli.answer import answering, unflown
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, SettingsFile, Threads, TrackFile
-from airrace.procedure.settings import GuessKind
+from airrace.procedure.settings import Explore, GuessKind
 
 
 def optimize(
@@ -16,6 +16,10 @@ def optimize(
     settings: SettingsFile = None,
     guess: Annotated[
         GuessKind | None, typer.Option(help="Where the point mass starts from; the settings say homotopy by default.")
+    ] = None,
+    explore: Annotated[
+        Explore | None,
+        typer.Option(help="How much is tried to find the fastest way round; the settings say quick by default."),
     ] = None,
     until: LastStage = None,
     out: Annotated[
@@ -42,6 +46,11 @@ def optimize(
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
         last = stage_named(until)
-        entries = [*(overrides or ()), *([] if guess is None else [f"settings.guess={guess.value}"])]
+        entries = [*(overrides or ()), *_settings(guess=guess, explore=explore)]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
         fly(answer, new_run(inputs, path), finished=(), until=last, threads=threads, quiet=quiet)
+
+
+def _settings(**chosen: GuessKind | Explore | None) -> list[str]:
+    """Options of the command line as overrides of the settings."""
+    return [f"settings.{name}={value.value}" for name, value in chosen.items() if value is not None]

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from airrace.documents.nodes import Reporter
 from airrace.documents.schema import Schema
-from airrace.procedure.settings import CertificateLimits, GuessKind, MeshSettings, Settings, SolverSettings
+from airrace.procedure.settings import CertificateLimits, Explore, GuessKind, MeshSettings, Settings, SolverSettings
 
 SETTINGS_SCHEMA = "airrace/settings/1"
 
@@ -96,6 +96,10 @@ class SettingsEntry(Schema):
     guess: Literal["homotopy", "plan"] | None = Field(
         default=None, description="where the point mass starts from: phase by phase, or straight from the plan"
     )
+    explore: Literal["off", "quick", "thorough"] | None = Field(
+        default=None,
+        description="how much is tried to find the fastest way round, before one is proved",
+    )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = Field(
         default=None, description="weight of the squared, scaled control rates against seconds"
     )
@@ -115,6 +119,7 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
     return _given(
         silent,
         guess=None if entry.guess is None else GuessKind(entry.guess),
+        explore=None if entry.explore is None else Explore(entry.explore),
         regularisation=entry.regularisation,
         mesh=_given(
             silent.mesh,

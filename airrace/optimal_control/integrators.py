@@ -1,8 +1,10 @@
 """Explicit Runge-Kutta schemes for one shooting interval."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-import casadi as ca
+Column = Any  # of symbols or numbers: one formula serves casadi and numpy alike
 
 
 @dataclass(frozen=True)
@@ -22,11 +24,11 @@ class RungeKutta:
     b: tuple[float, ...]
     steps: int = 1
 
-    def advance(self, rates: ca.Function, x: ca.SX, u: ca.SX, p: ca.SX, duration: ca.SX) -> ca.SX:
-        """The state after `duration` seconds with the control held. Shapes (n_x,), (n_u,), (n_p,)."""
+    def advance(self, rates: Callable[..., Column], x: Column, u: Column, p: Column, duration: Column) -> Column:
+        """The state after `duration` seconds with the control held. Shapes (n_x,), (n_u,), (n_p,), or as columns."""
         h = duration / self.steps
         for _ in range(self.steps):
-            slopes: list[ca.SX] = []
+            slopes: list[Column] = []
             for row in self.a:
                 y = x
                 for weight, slope in zip(row, slopes, strict=True):

@@ -49,6 +49,30 @@ def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[
     return coarser, Iterate(iterate.durations, iterate.state[:, kept], held)
 
 
+def resampled(mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int]) -> tuple[Mesh, Iterate]:
+    """Equal intervals, so many in each phase; a phase that has as many intervals as wanted keeps its own.
+
+    Returns:
+        The new mesh, and the iterate on it: states straight between the nodes, mean controls.
+    """
+    first_node = np.cumsum([0, *(len(phase) for phase in mesh)])
+    fractions: Mesh = []
+    state: list[Array] = []
+    control: list[Array] = []
+    for phase, count, first, last in zip(mesh, counts, first_node, first_node[1:], strict=False):
+        x, u = iterate.state[:, first : last + 1], iterate.control[:, first:last]
+        if len(phase) != count:
+            old, new = np.concatenate([[0.0], np.cumsum(phase)]), np.linspace(0.0, 1.0, count + 1)
+            added = np.hstack([np.zeros((len(u), 1)), np.cumsum(u * np.asarray(phase), axis=1)])
+            x = np.array([np.interp(new, old, row) for row in x], dtype=np.float64)
+            u = np.diff(np.array([np.interp(new, old, row) for row in added], dtype=np.float64), axis=1) * count
+        fractions.append(phase if len(phase) == count else (1.0 / count,) * count)
+        state.append(x[:, :-1])
+        control.append(u)
+    state.append(iterate.state[:, -1:])
+    return fractions, Iterate(iterate.durations, np.hstack(state), np.hstack(control))
+
+
 def inherited(parts: Indices) -> Marks:
     """Which nodes of a divided mesh were nodes before; shape (parts.sum() + 1,)."""
     kept = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)

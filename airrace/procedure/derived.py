@@ -25,7 +25,7 @@ def derived_quantities(
     race: Race, settings: Settings, result: StageResult
 ) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
-    flight = stage_flight(result.stage, race, settings)
+    flight = stage_flight(result.stage, race, settings, result.trajectory)
     system, numbers = flight.model.system, flight.model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}
     path = [one for one in system.path if one.name not in known]

@@ -12,6 +12,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
+from airrace.procedure.as_flown import plan_as_flown
 from airrace.procedure.cruise import cruise
 from airrace.procedure.models import BUILDERS, LONGEST_INTERVAL, regularised
 from airrace.procedure.plan import Plan, plan
@@ -54,17 +55,24 @@ class Flight:
         )
 
 
-def stage_flight(stage: Stage, race: Race, settings: Settings) -> Flight:
+def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory | None = None) -> Flight:
     """Plan the race and build the equations of a stage.
+
+    Args:
+        stage: which one.
+        race: what is flown.
+        settings: of the run.
+        flown: a flight whose choices the plan makes, too; without one it makes its own.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     course = race.course
+    pace = cruise(race.aircraft, course.rules)
     model = BUILDERS[stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
     return Flight(
         stage=stage,
-        plan=plan(course, cruise(race.aircraft, course.rules)),
+        plan=plan(course, pace) if flown is None else plan_as_flown(course, pace, flown),
         model=model,
         observation=crossing_observation(model.system.states),
         watches=leg_watches(course, model.system.states),

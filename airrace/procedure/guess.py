@@ -48,9 +48,13 @@ def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: Cruise) -> float:
 
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:
     """Equal intervals in each phase, about `settings.interval` seconds long."""
-    counts = [max(settings.intervals_min, math.ceil(s / settings.interval)) for s in leg_seconds(plan)]
-    counts = [min(COUNT_STEP * math.ceil(count / COUNT_STEP), COUNT_MAX) for count in counts]
-    return [(1.0 / count,) * count for count in counts]
+    return [(1.0 / count,) * count for count in counts_of(leg_seconds(plan), settings)]
+
+
+def counts_of(seconds: Sequence[float], settings: MeshSettings) -> list[int]:
+    """How many intervals phases of some durations (s) begin with."""
+    counts = [max(settings.intervals_min, math.ceil(s / settings.interval)) for s in seconds]
+    return [min(COUNT_STEP * math.ceil(count / COUNT_STEP), COUNT_MAX) for count in counts]
 
 
 def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:

@@ -50,7 +50,7 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     if not simulated.finished or simulated.strayed > FARTHEST:
         return dataclasses.replace(settled(flight, source, optimum), facts=facts)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
-    return Start(flight.problem(_mesh(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
+    return Start(flight, flight.problem(_mesh(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -60,7 +60,9 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     inverse = inner_controller_for(flight.stage.value)
     state, control = settle(flight.model, inverse, _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
-    return Start(flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value))
+    return Start(
+        flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)
+    )
 
 
 def _reference(source: Flight, optimum: StageResult) -> Reference:
@@ -117,4 +119,6 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         np.vstack(list(states.values())),
         np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
     )
-    return Start(flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value))
+    return Start(
+        flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)
+    )

@@ -31,9 +31,10 @@ REFINED_BARRIER = 1e-6  # of one that starts from an optimum on a coarser mesh
 class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
-    `facts` say where it comes from.
+    `flight` is planned as the start goes round; `facts` say where it comes from.
     """
 
+    flight: Flight
     problem: Problem
     guess: Iterate
     barrier: float
@@ -48,10 +49,11 @@ class Failure:
     solution: Solution | None
 
 
-def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
+def optimise_jointly(bench: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
     """The certified optimum; if none is found, the optimum that is not certified, or why there is none.
 
     Args:
+        bench: what solves.
         starts: in the order in which they are tried; each is made when its turn comes.
     """
     made: list[Start] = []
@@ -65,18 +67,19 @@ def optimise_jointly(flight: Flight, bench: Workbench, starts: Sequence[Callable
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
                 made.append(make())
-            found = _refined(flight, bench, made[number], solver)
+            found = _refined(bench, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)
             elif found.certified:
                 return found
             else:
                 uncertified[number] = found
-    return next(iter(uncertified.values())) if uncertified else _unsolved(flight, bench, failures)
+    return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures)
 
 
-def _refined(flight: Flight, bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
+def _refined(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
+    flight = start.flight
     limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
     draft, barrier, solvers = Draft.first(start.problem, start.guess), start.barrier, (solver,)
     coarser: Solved | None = None
@@ -149,7 +152,7 @@ def _finished(
     )
 
 
-def _unsolved(flight: Flight, bench: Workbench, failures: Sequence[Failure]) -> StageResult:
+def _unsolved(bench: Workbench, failures: Sequence[Failure]) -> StageResult:
     """No optimum: say what stands in the way."""
     returned = [failure for failure in failures if failure.solution is not None]
     claimed = [failure for failure in returned if failure.solution is not None and failure.solution.infeasible]
@@ -157,7 +160,7 @@ def _unsolved(flight: Flight, bench: Workbench, failures: Sequence[Failure]) -> 
     outcome, message = _explained(bench, failure)
     solution = failure.solution
     return conclude(
-        flight,
+        failure.start.flight,
         bench,
         failure.start.problem,
         failure.start.guess if solution is None else _last_flight(failure.start, solution),

@@ -2,9 +2,11 @@
 
 import dataclasses
 import functools
+import logging
 from collections.abc import Callable, Iterator, Sequence
 
 from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
+from airrace.procedure.as_flown import plan_as_flown
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
@@ -12,9 +14,14 @@ from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
 from airrace.procedure.race import Race
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import NOT_EXPLORED, Explored, Stage, StageResult
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.ways.effort import EFFORTS, Effort
+from airrace.procedure.ways.exploring import explore
+from airrace.procedure.ways.sketch import Draught
+
+logger = logging.getLogger(__name__)
 
 STAGES = tuple(stage for stage in Stage if stage in BUILDERS)
 """The stages that can be run, in order."""
@@ -51,45 +58,80 @@ class Ladder:
 
     def climb(self, stage: Stage, bench: Workbench) -> StageResult:
         """Run one stage; those before it are done."""
-        flight = self.flight(stage)
         if stage is Stage.HOMOTOPY:
-            result = fly_homotopy(flight, bench)
+            result = fly_homotopy(self.flight(stage), bench)
         elif stage is Stage.POINT_MASS:
-            result = optimise_jointly(flight, bench, self._first_starts(flight, bench))
+            result = self._first_optimum(bench)
         else:
-            result = optimise_jointly(flight, bench, list(self._handovers(flight, bench)))
+            result = optimise_jointly(bench, list(self._handovers(stage, bench)))
         self.done[stage] = result
         return result
 
-    def _first_starts(self, flight: Flight, bench: Workbench) -> Sequence[Callable[[], Start]]:
-        """Of the point mass: the homotopy and the plan, the one the user wants first."""
-        flown = self.done.get(Stage.HOMOTOPY)
+    def _first_optimum(self, bench: Workbench) -> StageResult:
+        """The point mass: what exploring found, then the homotopy and the plan, the one the user wants first."""
+        starts, explored = list(self._first_starts(bench)), NOT_EXPLORED
+        effort = EFFORTS.get(self._settings.explore)
+        if effort is not None:
+            found, explored = self._explored(effort, bench)
+            starts = [*(functools.partial(_made, start) for start in found), *starts]
+        result = dataclasses.replace(optimise_jointly(bench, starts), explored=explored)
+        for loop in explored.loops:
+            logger.warning("the flight may hold a needless loop: %s", loop)
+        return result
+
+    def _explored(self, effort: Effort, bench: Workbench) -> tuple[Sequence[Start], Explored]:
+        flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
+        if pieces is None and effort.homotopy:
+            pieces = fly_homotopy(self.flight(Stage.HOMOTOPY), bench)
+        flown = [] if pieces is None else [("homotopy", _draught(flight, pieces))]
+        exploration = explore(flight, self._race.course, bench, effort, flown)
+        return exploration.starts, exploration.explored
+
+    def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
+        """The homotopy and the plan, the one the user wants first."""
+        flight, flown = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
         def planned() -> Start:
             mesh = first_mesh(flight.plan, bench.settings.mesh)
-            return Start(flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
+            return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
         def pieced() -> Start:
             pieces = (flown or fly_homotopy(self.flight(Stage.HOMOTOPY), bench)).trajectory
-            return Start(flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
+            return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
 
         return (pieced, planned) if flown else (planned, pieced)
 
-    def _handovers(self, flight: Flight, bench: Workbench) -> Iterator[Callable[[], Start]]:
+    def _handovers(self, stage: Stage, bench: Workbench) -> Iterator[Callable[[], Start]]:
         """Of a higher fidelity: flown along the stage before, at rest in it, at rest in the point mass."""
-        below = STAGES[STAGES.index(flight.stage) - 1]
-        yield functools.partial(self._handed_over, flight, below, bench)
-        for stage in dict.fromkeys((below, Stage.POINT_MASS)):
-            yield functools.partial(self._at_rest, flight, stage)
+        below = STAGES[STAGES.index(stage) - 1]
+        yield functools.partial(self._handed_over, stage, below, bench)
+        for source in dict.fromkeys((below, Stage.POINT_MASS)):
+            yield functools.partial(self._at_rest, stage, source)
 
-    def _at_rest(self, flight: Flight, stage: Stage) -> Start:
+    def _at_rest(self, stage: Stage, source: Stage) -> Start:
         with interrupts_held_back():
-            return settled(flight, self.flight(stage), self.done[stage])
+            return settled(self._as_flown(stage, source), self._as_flown(source, source), self.done[source])
 
-    def _handed_over(self, flight: Flight, stage: Stage, bench: Workbench) -> Start:
-        source, optimum = self.flight(stage), self.done[stage]
-        if flight.stage is Stage.STATE_SPACE and stage is Stage.STATE_SPACE_INVERSION:
-            return recorded(flight, source, optimum)
-        bench.progress.activity(f"flying along the optimum of {stage.value} by error feedback", 0, 0)
+    def _handed_over(self, stage: Stage, source: Stage, bench: Workbench) -> Start:
+        flight, below = self._as_flown(stage, source), self._as_flown(source, source)
+        optimum = self.done[source]
+        if stage is Stage.STATE_SPACE and source is Stage.STATE_SPACE_INVERSION:
+            return recorded(flight, below, optimum)
+        bench.progress.activity(f"flying along the optimum of {source.value} by error feedback", 0, 0)
         with interrupts_held_back():
-            return followed(flight, source, optimum)
+            return followed(flight, below, optimum)
+
+    def _as_flown(self, stage: Stage, source: Stage) -> Flight:
+        """A stage's model, planned as the optimum of another stage goes round."""
+        flight = self.flight(stage)
+        way = plan_as_flown(self._race.course, flight.plan.cruise, self.done[source].trajectory)
+        return dataclasses.replace(flight, plan=way)
+
+
+def _made(start: Start) -> Start:
+    return start
+
+
+def _draught(flight: Flight, pieces: StageResult) -> Draught:
+    """The pieces of a homotopy, to be sketched."""
+    return Draught(flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER)

@@ -9,19 +9,21 @@ free, the time to turn from one attitude to the next).
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.frames import angles, rotation
+from airrace.procedure.choices import ANY, Choices
 from airrace.procedure.cruise import Cruise
 from airrace.procedure.rotation_time import roll_time, rotated, rotation_time
-from airrace.procedure.waypoints import Waypoint, candidates, is_only_a_height
+from airrace.procedure.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
-from airrace.track.dubins import DubinsPath, lengths, shortest
+from airrace.track.dubins import DubinsPath, lengths, on_side, shortest
 from airrace.track.gates import Gate, Manoeuvre
+from airrace.track.limits import Roll
 from airrace.trajectory import Array
 
 
@@ -48,29 +50,55 @@ class Plan:
     counting: bool
 
 
-def plan(course: Course, pace: Cruise) -> Plan:
+@dataclass(frozen=True)
+class _Stop:
+    """A passage that is planned for itself: its index and candidates, the side of the turn that leads to it (0: either)
+    and the roll on the way."""
+
+    index: int
+    ways: list[Waypoint]
+    side: int
+    roll: Roll | None
+
+
+def plan(course: Course, pace: Cruise, choices: Choices = ANY) -> Plan:
     """Choose the candidate at every passage that makes the shortest race.
 
     Passages that ask for a height alone are put on the way between their neighbours afterwards.
+
+    Args:
+        course: what is to be flown.
+        pace: how fast, and how tightly.
+        choices: what is chosen already.
     """
-    last = len(course.passages) - 1
-    stops = [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
-    chosen, seconds = _shortest([candidates(course.passages[index]) for index in stops], pace)
+    stops = [
+        _Stop(index, choices.candidates(course, index), choices.turns.get(index, 0), choices.roll(course, index))
+        for index in stops_of(course)
+    ]
+    chosen, seconds = _shortest(stops, pace)
     waypoints, legs = [chosen[0]], list[Leg]()
-    for (a, b), (first, after) in zip(itertools.pairwise(chosen), itertools.pairwise(stops), strict=True):
-        leg, arrived = _leg(a, b, pace)
+    for (a, b), stop in zip(itertools.pairwise(chosen), stops[1:], strict=True):
+        first, after = len(waypoints) - 1, stop.index
+        leg, arrived = _leg(a, b, stop, pace)
         heights = course.passages[first + 1 : after]
         waypoints += [*_on_the_way(a, arrived, heights, leg), arrived]
         legs += _pieces(leg, len(heights) + 1)
-    return Plan(tuple(_with_knife_edges(waypoints, legs)), tuple(legs), pace, seconds, course.has_rolls)
+    banked = _with_knife_edges(waypoints, legs, choices.edges)
+    return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls)
 
 
-def _shortest(options: Sequence[Sequence[Waypoint]], pace: Cruise) -> tuple[list[Waypoint], float]:
-    """One of the options at every stop, and the planned time, s."""
-    total = np.zeros(len(options[0]))
+def stops_of(course: Course) -> list[int]:
+    """The passages that are planned for themselves: all but those that ask for nothing but a height on the way."""
+    last = len(course.passages) - 1
+    return [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
+
+
+def _shortest(stops: Sequence[_Stop], pace: Cruise) -> tuple[list[Waypoint], float]:
+    """One of the candidates at every stop, and the planned time, s."""
+    total = np.zeros(len(stops[0].ways))
     choices: list[np.ndarray] = []
-    for here, there in itertools.pairwise(options):
-        seconds = total[:, None] + _leg_seconds(here, there, pace)
+    for here, there in itertools.pairwise(stops):
+        seconds = total[:, None] + _leg_seconds(here.ways, there, pace)
         choices.append(seconds.argmin(axis=0))
         total = seconds.min(axis=0)
     index = int(total.argmin())
@@ -78,7 +106,7 @@ def _shortest(options: Sequence[Sequence[Waypoint]], pace: Cruise) -> tuple[list
     for choice in reversed(choices):
         index = int(choice[index])
         chosen.append(index)
-    return [ways[one] for ways, one in zip(options, reversed(chosen), strict=True)], float(total.min())
+    return [stop.ways[one] for stop, one in zip(stops, reversed(chosen), strict=True)], float(total.min())
 
 
 def _level(here: Waypoint, there: Waypoint) -> bool:
@@ -87,8 +115,9 @@ def _level(here: Waypoint, there: Waypoint) -> bool:
     return known and here.climb == 0.0 and there.climb == 0.0 and there.passage.roll is None
 
 
-def _leg_seconds(here: Sequence[Waypoint], there: Sequence[Waypoint], pace: Cruise) -> Array:
-    """Planned time from every candidate to every next one, shape (len(here), len(there)), s."""
+def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
+    """Planned time from every candidate to every one of a stop, shape (len(here), len(stop.ways)), s."""
+    there = stop.ways
     if _level(here[0], there[0]):
         assert here[0].position is not None
         assert there[0].position is not None
@@ -96,24 +125,23 @@ def _leg_seconds(here: Sequence[Waypoint], there: Sequence[Waypoint], pace: Crui
         first = np.array([one.heading for one in here])[:, None]
         last = np.array([one.heading for one in there])[None, :]
         pieces = lengths(start, first, end, last, pace.radius)
-        return np.asarray(pieces.sum(axis=1).min(axis=0) * pace.radius / pace.V)
-    roll = there[0].passage.roll
+        return np.asarray(on_side(pieces, stop.side).min(axis=0) * pace.radius / pace.V)
+    roll = stop.roll
     if roll is not None:
         return np.array([[roll_time(a.q, b.q, roll, pace)[0] for b in there] for a in here])
     return np.array([[rotation_time(a.q, b.q, pace) for b in there] for a in here])
 
 
-def _leg(a: Waypoint, b: Waypoint, pace: Cruise) -> tuple[Leg, Waypoint]:
+def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise) -> tuple[Leg, Waypoint]:
     """The leg from a to b, and b as it is reached."""
     if _level(a, b):
         assert a.position is not None
         assert b.position is not None
-        path = shortest(np.array(a.position[:2]), a.heading, np.array(b.position[:2]), b.heading, pace.radius)
-        return Leg(path), b
-    roll = b.passage.roll
-    if roll is None:
+        start, end = np.array(a.position[:2]), np.array(b.position[:2])
+        return Leg(shortest(start, a.heading, end, b.heading, pace.radius, stop.side)), b
+    if stop.roll is None:
         return Leg(None), b
-    return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, roll, pace)[1])
+    return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace)[1])
 
 
 def _pieces(leg: Leg, count: int) -> list[Leg]:
@@ -146,13 +174,14 @@ def _nearest(value: float, allowed: Interval) -> float:
     return min(max(value, allowed.lower), allowed.upper)
 
 
-def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg]) -> list[Waypoint]:
-    """Gates that may be flown on either edge take the one into which the path around them turns."""
+def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg], edges: Mapping[int, int]) -> list[Waypoint]:
+    """Gates that may be flown on either edge take the chosen one, else that into which the path around them turns."""
     chosen: list[Waypoint] = []
     for index, waypoint in enumerate(waypoints):
         element = waypoint.passage.element
         if isinstance(element, Gate) and element.either_bank:
-            turn = _turn_around(legs[index - 1] if index else None, legs[index] if index < len(legs) else None)
+            around = _turn_around(legs[index - 1] if index else None, legs[index] if index < len(legs) else None)
+            turn = edges.get(index, around)
             bank = math.copysign(abs(element.bank), turn if turn else element.bank)
             waypoint = dataclasses.replace(waypoint, bank=bank)
         chosen.append(waypoint)

@@ -123,6 +123,45 @@ NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0),
 
 
 @dataclass(frozen=True)
+class Way:
+    """A way round that was tried.
+
+    Attributes:
+        text: what it is, in words.
+        race_time: of the whole race flown so, as far as a rough mesh tells, s.
+        difference: to the best, on the same terms, s.
+        priced: "jointly" for a flight that was optimised as a whole, "window" for one whose turn was flown alone.
+    """
+
+    text: str
+    race_time: float
+    difference: float
+    priced: str
+
+
+@dataclass(frozen=True)
+class Explored:
+    """What exploring tried before a race was optimised.
+
+    Attributes:
+        ways: the best first, then the others by race time; empty where nothing was explored.
+        led: how many starts led to the best.
+        lost: how many starts led nowhere.
+        seconds: that exploring took.
+        loops: needless loops that the best still flies, a sentence each.
+    """
+
+    ways: tuple[Way, ...] = ()
+    led: int = 0
+    lost: int = 0
+    seconds: float = 0.0
+    loops: tuple[str, ...] = ()
+
+
+NOT_EXPLORED = Explored()
+
+
+@dataclass(frozen=True)
 class StageResult:
     """One stage, finished.
 
@@ -139,6 +178,7 @@ class StageResult:
         timings: where the time went.
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
+        explored: which other ways round were tried; empty in all stages but the one that explores.
     """
 
     stage: Stage
@@ -153,6 +193,7 @@ class StageResult:
     timings: Timings
     facts: Facts = NO_FACTS
     mesh: MeshRecord = NO_RECORD
+    explored: Explored = NOT_EXPLORED
 
     @property
     def certified(self) -> bool:

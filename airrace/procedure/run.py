@@ -52,7 +52,7 @@ def optimise(
         on_notice=lambda text: progress.activity(text, 0, 0),
     ) as service:
         load_in_background()
-        bench = Workbench(service, settings, progress)
+        bench = Workbench(service, settings, progress, threads)
         for stage, *later in (wanted[number:] for number in range(len(wanted))):
             progress.stage_started(stage)
             bench.begin()

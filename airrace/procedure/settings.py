@@ -12,6 +12,14 @@ class GuessKind(Enum):
     PLAN = "plan"
 
 
+class Explore(Enum):
+    """How much is tried to find the fastest way round."""
+
+    OFF = "off"
+    QUICK = "quick"
+    THOROUGH = "thorough"
+
+
 @dataclass(frozen=True)
 class MeshSettings:
     """First mesh: intervals of about `interval` seconds, at least `intervals_min` in a phase; then up to
@@ -62,6 +70,7 @@ class Settings:
     """`regularisation` weighs the integral of the squared, scaled control rates against seconds of race time."""
 
     guess: GuessKind = GuessKind.HOMOTOPY
+    explore: Explore = Explore.QUICK
     regularisation: float = 1e-3
     mesh: MeshSettings = field(default_factory=MeshSettings)
     solver: SolverSettings = field(default_factory=SolverSettings)

@@ -11,20 +11,31 @@ from airrace.optimal_control.solvers import Solution, SolverOptions
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
+from airrace.procedure.ways.crew import Crew
 
 POLISH = 1e-2  # of the solver's tolerance, where its solution is not good enough for the certificate
 
 
 @dataclass
 class Workbench:
-    """What the stages solve with; keeps the attempts of the current stage."""
+    """What the stages solve with, on so many threads; keeps the attempts of the current stage."""
 
     service: SolverService
     settings: Settings
     progress: Progress
+    threads: int = 1
     attempts: list[Attempt] = field(default_factory=list[Attempt])
     derivative_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
+
+    def crew(self) -> Crew:
+        """The solver process, and as many others as there are threads, for solves that do not depend on each other."""
+        solver = self.settings.solver
+
+        def another() -> SolverService:
+            return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
+
+        return Crew(self.service, self.threads, another)
 
     def begin(self) -> None:
         """Start a new stage: forget the attempts of the one before."""

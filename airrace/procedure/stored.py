@@ -52,7 +52,7 @@ def recertify(race: Race, settings: Settings, result: StageResult) -> Certificat
 
 
 def _recertify(race: Race, settings: Settings, result: StageResult, service: SolverService) -> Certificate:
-    flight = stage_flight(result.stage, race, settings)
+    flight = stage_flight(result.stage, race, settings, result.trajectory)
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     multipliers = result.constraint_multipliers
     layout = Layout(problem)
@@ -96,7 +96,7 @@ def _coarser_race_time(flight: Flight, settings: Settings, result: StageResult, 
 
 def sampler(race: Race, settings: Settings, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:
     """Histories at any time, integrated from the node before; a function of times in s, shape (n,)."""
-    flight = stage_flight(result.stage, race, settings)
+    flight = stage_flight(result.stage, race, settings, result.trajectory)
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     names = [quantity.name for quantity in problem.system.states]
     time = result.trajectory.time

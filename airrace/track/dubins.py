@@ -32,6 +32,11 @@ class DubinsPath:
     def length(self) -> float:
         return sum(self.lengths)
 
+    @property
+    def turning(self) -> float:
+        """All that it turns, to whichever side, rad."""
+        return sum(abs(length * bend) for length, bend in zip(self.lengths, self.curvatures, strict=True))
+
     def curvature(self, s: Array) -> Array:
         """Curvature at arc lengths `s`, shape (n,), 1/m."""
         edges = np.cumsum(self.lengths)[:-1]
@@ -126,10 +131,29 @@ def _three_turns(d: Array, a: Array, b: Array) -> Array:
     return np.stack([first, middle, _turn(b - a - first + middle)])
 
 
-def shortest(start: Array, heading: float, end: Array, end_heading: float, radius: float) -> DubinsPath:
-    """The shortest path; shapes (2,) and scalars."""
+def on_side(pieces: Array, side: int) -> Array:
+    """Lengths of all six kinds of path, infinite where a path turns to the other side on the whole.
+
+    Args:
+        pieces: lengths of their pieces in radii, shape (6, 3, ...).
+        side: 1 for right turns, -1 for left turns, 0 for both.
+
+    Returns:
+        Shape (6, ...), in radii.
+    """
+    total = pieces.sum(axis=1)
+    if side == 0:
+        return total
+    signs = np.asarray(WORDS, dtype=float)
+    with np.errstate(invalid="ignore"):  # a path that does not exist has infinite pieces
+        turned = (np.moveaxis(pieces, (0, 1), (-2, -1)) * signs).sum(axis=-1)
+    return np.where(side * np.moveaxis(turned, -1, 0) > 0.0, total, np.inf)
+
+
+def shortest(start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0) -> DubinsPath:
+    """The shortest path; of those to one side where `side` is 1 (right) or -1 (left). Shapes (2,) and scalars."""
     pieces = lengths(start, np.asarray(heading), end, np.asarray(end_heading), radius)
-    word = int(np.argmin(pieces.sum(axis=1)))
+    word = int(np.argmin(on_side(pieces, side)))
     first, second, third = (float(piece) * radius for piece in pieces[word])
     signs = WORDS[word]
     curvatures = (signs[0] / radius, signs[1] / radius, signs[2] / radius)

@@ -54,7 +54,7 @@ def solved_start(*, torn: float = 0.0) -> Start:
     iterate = iterate_of(flown)
     state = iterate.state.copy()
     state[0, -1] += torn
-    return Start(flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), HANDOVER_BARRIER)
+    return Start(flight, flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), HANDOVER_BARRIER)
 
 
 def tried(used: Workbench, *starts: Start) -> tuple[StageResult, list[int], list[str]]:
@@ -68,7 +68,7 @@ def tried(used: Workbench, *starts: Start) -> tuple[StageResult, list[int], list
 
         return make
 
-    result = optimise_jointly(prepared(SMALL), used, [maker(number) for number in range(len(starts))])
+    result = optimise_jointly(used, [maker(number) for number in range(len(starts))])
     return result, made, [solver for solver, _, _ in asked(used)]
 
 

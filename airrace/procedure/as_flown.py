@@ -1,0 +1,93 @@
+"""The plan of a flight that exists already: its choices are read off its states at the passages.
+
+A stored optimum belongs to one way round: along which axis a passage is crossed, to which side a roll goes. The flight
+itself says so, so nothing about it has to be stored, and nothing that is stored about it can be wrong.
+"""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from airrace.frames import angle_between, angles, rotation
+from airrace.procedure.choices import Choices
+from airrace.procedure.cruise import Cruise
+from airrace.procedure.plan import Plan, plan, stops_of
+from airrace.procedure.waypoints import STEEP, Waypoint, candidates
+from airrace.quantities import Quantity
+from airrace.track.course import Course, Passage
+from airrace.track.gates import Gate, Manoeuvre
+from airrace.trajectory import Array, Trajectory
+
+ATTITUDE = ("q0", "q1", "q2", "q3")
+
+
+def plan_as_flown(course: Course, pace: Cruise, flown: Trajectory) -> Plan:
+    """The plan that makes all choices as a flight has made them.
+
+    Args:
+        course: what was flown.
+        pace: how fast, and how tightly, it is planned.
+        flown: a flight through it, of any fidelity.
+    """
+    return plan(course, pace, choices_as_flown(course, flown.states, flown.state, flown.first_node.tolist()))
+
+
+def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, first_node: Sequence[int]) -> Choices:
+    """The choices of a flight.
+
+    Args:
+        course: what was flown.
+        states: declarations of the states.
+        state: at the nodes, shape (n_x, N + 1).
+        first_node: node of every passage.
+    """
+    row = {one.name: history for one, history in zip(states, state, strict=True)}
+    q = np.stack([row[name] for name in ATTITUDE])
+    stops = stops_of(course)
+    ways = {stop: (way_as_flown(course.passages[stop], q[:, first_node[stop]]),) for stop in stops}
+    turns = {
+        stop: 1 if turned(row["x"], row["y"], first_node[before], first_node[stop]) > 0.0 else -1
+        for before, stop in itertools.pairwise(stops)
+    }
+    rolls = {
+        index: 1 if row["Phi"][first_node[index]] > 0.0 else -1
+        for index, passage in enumerate(course.passages)
+        if passage.roll is not None
+    }
+    edges = {
+        index: 1 if _bank(q[:, first_node[index]]) > 0.0 else -1
+        for index, passage in enumerate(course.passages)
+        if isinstance(passage.element, Gate) and passage.element.either_bank
+    }
+    return Choices(ways, turns, rolls, edges)
+
+
+def way_as_flown(passage: Passage, q: Array) -> Waypoint:
+    """The candidate of a passage that is nearest to how it was passed, with the course that was flown.
+
+    Args:
+        passage: which one.
+        q: attitude, shape (4,).
+    """
+    heading, _, _ = angles(rotation([float(one) for one in q]))
+    if isinstance(passage.element, Manoeuvre):
+        return max(candidates(passage), key=lambda one: abs(float(np.dot(q, one.q))))
+    nearest = min(candidates(passage), key=lambda one: abs(angle_between(heading, one.heading)))
+    if abs(nearest.climb) > STEEP:
+        return nearest
+    return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
+
+
+def turned(x: Array, y: Array, first: int, last: int) -> float:
+    """The angle by which the track over ground turns between two nodes, rad, positive to the right."""
+    north, east = np.diff(x[first : last + 1]), np.diff(y[first : last + 1])
+    course = np.unwrap(np.arctan2(east, north))
+    return float(course[-1] - course[0])
+
+
+def _bank(q: Array) -> float:
+    R = rotation([float(one) for one in q])
+    return math.atan2(R[2][1], R[2][2])

@@ -1,0 +1,50 @@
+"""Choices: what a plan is told to keep to, where it would otherwise decide for itself.
+
+Which way round a race is flown is decided in a few places: along which axis a passage is crossed and with which course,
+to which side the path turns between two passages, to which side a roll or a knife edge goes.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from airrace.procedure.waypoints import Waypoint, candidates
+from airrace.track.course import Course
+from airrace.track.limits import Roll, Turning
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Choices that are made already, by the index of the passage concerned; the others are free.
+
+    Attributes:
+        ways: the candidates that are left of a passage.
+        turns: the side to which the path turns on its way to this passage: 1 to the right, -1 to the left.
+        rolls: the side of the roll on the leg that ends with this passage.
+        edges: the wing that points down at a knife edge that may be flown on either.
+    """
+
+    ways: Mapping[int, tuple[Waypoint, ...]] = field(default_factory=dict[int, tuple[Waypoint, ...]])
+    turns: Mapping[int, int] = field(default_factory=dict[int, int])
+    rolls: Mapping[int, int] = field(default_factory=dict[int, int])
+    edges: Mapping[int, int] = field(default_factory=dict[int, int])
+
+    def candidates(self, course: Course, index: int) -> list[Waypoint]:
+        """The ways in which a passage may still be planned."""
+        return list(self.ways[index]) if index in self.ways else candidates(course.passages[index])
+
+    def roll(self, course: Course, index: int) -> Roll | None:
+        """The roll on the leg that ends with a passage, to the chosen side."""
+        roll = course.passages[index].roll
+        if roll is None or index not in self.rolls:
+            return roll
+        return dataclasses.replace(roll, turning=Turning.RIGHT if self.rolls[index] > 0 else Turning.LEFT)
+
+    def without_ways(self, *indices: int) -> "Choices":
+        """These choices but for the ways in which some passages are crossed."""
+        left = {index: ways for index, ways in self.ways.items() if index not in indices}
+        return dataclasses.replace(self, ways=left)
+
+
+ANY = Choices()
+"""Everything is left to the plan."""

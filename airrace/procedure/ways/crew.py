@@ -1,0 +1,59 @@
+"""A crew: several solver processes side by side, for solves that do not depend on one another."""
+
+import queue
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import Self, TypeVar
+
+from airrace.optimal_control.service import SolverService
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+
+class Crew:
+    """Solver processes that share a list of jobs; a context manager that ends those that it has started.
+
+    What a job comes to does not depend on who does it, nor on how many there are.
+
+    Args:
+        service: a process that exists already and is one of the crew.
+        size: how many there are in all.
+        make: starts another process.
+    """
+
+    def __init__(self, service: SolverService, size: int, make: Callable[[], SolverService]) -> None:
+        self._added = [make() for _ in range(size - 1)]
+        self._free: queue.SimpleQueue[SolverService] = queue.SimpleQueue()
+        self._all = [service, *self._added]
+        for one in self._all:
+            self._free.put(one)
+        self._pool = ThreadPoolExecutor(size, thread_name_prefix="crew")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        ended = self._added if error is None else self._all  # an error may leave any of them in mid-solve
+        for service in ended:
+            service.stop()
+        self._pool.shutdown(cancel_futures=True)
+
+    def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
+        """Do all jobs; the results are in the order of the jobs.
+
+        Raises:
+            SolverCrash: a process died.
+        """
+        futures = [self._pool.submit(self._one, job, do) for job in jobs]
+        return [future.result() for future in futures]
+
+    def _one(self, job: Job, do: Callable[[SolverService, Job], Done]) -> Done:
+        service = self._free.get()
+        try:
+            return do(service, job)
+        finally:
+            self._free.put(service)

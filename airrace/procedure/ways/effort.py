@@ -1,0 +1,71 @@
+"""Efforts: how much is tried before a way round is taken."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from airrace.environment.atmosphere import g0
+from airrace.procedure.cruise import Cruise
+from airrace.procedure.settings import Explore
+
+
+@dataclass(frozen=True)
+class Radius:
+    """A factor on the planned turning radius; reached by a higher load factor, or by flying slower."""
+
+    factor: float
+    slower: bool = False
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
+
+    Attributes:
+        radii: of the plans that are flown as a whole.
+        thinking: radius at which other ways through a stretch are planned.
+        dearest: s, by which the plan of a way through a stretch may take longer than that of the flight.
+        rounds: how often the best flight is improved, at most.
+        alternatives: how many wins that overlap greater ones are flown jointly as well, each for itself.
+        finalists: how many flights are compared on the mesh on which the winner is then proved.
+        homotopy: whether the homotopy is one of the starts, although the user begins with the plan.
+    """
+
+    radii: tuple[Radius, ...]
+    thinking: Radius
+    dearest: float
+    rounds: int
+    alternatives: int
+    finalists: int
+    homotopy: bool
+
+
+QUICK = Effort(
+    radii=(Radius(1.0), Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
+    thinking=Radius(0.5),
+    dearest=2.0,
+    rounds=3,
+    alternatives=1,
+    finalists=2,
+    homotopy=False,
+)
+THOROUGH = Effort(
+    radii=(
+        *(Radius(factor) for factor in (1.0, 0.85, 0.7, 0.55, 0.4, 0.3)),
+        *(Radius(factor, slower=True) for factor in (0.85, 0.7, 0.55, 0.4)),
+    ),
+    thinking=Radius(0.5),
+    dearest=6.0,
+    rounds=8,
+    alternatives=3,
+    finalists=4,
+    homotopy=True,
+)
+EFFORTS: Mapping[Explore, Effort] = {Explore.QUICK: QUICK, Explore.THOROUGH: THOROUGH}
+
+
+def scaled(pace: Cruise, radius: Radius) -> Cruise:
+    """A pace with turns of another radius."""
+    if radius.slower:
+        return replace(pace, V=pace.V * math.sqrt(radius.factor))
+    return replace(pace, n=math.hypot(1.0, pace.V**2 / (g0 * radius.factor * pace.radius)))

@@ -1,0 +1,176 @@
+"""Exploring: from a planned race to the flights that are worth being proved, and what else was tried."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from airrace.optimal_control.refinement import resampled
+from airrace.optimal_control.service import SolverService
+from airrace.procedure.cruise import Cruise
+from airrace.procedure.flight import Flight
+from airrace.procedure.guess import counts_of
+from airrace.procedure.joint import Start
+from airrace.procedure.pieces import phase_piece
+from airrace.procedure.plan import plan
+from airrace.procedure.result import Explored, Way
+from airrace.procedure.solving import Workbench
+from airrace.procedure.ways.crew import Crew
+from airrace.procedure.ways.effort import Effort, scaled
+from airrace.procedure.ways.search import Found, Search, Tried, TriedWindow
+from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, sketched
+from airrace.procedure.ways.stretches import Stretch, alike, differing, sampled, shape, stretches
+from airrace.procedure.ways.words import flight_in_words, named, shape_in_words, way_in_words
+from airrace.track.course import Course
+
+FINAL_BARRIER = 1e-4  # of the solve that goes on from a sketch
+CLOSE = 0.4  # s: what is further behind the best is not compared again
+MOST_WAYS = 40  # that are told of
+NEEDLESS_TURN = math.radians(150.0)  # more than the gates ask for
+NEEDLESS_LENGTH = 2.0  # times the length of the plan
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """What exploring came to.
+
+    Attributes:
+        starts: flights to be refined and proved, the best first; empty if nothing could be flown.
+        explored: what was tried, for people.
+    """
+
+    starts: tuple[Start, ...]
+    explored: Explored
+
+
+def explore(
+    flight: Flight, course: Course, bench: Workbench, effort: Effort, starts: Sequence[tuple[str, Draught]] = ()
+) -> Exploration:
+    """Look for the fastest way round.
+
+    Args:
+        flight: the point mass, with the race's own plan.
+        course: the course.
+        bench: what solves, and whom to tell.
+        effort: how much is tried.
+        starts: flights to begin with besides the plans, and what they are called.
+
+    Raises:
+        SolverCrash: a solver process died.
+    """
+    began = time.perf_counter()
+    pace = flight.plan.cruise
+    with bench.crew() as crew:
+        watch = _watching(bench)
+        found = Search(flight, course, pace, effort, crew, watch).run(starts)
+        finalists = _finalists(found.flights, course, effort.finalists)
+        if finalists:
+            watch(f"{len(finalists)} ways compared on a finer mesh")
+        finals = _finals(crew, bench, finalists)
+    explored = _told(found, finals, course, pace, effort, time.perf_counter() - began)
+    return Exploration(tuple(_start(one) for one in finals), explored)
+
+
+def _watching(bench: Workbench) -> Callable[[str], None]:
+    return lambda text: bench.progress.activity(text, 0, 0)
+
+
+def _finalists(flights: Sequence[Tried], course: Course, most: int) -> list[Sketch]:
+    """The fastest flights that differ from one another, none of them far behind the best."""
+    chosen: list[Sketch] = []
+    for tried in flights:
+        if tried.sketch.race_time > flights[0].sketch.race_time + CLOSE:
+            break
+        if len(chosen) < most and all(differing(one, tried.sketch, stretches(course)) for one in chosen):
+            chosen.append(tried.sketch)
+    return chosen
+
+
+def _finals(crew: Crew, bench: Workbench, finalists: Sequence[Sketch]) -> list[Sketch]:
+    """The finalists on the mesh with which their proof begins, the fastest first."""
+
+    def finer(service: SolverService, sketch: Sketch) -> Sketch:
+        wanted = counts_of(sketch.iterate.durations.tolist(), bench.settings.mesh)
+        counts = [max(count, len(phase)) for count, phase in zip(wanted, sketch.problem.mesh, strict=True)]
+        mesh, iterate = resampled(sketch.problem.mesh, sketch.iterate, counts)
+        return sketched(service, Draught(sketch.flight, mesh, iterate, AGAIN_BARRIER)) or sketch
+
+    if len(finalists) < 2:
+        return list(finalists)
+    return sorted(crew.work(finalists, finer), key=lambda one: one.race_time)
+
+
+def _start(sketch: Sketch) -> Start:
+    return Start(sketch.flight, sketch.problem, sketch.iterate, FINAL_BARRIER)
+
+
+def _told(
+    found: Found, finals: Sequence[Sketch], course: Course, pace: Cruise, effort: Effort, seconds: float
+) -> Explored:
+    """What was tried, in words, the best first."""
+    if not finals:
+        return Explored((), 0, found.lost, seconds, ())
+    best, places = finals[0], stretches(course)
+    led = [one for one in found.flights if not differing(best, one.sketch, places)]
+    ways = [
+        Way(flight_in_words(course, best, places), best.race_time, 0.0, "jointly"),
+        *(_told_flight(one, best, course, places) for one in found.flights if one not in led),
+        *(way for one in found.windows if (way := _told_window(one, best, course, places)) is not None),
+    ]
+    first, *others = ways
+    unique = {way.text: way for way in sorted(others, key=lambda way: -way.race_time)}
+    ranked = sorted(unique.values(), key=lambda way: way.race_time)
+    loops = tuple(_loops(best, course, scaled(pace, effort.thinking), places))
+    return Explored((first, *ranked[: MOST_WAYS - 1]), len(led), found.lost, seconds, loops)
+
+
+def _told_flight(tried: Tried, best: Sketch, course: Course, places: Sequence[Stretch]) -> Way:
+    apart = differing(best, tried.sketch, list(places))
+    text = way_in_words(course, tried.sketch, apart)
+    return Way(text, tried.sketch.race_time, tried.sketch.race_time - best.race_time, "jointly")
+
+
+def _told_window(tried: TriedWindow, best: Sketch, course: Course, places: Sequence[Stretch]) -> Way | None:
+    """A way through a window; None if it is the best flight's own."""
+    window, stretch = tried.found.window, tried.thought.stretch
+    shown = replace(
+        window.base, problem=tried.found.problem, iterate=tried.found.iterate, errors=window.base.errors[:0]
+    )
+    inside = Stretch(stretch.number, stretch.first - window.first, stretch.last - window.first)
+    if _same(shown, inside, best, stretch):
+        return None
+    race_time = window.base.race_time - tried.found.saved
+    text = f"{named(course, stretch)}: {shape_in_words(shape(shown, inside))}"
+    return Way(text, race_time, race_time - best.race_time, "window")
+
+
+def _same(one: Sketch, inside: Stretch, other: Sketch, stretch: Stretch) -> bool:
+    """Whether a window takes a stretch as a whole flight does."""
+    for index, counterpart in zip(range(inside.first, inside.last), range(stretch.first, stretch.last), strict=True):
+        pieces = [
+            sampled(phase_piece(sketch.iterate, sketch.problem, place), sketch.problem.phases[place].fractions)
+            for sketch, place in ((one, index), (other, counterpart))
+        ]
+        if not alike(pieces[0], pieces[1]):
+            return False
+    return True
+
+
+def _loops(best: Sketch, course: Course, pace: Cruise, places: Sequence[Stretch]) -> list[str]:
+    """Stretches on which the best flight turns, or flies, far more than its gates ask for."""
+    planned = plan(course, pace)
+    told: list[str] = []
+    for stretch in places:
+        paths = [planned.legs[index].path for index in range(stretch.first, stretch.last)]
+        known = [path for path in paths if path is not None]
+        if len(known) < len(paths):
+            continue
+        asked = sum(path.turning for path in known)
+        flown = shape(best, stretch)
+        length = sum(path.length for path in known)
+        if abs(flown.turn) > asked + NEEDLESS_TURN or flown.length > NEEDLESS_LENGTH * length + 200.0:
+            told.append(
+                f"{named(course, stretch)}: turns {abs(math.degrees(flown.turn)):.0f} degrees on {flown.length:.0f} m, "
+                f"where the gates ask for {math.degrees(asked):.0f} degrees on {length:.0f} m"
+            )
+    return told

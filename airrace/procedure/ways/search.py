@@ -1,0 +1,198 @@
+"""The search for the fastest way round: several starts, then one stretch after another taken otherwise.
+
+What is claimed of the result is only that it is the best of what was tried. The order of everything is that of the
+course and of the starts, and all jobs are independent of one another, so the result does not depend on the number of
+solver processes.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from airrace.procedure.as_flown import choices_as_flown
+from airrace.procedure.cruise import Cruise
+from airrace.procedure.flight import Flight
+from airrace.procedure.plan import plan
+from airrace.procedure.ways.crew import Crew
+from airrace.procedure.ways.effort import Effort, scaled
+from airrace.procedure.ways.sketch import Draught, Sketch, planned_draught, sketched
+from airrace.procedure.ways.stretches import Stretch, differing
+from airrace.procedure.ways.thoughts import Thinker, Thought
+from airrace.procedure.ways.window import COLD_BARRIER, Priced, priced, spliced
+from airrace.track.course import Course
+
+WORTH = 0.003  # s: what a window has to save to be flown jointly
+GAINED = 0.0005  # s: what a joint flight has to gain to be the better one
+CLOSE = 0.35  # s behind the best: another start's way through a stretch may still be the better one
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A way round that was solved jointly: what it began with, and the flight."""
+
+    origin: str
+    sketch: Sketch
+
+
+@dataclass(frozen=True)
+class TriedWindow:
+    """A way through a stretch that was solved in its window: which, in what, and what it saves there."""
+
+    thought: Thought
+    found: Priced
+
+
+@dataclass(frozen=True)
+class Found:
+    """All that was tried, the best first.
+
+    Attributes:
+        flights: solved jointly, by race time.
+        windows: priced in a window of the best flight of their time, in the order in which they were tried.
+        lost: how many starts led nowhere.
+    """
+
+    flights: tuple[Tried, ...]
+    windows: tuple[TriedWindow, ...]
+    lost: int
+
+
+class Search:
+    """One search.
+
+    Args:
+        flight: the point mass on the course.
+        course: the course.
+        pace: at which the race is planned.
+        effort: how much is tried.
+        crew: what solves.
+        watch: told what is being done.
+    """
+
+    def __init__(
+        self, flight: Flight, course: Course, pace: Cruise, effort: Effort, crew: Crew, watch: Callable[[str], None]
+    ) -> None:
+        self._flight, self._course, self._pace = flight, course, pace
+        self._effort, self._crew, self._watch = effort, crew, watch
+        self._flights: list[Tried] = []
+        self._windows: list[TriedWindow] = []
+        self._lost = 0
+
+    def run(self, starts: Sequence[tuple[str, Draught]]) -> Found:
+        """Try the starts given and those of the effort, then improve the best of them."""
+        self._fly_all([*starts, *self._planned_starts()])
+        if self._flights:
+            best = self._best
+            for number in range(self._effort.rounds):
+                self._watch(f"other ways round, {number + 1}: {best.race_time:.2f} s so far")
+                better = self._improved(best, first=number == 0)
+                if better is None:
+                    break
+                best = better
+        flights = sorted(self._flights, key=lambda one: one.sketch.race_time)
+        return Found(tuple(flights), tuple(self._windows), self._lost)
+
+    @property
+    def _best(self) -> Sketch:
+        return min((one.sketch for one in self._flights), key=lambda one: one.race_time)
+
+    def _planned_starts(self) -> list[tuple[str, Draught]]:
+        """Plans of different radius; those that are alike in every number are flown once."""
+        paces = [scaled(self._pace, one) for one in self._effort.radii]
+        plans = [plan(self._course, pace) for pace in paces]
+        return [
+            (f"plan with turns of {pace.radius:.0f} m", planned_draught(self._flight, one, COLD_BARRIER))
+            for pace, one in zip(paces, plans, strict=True)
+        ]
+
+    def _fly_all(self, starts: Sequence[tuple[str, Draught]]) -> None:
+        self._watch(f"{len(starts)} starts, flown roughly")
+        sketches = self._crew.work([draught for _, draught in starts], sketched)
+        for (origin, _), sketch in zip(starts, sketches, strict=True):
+            if sketch is None:
+                self._lost += 1
+            else:
+                self._flights.append(Tried(origin, sketch))
+
+    def _improved(self, base: Sketch, *, first: bool) -> Sketch | None:
+        """A faster flight, from other ways through the stretches of a flight; None if none was found."""
+        thinker = Thinker(base, self._course, scaled(self._pace, self._effort.thinking))
+        thoughts = [one for one in thinker.thoughts() if one.dearer <= self._effort.dearest]
+        if first:
+            thoughts += self._from_other_starts(base, thinker)
+        found = self._crew.work([one.window for one in thoughts], priced)
+        tried = [TriedWindow(one, win) for one, win in zip(thoughts, found, strict=True) if win is not None]
+        self._windows += tried
+        wins = sorted((one for one in tried if one.found.saved > WORTH), key=lambda one: -one.found.saved)
+        return self._combined(base, wins) if wins else None
+
+    def _from_other_starts(self, base: Sketch, thinker: Thinker) -> list[Thought]:
+        """The ways of other flights where they differ from the best, each stretch of neighbours by itself."""
+        found: list[Thought] = []
+        for tried in self._flights:
+            if tried.sketch is base:
+                continue
+            apart = differing(base, tried.sketch, thinker.stretches)
+            found += [thinker.from_flight(tried.sketch, group) for group in _groups(apart)]
+        return found
+
+    def _combined(self, base: Sketch, wins: Sequence[TriedWindow]) -> Sketch | None:
+        """All wins that do not overlap, flown jointly; and the greatest of them alone, for they may not go together."""
+        together: list[TriedWindow] = []
+        for win in wins:
+            taken = {index for one in together for index in one.found.window.phases}
+            if taken.isdisjoint(win.found.window.phases):
+                together.append(win)
+        groups = [together] if len(together) == 1 else [together, together[:1]]
+        groups += [[win] for win in wins if win not in together][: self._effort.alternatives]
+        jobs = [self._splice(base, group) for group in groups]
+        flown = self._crew.work(jobs, lambda service, job: spliced(service, *job))
+        found: list[Sketch] = []
+        for group, sketch in zip(groups, flown, strict=True):
+            if sketch is not None and sketch.race_time < base.race_time - GAINED:
+                self._flights.append(Tried(", ".join(one.thought.kind for one in group), sketch))
+                found.append(sketch)
+        return min(found, key=lambda one: one.race_time) if found else None
+
+    def _splice(self, base: Sketch, group: Sequence[TriedWindow]) -> tuple[Flight, Sketch, list[Priced]]:
+        """The plan that goes with a flight some of whose windows are flown otherwise."""
+        problem = base.problem
+        names = problem.system.states
+        choices = choices_as_flown(self._course, names, base.iterate.state, problem.first_node)
+        for one in group:
+            window = one.found.window
+            inside = set(window.phases) | {window.last}
+            chosen = {
+                index: (way,)
+                for index, way in enumerate(window.flight.plan.waypoints)
+                if index in inside and index in choices.ways
+            }
+            edges = {
+                index: 1 if (window.flight.plan.waypoints[index].bank or 0.0) > 0.0 else -1
+                for index in choices.edges
+                if index in inside
+            }
+            rolls = {
+                index: 1 if window.flight.plan.waypoints[index].rolled > 0.0 else -1
+                for index in choices.rolls
+                if index in inside
+            }
+            choices = dataclasses.replace(
+                choices,
+                ways={**choices.ways, **chosen},
+                edges={**choices.edges, **edges},
+                rolls={**choices.rolls, **rolls},
+            )
+        planned = plan(self._course, self._pace, choices)
+        return dataclasses.replace(self._flight, plan=planned), base, [one.found for one in group]
+
+
+def _groups(apart: Sequence[Stretch]) -> list[list[Stretch]]:
+    """Neighbouring stretches together."""
+    groups: list[list[Stretch]] = []
+    for stretch in apart:
+        if groups and groups[-1][-1].number == stretch.number - 1:
+            groups[-1].append(stretch)
+        else:
+            groups.append([stretch])
+    return groups

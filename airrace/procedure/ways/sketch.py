@@ -1,0 +1,131 @@
+"""Sketches: flights optimised roughly, well enough to be compared.
+
+What a coarse mesh gains by its own errors of integration is told in seconds by the costates, and taken off again; where
+it is much, or where a leg takes far longer than planned, the mesh is made finer there first.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from airrace.optimal_control.hamiltonian import costates, errors_in_objective
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.refinement import resampled
+from airrace.optimal_control.replay import estimated_defect
+from airrace.optimal_control.service import SolverService, Stalled
+from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.procedure.flight import Flight
+from airrace.procedure.guess import guess, leg_seconds
+from airrace.procedure.plan import Plan
+from airrace.trajectory import Array
+
+INTERVAL = 0.22  # s, about: half again as long as those of a first mesh
+FEWEST, MOST = 6, 120  # intervals in a phase
+STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
+TOLERANCE = 1e-5
+ITERATIONS = 120  # those that converge take 30 to 60; one that is lost is not worth more
+AGAIN_BARRIER = 1e-3  # of a solve that starts from the same flight on another mesh
+TOO_FEW = 0.7  # of the intervals that a phase should have
+DECEIVED = 0.01  # s, by which a phase may be too fast for its mesh alone
+SKETCHES = 3  # meshes at most
+
+
+@dataclass(frozen=True)
+class Draught:
+    """A flight to be sketched: how it is planned, and a guess on a mesh."""
+
+    flight: Flight
+    mesh: Sequence[tuple[float, ...]]
+    guess: Iterate
+    barrier: float
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A rough optimum.
+
+    Attributes:
+        flight: with the plan that it was flown from.
+        problem: on its mesh.
+        iterate: the flight.
+        multipliers: of the constraints, shape (n_g,).
+        errors: what each phase is too fast for its mesh alone, s; shape (n,).
+    """
+
+    flight: Flight
+    problem: Problem
+    iterate: Iterate
+    multipliers: Array
+    errors: Array
+
+    @property
+    def race_time(self) -> float:
+        """With what its errors of integration are worth, s."""
+        return float(self.iterate.durations.sum() + self.errors.sum())
+
+    @cached_property
+    def costates(self) -> Array:
+        """At the ends of the intervals, s per unit of each state; shape (n_x, N)."""
+        return costates(Layout(self.problem), self.multipliers)
+
+
+def planned_draught(flight: Flight, plan: Plan, barrier: float) -> Draught:
+    """A flight straight from a plan; one that is planned to be slow has no more intervals for that."""
+    share = plan.cruise.V / flight.plan.cruise.V
+    mesh = [(1.0 / count,) * count for count in (intervals(share * s) for s in leg_seconds(plan))]
+    return Draught(replace(flight, plan=plan), mesh, guess(plan, mesh), barrier)
+
+
+def intervals(seconds: float) -> int:
+    """How many intervals a phase of that duration has."""
+    return min(STEP * math.ceil(max(FEWEST, seconds / INTERVAL) / STEP), MOST)
+
+
+def sketched(service: SolverService, draught: Draught) -> Sketch | None:
+    """The rough optimum; None if there is none within the budget."""
+    mesh, iterate, barrier = list(draught.mesh), draught.guess, draught.barrier
+    found: Sketch | None = None
+    for _ in range(SKETCHES):
+        problem = draught.flight.problem(mesh)
+        solution = attempted(service, problem, iterate, barrier)
+        if solution is None or not solution.success:
+            return found
+        found = _measured(draught.flight, problem, solution)
+        counts = _counts(found)
+        if counts == [len(phase) for phase in mesh]:
+            return found
+        mesh, iterate = resampled(mesh, found.iterate, counts)
+        barrier = AGAIN_BARRIER
+    return found
+
+
+def attempted(service: SolverService, problem: Problem, iterate: Iterate, barrier: float) -> Solution | None:
+    """One solve within the budget; None if the solver did not come back."""
+    try:
+        options = SolverOptions(TOLERANCE, ITERATIONS, barrier)
+        return service.solve(problem, iterate, solver="fatrop", options=options)
+    except Stalled:
+        return None
+
+
+def _measured(flight: Flight, problem: Problem, solution: Solution) -> Sketch:
+    multipliers = solution.multipliers.constraints
+    defect = estimated_defect(problem, solution.iterate)
+    errors = errors_in_objective(problem, defect, multipliers)
+    by_phase = np.add.reduceat(np.nan_to_num(errors, nan=math.inf), problem.first_node[:-1])
+    return Sketch(flight, problem, solution.iterate, multipliers, by_phase)
+
+
+def _counts(sketch: Sketch) -> list[int]:
+    """How many intervals each phase should have."""
+    counts: list[int] = []
+    for phase, seconds, error in zip(sketch.problem.phases, sketch.iterate.durations, sketch.errors, strict=True):
+        count, wanted = len(phase.fractions), intervals(float(seconds))
+        if not abs(error) <= DECEIVED:
+            count = min(2 * count, MOST)
+        counts.append(wanted if count < TOO_FEW * wanted else count)
+    return counts

@@ -1,0 +1,109 @@
+"""Stretches: what lies between two passages that are planned for themselves, and how a flight takes it."""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.frames import rotation
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.as_flown import ATTITUDE, turned
+from airrace.procedure.pieces import phase_piece
+from airrace.procedure.plan import stops_of
+from airrace.procedure.ways.sketch import Sketch
+from airrace.track.course import Course
+from airrace.trajectory import Array
+
+SAMPLES = 17  # of a phase, where two flights are compared
+APART = 12.0  # m: flights that are nowhere further apart fly the same way
+ROLLED = math.radians(70.0)  # likewise for attitudes
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """From one stop to the next; both are numbers of passages, and of the phases between them."""
+
+    number: int
+    first: int
+    last: int
+
+
+def stretches(course: Course) -> list[Stretch]:
+    """All stretches of a course in order."""
+    return [Stretch(number, *pair) for number, pair in enumerate(itertools.pairwise(stops_of(course)))]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How a flight takes a stretch.
+
+    Attributes:
+        turn: angle by which its track turns, rad, positive to the right.
+        steepest: largest magnitude of its climb angle, rad.
+        height: largest height, m.
+        rise: of that above the higher end, m.
+        overhead: whether the aircraft is upside down at the top.
+        seconds: its duration.
+        length: of its track over ground, m.
+    """
+
+    turn: float
+    steepest: float
+    height: float
+    rise: float
+    overhead: bool
+    seconds: float
+    length: float
+
+
+def shape(sketch: Sketch, stretch: Stretch) -> Shape:
+    """Of one stretch of a flight."""
+    nodes = sketch.problem.first_node
+    first, last = nodes[stretch.first], nodes[stretch.last]
+    row = rows(sketch)
+    height = -row["z"][first : last + 1]
+    R = rotation([row[name][first : last + 1] for name in ATTITUDE])
+    return Shape(
+        turn=turned(row["x"], row["y"], first, last),
+        steepest=float(np.arcsin(np.clip(np.abs(R[2][0]), 0.0, 1.0)).max()),
+        height=float(height.max()),
+        rise=float(height.max() - max(height[0], height[-1])),
+        overhead=bool(R[2][2][int(height.argmax())] < 0.0),
+        seconds=float(sketch.iterate.durations[stretch.first : stretch.last].sum()),
+        length=float(np.hypot(*(np.diff(row[name][first : last + 1]) for name in ("x", "y"))).sum()),
+    )
+
+
+def rows(sketch: Sketch) -> dict[str, Array]:
+    """The histories of a flight's states by name."""
+    names = [one.name for one in sketch.problem.system.states]
+    return dict(zip(names, sketch.iterate.state, strict=True))
+
+
+def differing(one: Sketch, other: Sketch, all_stretches: list[Stretch]) -> list[Stretch]:
+    """The stretches that two flights take in different ways."""
+    found: list[Stretch] = []
+    for stretch in all_stretches:
+        phases = range(stretch.first, stretch.last)
+        if any(not alike(_piece(one, index), _piece(other, index)) for index in phases):
+            found.append(stretch)
+    return found
+
+
+def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Whether two flights through a phase, as positions (3, n) and attitudes (4, n), are the same way."""
+    apart = np.linalg.norm(one[0] - other[0], axis=0).max()
+    cosine = np.abs((one[1] * other[1]).sum(axis=0)).min()
+    return bool(apart <= APART and 2.0 * math.acos(min(1.0, float(cosine))) <= ROLLED)
+
+
+def sampled(iterate: Iterate, fractions: tuple[float, ...]) -> tuple[Array, Array]:
+    """Positions (3, n) and attitudes (4, n) of one phase, point mass, at equal shares of its duration."""
+    old, new = np.concatenate([[0.0], np.cumsum(fractions)]), np.linspace(0.0, 1.0, SAMPLES)
+    values: Array = np.array([np.interp(new, old, row) for row in iterate.state[:8]], dtype=np.float64)
+    return values[:3], values[4:8] / np.linalg.norm(values[4:8], axis=0)
+
+
+def _piece(sketch: Sketch, index: int) -> tuple[Array, Array]:
+    return sampled(phase_piece(sketch.iterate, sketch.problem, index), sketch.problem.phases[index].fractions)

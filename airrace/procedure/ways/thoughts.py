@@ -1,0 +1,224 @@
+"""Thoughts: other ways to take a stretch of a flight, each with a guess through a window around it."""
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from airrace.frames import angle_between
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.as_flown import choices_as_flown
+from airrace.procedure.choices import Choices
+from airrace.procedure.cruise import Cruise
+from airrace.procedure.flight import Flight
+from airrace.procedure.guess import guess, leg_seconds
+from airrace.procedure.pieces import phase_piece
+from airrace.procedure.plan import Plan, plan
+from airrace.procedure.waypoints import Waypoint, candidates
+from airrace.procedure.ways.sketch import Sketch, intervals
+from airrace.procedure.ways.slanting import slanted
+from airrace.procedure.ways.stretches import Shape, Stretch, shape, stretches
+from airrace.procedure.ways.window import Window
+from airrace.track.course import Course
+from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.limits import Turning
+
+MARGIN = 2  # stretches before and after the one that is taken another way
+TURN = math.radians(60.0)  # a turn that is long enough to be thought of to the other side
+LONG_TURN = math.radians(100.0)  # one that may lead over the top
+HIGH = 40.0  # m above both ends: no longer flat
+DEAREST = 7.0  # s: a way whose plan takes so much longer is not thought of
+SLANTS = (math.radians(50.0), math.radians(85.0))
+
+
+@dataclass(frozen=True)
+class Thought:
+    """Another way to take a stretch.
+
+    Attributes:
+        stretch: which one.
+        window: around it, with a guess.
+        dearer: by how much its plan takes longer than the flight's own, s.
+        kind: what is different, for the record.
+    """
+
+    stretch: Stretch
+    window: Window
+    dearer: float
+    kind: str
+
+
+class Thinker:
+    """Thinks of other ways around one flight.
+
+    Args:
+        base: the flight.
+        course: that it flies.
+        pace: at which other ways are planned; a tight one leaves room for all of them.
+    """
+
+    def __init__(self, base: Sketch, course: Course, pace: Cruise) -> None:
+        problem = base.problem
+        self.base, self.course, self.pace = base, course, pace
+        self.stretches = stretches(course)
+        self.choices = choices_as_flown(course, problem.system.states, base.iterate.state, problem.first_node)
+        self.own = plan(course, pace, self.choices)
+
+    def thoughts(self) -> Iterator[Thought]:
+        """All of them, in the order of the course."""
+        for stretch in self.stretches:
+            flown = shape(self.base, stretch)
+            yield from self._other_hand(stretch, flown)
+            yield from self._other_crossing(stretch)
+            yield from self._other_sides(stretch)
+            yield from self._other_course(stretch)
+            yield from self._other_shapes(stretch, flown)
+
+    def from_flight(self, other: Sketch, group: Sequence[Stretch]) -> Thought:
+        """The way of another flight through neighbouring stretches."""
+        first, last = group[0], group[-1]
+        phases = range(first.first, last.last)
+        problem = other.problem
+        theirs = choices_as_flown(self.course, problem.system.states, other.iterate.state, problem.first_node)
+        stops = {index for stretch in group for index in (stretch.first, stretch.last)}
+        mixed = plan(self.course, self.pace, _mixed(self.choices, theirs, stops))
+        pieces = {index: phase_piece(other.iterate, problem, index) for index in phases}
+        return self._thought(first, last, mixed, pieces, 0.0, "from another start")
+
+    def _other_hand(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
+        """Turned to the other side; where its ends are free to be crossed otherwise, they are."""
+        if abs(flown.turn) < TURN:
+            return
+        side = -1 if flown.turn > 0.0 else 1
+        freed = self._freed(stretch.first, stretch.last)
+        chosen = dataclasses.replace(freed, turns={**freed.turns, stretch.last: side})
+        yield from self._planned(stretch, chosen, "other hand", neighbours=True)
+
+    def _other_crossing(self, stretch: Stretch) -> Iterator[Thought]:
+        """The passage at the end of the stretch crossed along another axis."""
+        passage = self.course.passages[stretch.last]
+        if not isinstance(passage.element, Gate | Pylon):
+            return
+        (own,) = self.choices.ways[stretch.last]
+        for axis, ways in _by_axis(candidates(passage)):
+            if abs(angle_between(axis, own.axis)) > 1e-6:
+                freed = self._freed(stretch.last)
+                chosen = dataclasses.replace(freed, ways={**freed.ways, stretch.last: tuple(ways)})
+                yield from self._planned(stretch, chosen, "other direction", neighbours=True)
+
+    def _other_sides(self, stretch: Stretch) -> Iterator[Thought]:
+        """The roll on the way, or the knife edge at the end, to the other side."""
+        passage, index = self.course.passages[stretch.last], stretch.last
+        if passage.roll is not None and passage.roll.turning is Turning.EITHER:
+            rolls = {**self.choices.rolls, index: -self.choices.rolls[index]}
+            chosen = dataclasses.replace(self.choices.without_ways(index), rolls=rolls)
+            yield from self._planned(stretch, chosen, "other roll", neighbours=True)
+        if isinstance(passage.element, Gate) and passage.element.either_bank:
+            edges = {**self.choices.edges, index: -self.choices.edges[index]}
+            yield from self._planned(
+                stretch, dataclasses.replace(self.choices, edges=edges), "other edge", neighbours=True
+            )
+
+    def _other_course(self, stretch: Stretch) -> Iterator[Thought]:
+        """A manoeuvre whose course is free, entered the other way."""
+        passage = self.course.passages[stretch.last]
+        if not isinstance(passage.element, Manoeuvre) or passage.element.heading is not None:
+            return
+        (own,) = self.choices.ways[stretch.last]
+        ways = tuple(one for one in candidates(passage) if math.cos(one.heading - own.heading) < -0.1)
+        if ways:
+            freed = self._freed(stretch.last)
+            chosen = dataclasses.replace(freed, ways={**freed.ways, stretch.last: ways})
+            yield from self._planned(stretch, chosen, "other course", neighbours=True)
+
+    def _other_shapes(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
+        """A long turn flat instead of high, or slanted and over the top instead of flat."""
+        level = all(self.own.legs[index].path is not None for index in range(stretch.first, stretch.last))
+        if abs(flown.turn) < LONG_TURN or not level:
+            return
+        pieces = self._guesses(self.own, range(stretch.first, stretch.last))
+        if flown.rise > HIGH:
+            yield self._thought(stretch, stretch, self.own, pieces, 0.0, "flat")
+        for slant in SLANTS:
+            raised = slanted([pieces[index] for index in sorted(pieces)], slant)
+            by_phase = dict(zip(sorted(pieces), raised, strict=True))
+            yield self._thought(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")
+
+    def _freed(self, *indices: int) -> Choices:
+        """The flight's choices without those of some stops: their candidates, and the turns to and from them."""
+        numbers = [one.number for one in self.stretches if one.first in indices or one.last in indices]
+        turns = {self.stretches[number].last for number in numbers}
+        return dataclasses.replace(
+            self.choices.without_ways(*indices),
+            turns={index: side for index, side in self.choices.turns.items() if index not in turns},
+        )
+
+    def _planned(self, stretch: Stretch, chosen: Choices, kind: str, *, neighbours: bool) -> Iterator[Thought]:
+        """A thought that begins with a plan, unless that is far too long."""
+        planned = plan(self.course, self.pace, chosen)
+        dearer = planned.seconds - self.own.seconds
+        if not dearer <= DEAREST:
+            return
+        beside = 1 if neighbours else 0
+        first = self.stretches[max(0, stretch.number - beside)]
+        last = self.stretches[min(len(self.stretches) - 1, stretch.number + beside)]
+        pieces = self._guesses(planned, range(first.first, last.last))
+        yield self._thought(first, last, planned, pieces, dearer, kind, about=stretch)
+
+    def _guesses(self, planned: Plan, phases: Iterable[int]) -> dict[int, Iterate]:
+        """Pieces of a planned flight."""
+        seconds = leg_seconds(planned)
+        mesh = [(1.0 / count,) * count for count in map(intervals, seconds)]
+        whole = guess(planned, mesh)
+        nodes = [0]
+        for phase in mesh:
+            nodes.append(nodes[-1] + len(phase))
+        return {
+            index: Iterate(
+                whole.durations[index : index + 1],
+                whole.state[:, nodes[index] : nodes[index + 1] + 1],
+                whole.control[:, nodes[index] : nodes[index + 1]],
+            )
+            for index in phases
+        }
+
+    def _thought(
+        self,
+        first: Stretch,
+        last: Stretch,
+        planned: Plan,
+        pieces: Mapping[int, Iterate],
+        dearer: float,
+        kind: str,
+        about: Stretch | None = None,
+    ) -> Thought:
+        """A window with room around what changes."""
+        begin = self.stretches[max(0, first.number - MARGIN)].first
+        end = self.stretches[min(len(self.stretches) - 1, last.number + MARGIN)].last
+        own = self.base.iterate, self.base.problem
+        flight: Flight = dataclasses.replace(self.base.flight, plan=planned)
+        guessed = [pieces[index] if index in pieces else phase_piece(*own, index) for index in range(begin, end)]
+        return Thought(about or first, Window(self.base, begin, end, flight, guessed), dearer, kind)
+
+
+def _by_axis(ways: Sequence[Waypoint]) -> list[tuple[float, list[Waypoint]]]:
+    """Candidates grouped by the axis along which they cross."""
+    groups: list[tuple[float, list[Waypoint]]] = []
+    for way in ways:
+        for axis, members in groups:
+            if abs(angle_between(axis, way.axis)) < 1e-6:
+                members.append(way)
+                break
+        else:
+            groups.append((way.axis, [way]))
+    return groups
+
+
+def _mixed(own: Choices, theirs: Choices, stops: set[int]) -> Choices:
+    """One's own choices, but another flight's at some stops."""
+    return Choices(
+        ways={index: (theirs if index in stops else own).ways[index] for index in own.ways},
+        turns={index: (theirs if index in stops else own).turns[index] for index in own.turns},
+        rolls={index: (theirs if index in stops else own).rolls[index] for index in own.rolls},
+        edges={index: (theirs if index in stops else own).edges[index] for index in own.edges},
+    )

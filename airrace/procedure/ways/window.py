@@ -1,0 +1,131 @@
+"""Windows: a few legs of a flight, flown another way, while the rest stays as it is.
+
+A window begins and ends in the states of the flight around it; only the speed at its end is free, at the price that
+the costates put on it. So a way is priced in tenths of a second, and what wins fits into the flight.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.service import SolverService
+from airrace.procedure.attitudes import ROWS as ATTITUDE
+from airrace.procedure.flight import Flight
+from airrace.procedure.homotopy import held
+from airrace.procedure.pieces import joined, phase_piece
+from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, attempted, sketched
+from airrace.quantities import Interval
+
+COLD_BARRIER = 0.1
+SPEED_REACH = 10.0  # m/s, by which the speed at the end of a window may differ: its price holds nearby
+COUNTERS = ("Phi", "gain")  # of rolls: they begin anew where they matter
+SPEED = "V_K"
+
+
+@dataclass(frozen=True)
+class Window:
+    """Phases `first ... last - 1` of a flight, to be flown another way.
+
+    Attributes:
+        base: the flight.
+        flight: with the plan of the other way.
+        pieces: a guess, one piece per phase of the window.
+    """
+
+    base: Sketch
+    first: int
+    last: int
+    flight: Flight
+    pieces: Sequence[Iterate]
+
+    @property
+    def phases(self) -> range:
+        return range(self.first, self.last)
+
+
+@dataclass(frozen=True)
+class Priced:
+    """A window solved: the flight's way through it, and the seconds that it saves."""
+
+    window: Window
+    iterate: Iterate
+    problem: Problem
+    saved: float
+
+
+def priced(service: SolverService, window: Window) -> Priced | None:
+    """The fastest flight through a window near its guess; None if there is none within the budget."""
+    problem, start, weight = _problem(window)
+    solution = attempted(service, problem, start, COLD_BARRIER)
+    if solution is None or not solution.success:
+        return None
+    base, found = window.base, solution.iterate
+    speed = [one.name for one in problem.system.states].index(SPEED)
+    before = base.iterate.durations[window.first : window.last].sum()
+    last = base.problem.first_node[window.last]
+    saved = before - found.durations.sum() + weight * (base.iterate.state[speed, last] - found.state[speed, -1])
+    return Priced(window, found, problem, float(saved))
+
+
+def spliced(service: SolverService, flight: Flight, base: Sketch, wins: Sequence[Priced]) -> Sketch | None:
+    """The whole flight with the ways of some windows, which do not overlap, optimised jointly.
+
+    Args:
+        service: what solves.
+        flight: with the plan of all these ways.
+        base: the flight into which they are put.
+        wins: the windows.
+    """
+    pieces = [phase_piece(base.iterate, base.problem, index) for index in range(len(base.problem.phases))]
+    mesh = base.problem.mesh
+    for win in wins:
+        for place, index in enumerate(win.window.phases):
+            pieces[index] = phase_piece(win.iterate, win.problem, place)
+            mesh[index] = win.problem.phases[place].fractions
+    return sketched(service, Draught(flight, mesh, joined(pieces), AGAIN_BARRIER))
+
+
+def _problem(window: Window) -> tuple[Problem, Iterate, float]:
+    """The window as a problem of its own, its guess, and the price of the speed at its end, s per m/s."""
+    base, first, last = window.base, window.first, window.last
+    mesh = base.problem.mesh
+    for index, piece in zip(window.phases, window.pieces, strict=True):
+        count = piece.control.shape[1]
+        mesh[index] = mesh[index] if len(mesh[index]) == count else (1.0 / count,) * count
+    whole = window.flight.problem(mesh)
+    start = joined(window.pieces)
+    begin = whole.start if first == 0 else held(window.flight, base.iterate.state[:, base.problem.first_node[first]])
+    phases = whole.phases[first:last]
+    if last == len(whole.phases):
+        return replace(whole, start=begin, phases=phases), start, 0.0
+    node = base.problem.first_node[last]
+    names = [one.name for one in whole.system.states]
+    weight = float(base.costates[names.index(SPEED), node - 1])
+    end = _held_end(names, base.iterate.state[:, node], start)
+    objective = replace(whole.objective, terminal={SPEED: weight})
+    phases = (*phases[:-1], replace(phases[-1], end=end))
+    return replace(whole, start=begin, phases=phases, objective=objective), start, weight
+
+
+def _held_end(names: Sequence[str], state: np.ndarray, start: Iterate) -> Boundary:
+    """The state in which the flight goes on behind a window, its quaternion on the side on which the guess ends.
+
+    The largest entry of the quaternion follows from the others: held as well it would be one condition too many.
+    """
+    state = state.copy()
+    if state[ATTITUDE] @ start.state[ATTITUDE, -1] < 0.0:
+        state[ATTITUDE] *= -1.0
+    largest = ATTITUDE[int(np.abs(state[ATTITUDE]).argmax())]
+    bounds: dict[str, Interval] = {}
+    for row, (name, value) in enumerate(zip(names, state.tolist(), strict=True)):
+        if name in COUNTERS:
+            continue
+        if row == largest:
+            bounds[name] = Interval(lower=0.0) if value > 0.0 else Interval(upper=0.0)
+        elif name == SPEED:
+            bounds[name] = Interval(value - SPEED_REACH, value + SPEED_REACH)
+        else:
+            bounds[name] = Interval.exactly(value)
+    return Boundary("", bounds)
