@@ -1,8 +1,8 @@
 """Races seen in a mirror, turned, or put somewhere else: the same races, so the same race time.
 
-A `Change` mirrors first (east becomes west), then turns to the right about the track's origin, then moves. It applies to
-everything that has a place or a direction: elements, safety lines, crowds, airspace, rolls, thermals and the wind. The
-geographic position of the origin and its elevation stay as they are.
+A `Change` mirrors first (east becomes west), then turns to the right about the track's origin, then moves. It applies
+to everything that has a place or a direction: elements, safety lines, crowds, airspace, rolls, thermals and the wind.
+The geographic position of the origin and its elevation stay as they are.
 """
 
 import math
