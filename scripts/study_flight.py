@@ -11,16 +11,16 @@ from airrace.optimal_control.spawn import start_early
 if __name__ == "__main__":
     start_early()  # the solver process loads while all else does
 
-from study_draws import refined, solved_roughly  # noqa: E402
-from study_jobs import CERTIFIED, Job, Record, inputs_of  # noqa: E402
-from transformations import mirrored, moved, rotated  # noqa: E402  (study_jobs puts its folder on the path)
+from study_draws import refined, solved_roughly
+from study_jobs import CERTIFIED, Job, Record, inputs_of
+from transformations import mirrored, moved, rotated
 
-from airrace.cli.summary import stage_object  # noqa: E402
-from airrace.errors import AirraceError, InputError  # noqa: E402
-from airrace.procedure.progress import Silent  # noqa: E402
-from airrace.procedure.race import Race  # noqa: E402
-from airrace.procedure.result import Stage, StageResult  # noqa: E402
-from airrace.procedure.run import optimise  # noqa: E402
+from airrace.cli.summary import stage_object
+from airrace.errors import AirraceError, InputError
+from airrace.procedure.progress import Silent
+from airrace.procedure.race import Race
+from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.run import optimise
 
 TURN = math.radians(37.0)
 NORTH, EAST = 1234.0, -567.0  # m

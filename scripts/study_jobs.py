@@ -29,6 +29,7 @@ FLIGHT = ROOT / "scripts" / "study_flight.py"
 CERTIFIED = "certified"
 OFF = "off"
 AGAIN = ("refused", "out of time", "died")  # outcomes that are not kept: another try may end otherwise
+RUNNING: "set[subprocess.Popen[str]]" = set()
 GRACE = 20.0  # s, that a job which is told to stop may take
 
 Record = dict[str, Any]  # Any: what JSON holds
@@ -140,6 +141,10 @@ class Study:
                 job, record = futures[future], future.result()
                 self.log.add(job, record)
                 print(f"{number}/{len(missing)} {job}: {told(record)}", file=sys.stderr, flush=True)
+        except BaseException:  # an interrupted study leaves no process behind
+            for process in list(RUNNING):
+                process.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
         return [self.log.records[job.key] for job in wanted]
@@ -148,7 +153,8 @@ class Study:
 def told(record: Record) -> str:
     """A record in a line."""
     race = record.get("race_time_s")
-    return record["outcome"] + ("" if race is None else f", {race:.3f} s") + f" in {record['seconds']:.1f} s"
+    said = f" ({record['message']})" if record.get("message") else ""
+    return record["outcome"] + ("" if race is None else f", {race:.3f} s") + f" in {record['seconds']:.1f} s{said}"
 
 
 def race_time(record: Record) -> float | None:
@@ -165,17 +171,11 @@ def flown(job: Job, timeout: float) -> Record:
         stderr=subprocess.PIPE,
         text=True,
     )
-    late = False
+    RUNNING.add(process)
     try:
-        output, errors = process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired:
-        late = True
-        process.send_signal(signal.SIGTERM)
-        try:
-            process.communicate(timeout=GRACE)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
+        output, errors, late = ended(process, timeout)
+    finally:
+        RUNNING.discard(process)
     if late:
         return {"outcome": "out of time", "race_time_s": None, "seconds": timeout, "message": ""}
     try:
@@ -183,3 +183,16 @@ def flown(job: Job, timeout: float) -> Record:
     except (ValueError, IndexError):
         said = [line for line in errors.splitlines() if line.strip()]
         return {"outcome": "died", "race_time_s": None, "seconds": 0.0, "message": said[-1] if said else ""}
+
+
+def ended(process: "subprocess.Popen[str]", timeout: float) -> tuple[str, str, bool]:
+    """What a process printed, to both ends, and whether it took too long and was stopped."""
+    try:
+        return *process.communicate(timeout=timeout), False
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGTERM)
+    try:
+        return *process.communicate(timeout=GRACE), True
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return *process.communicate(), True

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from study_jobs import CERTIFIED, Job, Record, Study, inputs_of, race_time
-from study_tables import SLOWER, Claim, difference, seconds, table
+from study_tables import SLOWER, Claim, difference, seconds, table, time_or_outcome
 
 from airrace.errors import InputError
 
@@ -171,7 +171,7 @@ def report(found: Sequence[Series]) -> list[Claim]:
     pairs = sum(len(one.pairs) for one in found)
     violations = sum(len(one.violations) for one in found)
     text = f"at most {SHARE_MAX:.0%} of the pairs are slower by more than 5 ms: {violations} of {pairs}"
-    return [Claim(text, 0 < pairs and violations <= SHARE_MAX * pairs)]
+    return [Claim(text, pairs > 0 and violations <= SHARE_MAX * pairs)]
 
 
 def _counts(name: str, found: Sequence[Series]) -> tuple[str, ...]:
@@ -204,7 +204,7 @@ CASE = (
     "gate_defaults.crossing_max_deg=10",
     "rules.roll_rate_max_deg_s=200",
 )
-CASE_ROWS = tuple((n_z, None) for n_z in (10.0, 9.5, 9.0, 8.6, 8.5, 8.0)) + ((8.0, 86.0),)
+CASE_ROWS = (*((n_z, None) for n_z in (10.0, 9.5, 9.0, 8.6, 8.5, 8.0)), (8.0, 86.0))
 CASE_SLOWEST = 54.65  # s, without a speed cap
 GUESSES = ("plan", "homotopy")
 
@@ -250,7 +250,7 @@ def report_case(rows: Sequence[Row]) -> list[Claim]:
     lines: list[tuple[str, ...]] = []
     for (n_z, cap), some in itertools.groupby(rows, key=lambda row: (row.n_z, row.cap)):
         flown = {row.guess: row.record for row in some}
-        times = [_time_or_outcome(flown[guess]) for guess in GUESSES]
+        times = [time_or_outcome(flown[guess]) for guess in GUESSES]
         lines.append((f"{n_z:g}", seconds(cap, 0), *times))
     table("Abu Dhabi 2016 with tight gates", ("n_z max g", "speed cap m/s", "plan s", "homotopy s"), lines)
     wrong = list(backwards(rows))
@@ -266,8 +266,3 @@ def report_case(rows: Sequence[Row]) -> list[Claim]:
         Claim(f"no row without a speed cap is slower than {CASE_SLOWEST} s", fast),
         Claim("no row is more than 5 ms slower than one with tighter limits", not wrong),
     ]
-
-
-def _time_or_outcome(record: Record) -> str:
-    time = race_time(record)
-    return record["outcome"] if time is None else seconds(time)

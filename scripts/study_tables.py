@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from study_jobs import Record, race_time
+
 SLOWER = 0.005  # s, by which two certified race times of the same optimum may differ
 WORDS = ("course", "limit", "from", "wind", "way", "best way", "outcome", "message", "ways", "gates", "seed")
 
@@ -36,9 +38,15 @@ def verdict(claims: Sequence[Claim]) -> int:
 
 def seconds(value: float | None, digits: int = 3) -> str:
     """A race time, a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f}"  # noqa: RUF001  (a dash in a table)
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def difference(value: float | None, base: float | None) -> str:
     """Of two race times, signed."""
-    return "–" if value is None or base is None else f"{value - base:+.3f}"  # noqa: RUF001
+    return "-" if value is None or base is None else f"{value - base:+.3f}"
+
+
+def time_or_outcome(record: Record) -> str:
+    """The race time of a certified flight, else how it ended."""
+    time = race_time(record)
+    return record["outcome"] if time is None else seconds(time)
