@@ -15,14 +15,15 @@
 - `--found` is a table of what exploring found on each course, and of the seconds that it took.
 
 COURSE is the name of a shipped course or a track file; without one, all shipped courses are flown (by `--limits` also
-the generated ones of seeds 0-9). Every flight is a process of its own, `--jobs` of them at a time, and is kept in a line
-of `--out FILE`: what is there is not flown again, so that an interrupted study goes on where it was. A file belongs to
+the generated ones of seeds 0-9). Every flight is a process of its own, `--jobs` of them at a time, and a line of
+`--out FILE`: what is there is not flown again, so that an interrupted study goes on where it was. A file belongs to
 one version of the program: begin another one after a change. Ends with 1 if a claim does not hold.
 """
 
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import study_comparisons
@@ -114,10 +115,10 @@ def courses_of(chosen: argparse.Namespace) -> list[str]:
 
 def studied(chosen: argparse.Namespace, study: Study) -> list[Claim]:
     """Fly and print one study; its claims."""
-    overrides = (*chosen.set, f"settings.guess={chosen.guess}")
-    base, courses = Job("", overrides, chosen.explore, threads=chosen.threads), courses_of(chosen)
+    either = Job("", tuple(chosen.set), chosen.explore, threads=chosen.threads)
     if chosen.case:
-        return study_limits.report_case(study_limits.case(study, base))
+        return study_limits.report_case(study_limits.case(study, either))
+    base, courses = replace(either, overrides=(*chosen.set, f"settings.guess={chosen.guess}")), courses_of(chosen)
     if chosen.symmetry:
         found = study_comparisons.symmetries(study, courses, base, chosen.winds)
         return study_comparisons.report_symmetries(found)
