@@ -110,6 +110,21 @@ def test_a_sweep_counts_and_lists_what_it_was_told(
     assert "FAILS: at most 1% of the pairs are slower by more than 5 ms: 1 of 2" in printed
 
 
+def test_a_limit_that_nobody_feels_is_not_swept(
+    modules: dict[str, ModuleType], canned: Callable[[Fly], list[Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = canned(lambda *_: record(8.0))
+    command = ["sixteen_phases", "--only", "n_z_max=8,12,13", "--only", "bank_tolerance", "--only", "clearance=3,1"]
+    assert modules["ways"].main(command) == 0
+    assert [value(job, "rules.n_z_max") for job in asked] == ["8", "12"]  # the aircraft's own limit is 12 g
+    printed = capsys.readouterr().out
+    assert "skipped: bank_tolerance on sixteen_phases: changes nothing there" in printed
+    asked = canned(lambda *_: record(8.0))
+    assert modules["ways"].main(["rovinj_2014", "--only", "clearance=9,1,0.5"]) == 0
+    assert [value(job, "gate_defaults.clearance_m") for job in asked] == ["1", "0.5"]
+    assert "skipped: clearance of 9 on rovinj_2014: a width of 13 m" in capsys.readouterr().out
+
+
 def test_an_interrupted_study_goes_on_where_it_was(
     modules: dict[str, ModuleType], canned: Callable[[Fly], list[Any]], tmp_path: Path
 ) -> None:
