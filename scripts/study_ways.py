@@ -21,6 +21,7 @@ one version of the program: begin another one after a change. Ends with 1 if a c
 """
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -145,4 +146,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # told to stop, it stops its flights as at Ctrl-C
     sys.exit(main())
