@@ -1,4 +1,4 @@
-"""Races for the tests of the procedure: the shipped ones, a small one, and their mirror images."""
+"""Races for the tests of the procedure: the shipped ones and a small one."""
 
 import dataclasses
 import functools
@@ -17,7 +17,7 @@ from airrace.procedure.run import optimise
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
-from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Pylon, Tolerances
+from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
 
 ROOT = Path(__file__).parents[2]
 COURSES = ("half_cuban_eight", "rovinj_2014", "sixteen_phases")
@@ -72,33 +72,6 @@ SMALL = Race(
 )
 
 RACES = {**SHIPPED, "four_gates": SMALL}
-
-
-def mirrored(race: Race) -> Race:
-    """The race seen in a mirror that exchanges east and west."""
-    passages = tuple(dataclasses.replace(one, element=_mirrored_element(one.element)) for one in race.course.passages)
-    wind = race.air.wind and dataclasses.replace(race.air.wind, origin=-race.air.wind.origin)
-    thermals = tuple(dataclasses.replace(one, east=-one.east) for one in race.air.thermals)
-    return Race(
-        dataclasses.replace(race.course, passages=passages),
-        race.aircraft,
-        dataclasses.replace(race.air, wind=wind, thermals=thermals),
-    )
-
-
-def _mirrored_element(element: Element) -> Element:
-    match element:
-        case Gate():
-            return dataclasses.replace(element, east=-element.east, heading=-element.heading, bank=-element.bank)
-        case Pylon():
-            return dataclasses.replace(element, east=-element.east, side=-element.side)
-        case Manoeuvre():
-            return dataclasses.replace(
-                element,
-                east=Interval(-element.east.upper, -element.east.lower),
-                heading=None if element.heading is None else -element.heading,
-                bank=None if element.bank is None else -element.bank,
-            )
 
 
 def blown(race: Race, origin: float, speed: float) -> Race:

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 from matched_laps import laps
-from races import EDGE_540, RACES, SMALL, blown, mirrored, optimum, prepared, settings
+from races import EDGE_540, RACES, SMALL, blown, optimum, prepared, settings
+from transformations import mirrored
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0

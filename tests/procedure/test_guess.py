@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from races import RACES, mirrored, planned, prepared
+from races import RACES, planned, prepared
+from transformations import mirrored
 
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation

@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from races import BESIDE, COURSES, DEGREE, EDGE_540, RACES, SHIPPED, WINDOW, course, knife_edge, level, mirrored
+from races import BESIDE, COURSES, DEGREE, EDGE_540, RACES, SHIPPED, WINDOW, course, knife_edge, level
 from races import planned as plan_of
 from races import pylon as pylon_at
+from transformations import mirrored
 
 from airrace.environment.air import Air
 from airrace.frames import angle_between

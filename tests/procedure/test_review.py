@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 import races
-from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, mirrored, pylon
+from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
+from transformations import mirrored
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
