@@ -136,7 +136,7 @@ def refined(race: Race, settings: Settings, course: str, number: int, *, threads
     with bench_of(settings, threads) as bench:
         flight, problem, start = drawn(flight, race, settings, f"{course} {number}")
         solution = rough(bench, problem, start)
-        begin = Start(problem, start, COLD_BARRIER)
+        begin = Start(flight, problem, start, COLD_BARRIER)
         if solution is not None:
-            begin = Start(problem, solution.iterate, REFINED_BARRIER)
-        return optimise_jointly(flight, bench, [lambda: begin])
+            begin = Start(flight, problem, solution.iterate, REFINED_BARRIER)
+        return optimise_jointly(bench, [lambda: begin])
