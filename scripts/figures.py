@@ -46,11 +46,11 @@ DOTS_PER_INCH = 110
 LABEL_POINTS = 17.0  # from a gate to its name
 BLUE, ORANGE, AMBER, BLACK, GREY = "#0072b2", "#d55e00", "#b8860b", "#222222", "#777777"
 
-LEVEL_GATES = (
-    "gate_defaults.climb_min_deg=-5",
-    "gate_defaults.climb_max_deg=10",
+STEEP_GATES = (
+    "gate_defaults.climb_min_deg=-45",
+    "gate_defaults.climb_max_deg=45",
 )
-"""Climb angles at all gates and pylons as the rules of Air Race X have them."""
+"""Climb angles at all gates and pylons as the language has them where no season says otherwise."""
 
 CROSSWIND = ("environment.wind.from_deg=90", "environment.wind.speed_m_s=10")
 """From the right of the flight's beginning."""
@@ -115,16 +115,16 @@ def table_of(path: Path) -> list[dict[str, str]]:
 
 
 def abu_dhabi(path: Path, runs: Path) -> None:
-    """The turn at the safety line of Abu Dhabi: on the course as it is, and with nearly level flight at the gates."""
+    """The turn at the safety line of Abu Dhabi: with nearly level flight at the gates, as it is flown, and without."""
     track = ROOT / "tracks" / "abu_dhabi_2016.yaml"
     course = load_inputs(track).race.course
     flights = (
         (flown(runs, "abu_dhabi", track, until="point-mass"), BLUE, "-", "the course as it is"),
         (
-            flown(runs, "abu_dhabi_level", track, until="point-mass", overrides=LEVEL_GATES),
+            flown(runs, "abu_dhabi_steep", track, until="point-mass", overrides=STEEP_GATES),
             ORANGE,
             "--",
-            "with climb angles of $-5$ to $10$ deg at the gates",
+            "with climb angles of $-45$ to $45$ deg at the gates",
         ),
     )
     figure, axes = plt.subplot_mosaic(

@@ -9,7 +9,7 @@ from language_texts import TRACK, edited, findings_of, understood
 from airrace.documents.presets import preset_names, read_preset
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Rules
-from airrace.track.gates import Gate, Pylon
+from airrace.track.gates import KNIFE_EDGE_LEFT, LEVEL, Gate, Pylon
 
 KNOT = 1852.0 / 3600.0
 BY_HAND = "rules:\n  n_z_max: 10\n  start_speed_max_kt: 200\n"
@@ -54,12 +54,18 @@ def test_a_preset_alone_makes_a_rule_book(name: str, n_z: float) -> None:
     assert start(found).tolerances.bank == math.radians(10.0)
 
 
-def test_air_race_x_limits_the_climb_at_a_gate() -> None:
-    gate, pylon = (passage.element for passage in course("air-race-x-2024").passages[:2])
-    assert isinstance(gate, Gate)
-    assert isinstance(pylon, Pylon)
-    limits = Interval(math.radians(-5.0), math.radians(10.0))
-    assert gate.tolerances.climb == pylon.tolerances.climb == limits
+@pytest.mark.parametrize("name", SEASONS)
+def test_every_season_asks_for_nearly_level_flight_at_gates_of_all_kinds_and_at_pylons(name: str) -> None:
+    """Air Race X publishes these angles; the other seasons take them from there."""
+    passages = course(name).passages
+    standing = [one.element for one in passages if isinstance(one.element, Gate | Pylon)]
+    assert {type(one) for one in standing} == {Gate, Pylon}
+    assert {one.bank for one in standing if isinstance(one, Gate)} == {LEVEL, KNIFE_EDGE_LEFT}
+    assert {one.tolerances.climb for one in standing} == {Interval(math.radians(-5.0), math.radians(10.0))}
+
+
+def test_without_a_season_a_course_limits_the_climb_at_its_gates_to_45_degrees() -> None:
+    assert start(understood().race.course).tolerances.climb == Interval(math.radians(-45.0), math.radians(45.0))
 
 
 def test_own_keys_override_the_presets_one_by_one() -> None:
