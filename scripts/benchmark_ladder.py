@@ -1,6 +1,6 @@
 """How long the whole ladder takes, from the point mass to six degrees of freedom, measured on the real command.
 
-    python scripts/benchmark_ladder.py [TRACK.yaml] [--repeats 3] [--threads 2]
+    python scripts/benchmark_ladder.py [TRACK.yaml] [--repeats 3] [--threads 2] [--markdown]
 
 Runs `airrace optimize` from the plan with a warm kernel cache. Of the run with the median wall time it prints, per
 stage, race time, iterations and seconds, and what the whole command takes against the race time. Processor seconds, of
@@ -62,17 +62,39 @@ def processor_seconds() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def print_stages(run: Measurement) -> None:
-    """One line per stage, one for what lies between them, one for the whole command."""
-    print(f"{'stage':<23}{'race s':>8}{'iter.':>7}{'solve s':>9}{'wall s':>8}{'share':>8}")
+Row = tuple[str, ...]
+
+
+def stage_rows(run: Measurement) -> list[Row]:
+    """Headings, one row per stage, one for what lies between them, one for the whole command."""
+    rows: list[Row] = [("stage", "race time s", "iterations", "solver s", "stage s", "share")]
     stages = run.answer["stages"]
     for stage in stages:
-        seconds = f"{stage['solve_s']:>9.2f}{stage['wall_s']:>8.2f}{stage['wall_s'] / run.wall:>8.1%}"
-        print(f"{stage['stage']:<23}{stage['race_time_s']:>8.3f}{stage['iterations']:>7}{seconds}")
+        seconds = (f"{stage['solve_s']:.1f}", f"{stage['wall_s']:.1f}", share(stage["wall_s"] / run.wall))
+        rows.append((f"`{stage['stage']}`", f"{stage['race_time_s']:.3f}", str(stage["iterations"]), *seconds))
     rest = run.wall - sum(stage["wall_s"] for stage in stages)
     iterations, solve = (sum(stage[key] for stage in stages) for key in ("iterations", "solve_s"))
-    print(f"{'loading and writing':<38}{rest:>17.2f}{rest / run.wall:>8.1%}")
-    print(f"{'the whole command':<23}{run.race:>8.3f}{iterations:>7}{solve:>9.2f}{run.wall:>8.2f}{1:>8.1%}")
+    rows.append(("loading and writing", "", "", "", f"{rest:.1f}", share(rest / run.wall)))
+    rows.append(("the whole command", f"{run.race:.3f}", str(iterations), f"{solve:.1f}", f"{run.wall:.1f}", ""))
+    return rows
+
+
+def share(part: float) -> str:
+    """A part as per cent."""
+    return f"{100.0 * part:.0f} %"
+
+
+def print_rows(rows: list[Row], *, markdown: bool) -> None:
+    """In columns, or as Markdown."""
+    if markdown:
+        headings, *rest = rows
+        for row in (headings, ("---",) * len(headings), *rest):
+            print("| " + " | ".join(row) + " |")
+        return
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    for first, *others in rows:
+        cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
+        print("  ".join((first.ljust(widths[0]), *cells)).rstrip())
 
 
 def main() -> None:
@@ -81,12 +103,13 @@ def main() -> None:
     parser.add_argument("track", type=Path, nargs="?", default=ROOT / "tracks" / "rovinj_2014.yaml")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--markdown", action="store_true", help="the table as Markdown")
     arguments = parser.parse_args()
     measure(arguments.track, arguments.threads)  # fills the cache: kernels are compiled once per model and machine
     runs = sorted((measure(arguments.track, arguments.threads) for _ in range(arguments.repeats)), key=lambda r: r.wall)
     median = runs[len(runs) // 2]
     print(f"{arguments.track.stem}, from the plan, {arguments.threads} threads: median of {len(runs)} runs\n")
-    print_stages(median)
+    print_rows(stage_rows(median), markdown=arguments.markdown)
     walls = ", ".join(f"{run.wall:.1f}" for run in runs)
     verdict = "less" if median.wall < median.race else "MORE"
     print(f"\ncommand: {walls} s; processors: {median.processor:.1f} s")

@@ -1,6 +1,7 @@
 """How long the point-mass optimum takes, measured on the real command, side by side in one run.
 
     python scripts/benchmark_point_mass.py [--repeats 5] [--tracks tracks/rovinj_2014.yaml ...] [--laps 1 2 4 8 16]
+        [--markdown]
 
 For every track and both guesses: the median wall time of `airrace optimize` with a warm kernel cache as a share of the
 race time, the shares of derivatives, solver and everything else, the peak memory of all processes; then once with an
@@ -17,7 +18,8 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -114,23 +116,50 @@ def resident(pid: int) -> float:
     return sum(int(line.split()[1]) / 1024 for line in lines if line.startswith("Pss:"))
 
 
+def measured(tracks: list[Path], repeats: int) -> Iterator[tuple[Path, str, Measurement]]:
+    """The median of several runs per track and guess; its memory is a median by itself."""
+    for track in tracks:
+        for guess in GOALS:
+            runs = sorted((measure(track, guess) for _ in range(repeats)), key=lambda run: run.wall)
+            memory = statistics.median(run.memory for run in runs)
+            yield track, guess, replace(runs[len(runs) // 2], memory=memory)
+
+
 def warm_table(tracks: list[Path], repeats: int) -> None:
-    """Median of several runs per track and guess."""
+    """What was measured, with goals and all parts."""
     print(
         f"{'track':<18}{'guess':<10}{'race s':>8}{'run s':>7}{'share':>8}{'command s':>11}{'share':>8}{'goal':>7}",
         end="",
     )
     print(f"{'deriv.':>8}{'solver':>8}{'other':>7}{'MB':>6}{'iter.':>7}")
-    for track in tracks:
-        for guess, goal in GOALS.items():
-            runs = sorted((measure(track, guess) for _ in range(repeats)), key=lambda run: run.wall)
-            median = runs[len(runs) // 2]
-            print(f"{track.stem:<18}{guess:<10}{median.race:>8.3f}{median.run:>7.2f}", end="")
-            print(f"{fraction(median.run / median.race):>8}{median.wall:>11.2f}", end="")
-            print(f"{fraction(median.wall / median.race):>8}{fraction(goal):>7}", end="")
-            print(f"{median.derivatives:>8.2f}{median.solve - median.derivatives:>8.2f}", end="")
-            print(f"{median.run - median.solve:>7.2f}{statistics.median(run.memory for run in runs):>6.0f}", end="")
-            print(f"{median.iterations:>7}", flush=True)
+    for track, guess, median in measured(tracks, repeats):
+        print(f"{track.stem:<18}{guess:<10}{median.race:>8.3f}{median.run:>7.2f}", end="")
+        print(f"{fraction(median.run / median.race):>8}{median.wall:>11.2f}", end="")
+        print(f"{fraction(median.wall / median.race):>8}{fraction(GOALS[guess]):>7}", end="")
+        print(f"{median.derivatives:>8.2f}{median.solve - median.derivatives:>8.2f}", end="")
+        print(f"{median.run - median.solve:>7.2f}{median.memory:>6.0f}{median.iterations:>7}", flush=True)
+
+
+def warm_markdown(tracks: list[Path], repeats: int) -> None:
+    """What was measured, as the documents show it."""
+    headings = (
+        "course",
+        "guess",
+        "race time s",
+        "run s",
+        "command s",
+        "race time / command",
+        "derivatives s",
+        "solver s",
+        "memory MB",
+    )
+    print("| " + " | ".join(headings) + " |")
+    print("| " + " | ".join(("---",) * len(headings)) + " |")
+    for track, guess, median in measured(tracks, repeats):
+        seconds = (median.run, median.wall, median.derivatives, median.solve - median.derivatives)
+        run, wall, derivatives, solver = (f"{one:.2f}" for one in seconds)
+        cells = (f"`{track.stem}`", guess, f"{median.race:.3f}", run, wall, f"{median.race / median.wall:.0f}")
+        print("| " + " | ".join((*cells, derivatives, solver, f"{median.memory:.0f}")) + " |", flush=True)
 
 
 def fraction(share: float) -> str:
@@ -168,10 +197,11 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--tracks", type=Path, nargs="+", default=[ROOT / "tracks" / f"{name}.yaml" for name in TRACKS])
     parser.add_argument("--laps", type=int, nargs="*", default=[1, 2, 4, 8, 16])
+    parser.add_argument("--markdown", action="store_true", help="the first table as Markdown")
     arguments = parser.parse_args()
     for track in arguments.tracks:  # fill the cache: kernels are compiled once per model and machine
         measure(track, "plan")
-    warm_table(arguments.tracks, arguments.repeats)
+    (warm_markdown if arguments.markdown else warm_table)(arguments.tracks, arguments.repeats)
     cold_line(arguments.tracks[0])
     if arguments.laps:
         laps_table(ROOT / "tracks" / "sixteen_phases.yaml", arguments.laps)

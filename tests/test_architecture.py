@@ -5,7 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
+DOCUMENTS = [
+    *(ROOT / name for name in ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 
 
 def test_no_layer_reaches_upwards() -> None:
@@ -44,10 +50,36 @@ def test_no_module_is_described_that_does_not_exist() -> None:
 
 
 def test_every_path_in_the_documents_exists() -> None:
-    for document in ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md"):
-        text = (ROOT / document).read_text(encoding="utf-8")
+    for document in DOCUMENTS:
+        text = document.read_text(encoding="utf-8")
         paths = re.findall(r"`((?:airrace|tests|tracks|configs|scripts|\.ci)/[\w./]+)`", text)
-        assert [path for path in paths if not (ROOT / path).exists()] == [], document
+        assert [path for path in paths if not (ROOT / path).exists()] == [], document.name
+
+
+def headings(document: Path) -> set[str]:
+    """Where a link into a document can lead: its headings, lower-case, without punctuation, words joined by hyphens."""
+    text = re.sub(r"^```.*?^```", "", document.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def links(document: Path) -> list[tuple[str, str]]:
+    """The links and pictures of a document that stay in the repository: paths, and what follows a `#`."""
+    found = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", document.read_text(encoding="utf-8"))
+    return [(path, place) for path, place in found if not path.startswith(("http:", "https:"))]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_link_in_the_documents_leads_to_a_file_and_to_a_heading_of_it(document: Path) -> None:
+    for path, place in links(document):
+        target = document.parent / path if path else document
+        assert target.exists(), path
+        assert not place or place in headings(target), f"{path}#{place}"
+
+
+def test_the_readme_leads_to_every_page_of_the_documentation() -> None:
+    linked = {ROOT / path for path, _ in links(ROOT / "README.md")}
+    assert set((ROOT / "docs").glob("*.md")) <= linked
 
 
 def test_ci_runs_the_very_test_command_of_the_readme() -> None:

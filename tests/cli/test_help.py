@@ -17,6 +17,9 @@ from airrace.documents.batch import read_batch
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))]
+TEXTS = "\n".join([README, *PAGES])
+"""Everything that a user reads."""
 HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "rich", "scipy", "yaml")
 
 
@@ -56,29 +59,29 @@ def test_every_command_is_documented(command: str) -> None:
 
 def test_every_option_is_documented() -> None:
     known = {option for _, options in commands() for option in options}
-    assert {option for option in known if f"`{option}" not in README and f", `{option}" not in README} == set()
+    assert {option for option in known if f"`{option}" not in TEXTS and f", `{option}" not in TEXTS} == set()
 
 
-def test_the_readme_names_no_command_that_does_not_exist() -> None:
+def test_the_documentation_names_no_command_that_does_not_exist() -> None:
     known = {name for name, _ in commands()}
-    written = re.findall(r"^    (airrace (?:export )?\w+)", README, re.MULTILINE)
+    written = re.findall(r"^    (airrace (?:export )?\w+)", TEXTS, re.MULTILINE)
     assert written
     assert set(written) <= known
 
 
 def examples() -> list[str]:
-    """All YAML in the README."""
-    return re.findall(r"```yaml\n(.+?)```", README, re.DOTALL)
+    """All YAML in the documentation."""
+    return re.findall(r"```yaml\n(.+?)```", TEXTS, re.DOTALL)
 
 
-def test_the_batch_of_the_readme_is_valid() -> None:
+def test_the_batch_of_the_documentation_is_valid() -> None:
     (example,) = [text for text in examples() if text.startswith("schema: airrace/batch/1")]
     entry, reporter = read_batch(Document("batch.yaml", example))
     assert reporter.findings == []
     assert len(entry.sweep) == 2
 
 
-def test_the_workflow_of_the_readme_calls_the_command_as_it_is() -> None:
+def test_the_workflow_of_the_documentation_calls_the_command_as_it_is() -> None:
     (example,) = [yaml.safe_load(text) for text in examples() if text.startswith("# .github/workflows/")]
     (called,) = [step["run"] for step in example["jobs"]["fly"]["steps"] if "airrace batch" in step.get("run", "")]
     program, command, *arguments = shlex.split(called)
@@ -86,7 +89,7 @@ def test_the_workflow_of_the_readme_calls_the_command_as_it_is() -> None:
     assert {word for word in arguments if word.startswith("--")} <= set(dict(commands())["airrace batch"])
 
 
-def test_the_course_of_the_readme_is_valid(tmp_path: Path) -> None:
+def test_the_course_of_the_documentation_is_valid(tmp_path: Path) -> None:
     (example,) = [text for text in examples() if text.startswith("schema: airrace/track/1")]
     track = tmp_path / "example.yaml"
     track.write_text(example, encoding="utf-8")

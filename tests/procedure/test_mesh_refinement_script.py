@@ -1,4 +1,4 @@
-"""The table of the script is made of what it measures, its exit code is the verdict, and the README shows the table."""
+"""The table of the script is made of what it measures, its exit code is the verdict, and the docs show the table."""
 
 import dataclasses
 import importlib
@@ -41,9 +41,9 @@ def table(text: str) -> list[dict[str, str]]:
     return [dict(zip(cells[0], row, strict=True)) for row in cells[2:]]
 
 
-def readme() -> list[dict[str, str]]:
-    """The README's table."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+def documented() -> list[dict[str, str]]:
+    """The table in the documentation."""
+    text = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
     (written,) = re.findall(r"<!-- meshes -->\n((?:\|.*\n)+)", text)
     return table(written)
 
@@ -147,8 +147,8 @@ def test_the_figure_is_drawn(course: Any, script: ModuleType, tmp_path: Path) ->
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
-def test_the_readme_shows_a_table_of_the_script_with_the_verdict_it_claims(course: Any, script: ModuleType) -> None:
-    rows = readme()
+def test_the_docs_show_a_table_of_the_script_with_the_verdict_it_claims(course: Any, script: ModuleType) -> None:
+    rows = documented()
     assert tuple(rows[0]) == script.comparison_table([course])[0]
     good = dict.fromkeys(script.MEASURES, 0)
     nodes = 0
@@ -162,10 +162,10 @@ def test_the_readme_shows_a_table_of_the_script_with_the_verdict_it_claims(cours
 
 
 @pytest.mark.slow
-def test_the_readme_shows_what_the_script_finds(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_docs_show_what_the_script_finds(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     name = script.NAMES[-1]
     assert script.main([str(ROOT / "tracks" / f"{name}.yaml"), "--markdown"]) == 0
-    printed, written = table(capsys.readouterr().out), readme()
+    printed, written = table(capsys.readouterr().out), documented()
     place = [row["course"] for row in written].index(name)
     for ours, theirs in zip(printed, written[place : place + len(script.MEASURES)], strict=True):
         assert ours["as accurate in"] == theirs["as accurate in"]

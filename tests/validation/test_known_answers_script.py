@@ -1,4 +1,4 @@
-"""The script's verdict is its exit code, and the README shows what it prints."""
+"""The script's verdict is its exit code, and the documentation shows what it prints."""
 
 import importlib.util
 import re
@@ -12,6 +12,7 @@ import pytest
 import reorientation
 
 ROOT = Path(__file__).parents[2]
+EVIDENCE = ROOT / "docs" / "evidence.md"
 MEASURED = {"solver s", "iterations"}  # not the same on every machine
 FOLLOWING = {"difference", "in last digits"}  # from the numbers beside them
 
@@ -37,12 +38,12 @@ def table(text: str) -> list[dict[str, str]]:
 
 
 def shown(mark: str) -> list[dict[str, str]]:
-    """The README's table below a mark."""
-    (text,) = re.findall(rf"<!-- {mark} -->\n((?:\|.*\n)+)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    """The table below a mark in the documentation."""
+    (text,) = re.findall(rf"<!-- {mark} -->\n((?:\|.*\n)+)", EVIDENCE.read_text(encoding="utf-8"))
     return table(text)
 
 
-def test_the_readme_shows_what_the_script_finds(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_docs_show_what_the_script_finds(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     assert script.main(["--markdown"]) == 0
     printed, written = table(capsys.readouterr().out), shown("known answers")
     assert len(printed) == len(written)
@@ -58,7 +59,7 @@ def test_the_readme_shows_what_the_script_finds(script: ModuleType, capsys: pyte
         assert float(theirs["difference"]) == pytest.approx(difference, rel=0.05, abs=2 * last)
 
 
-def test_the_readme_shows_the_orders_that_are_observed(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_docs_show_the_orders_that_are_observed(script: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     assert script.main(["--orders", "--markdown"]) == 0
     printed, written = table(capsys.readouterr().out), shown("orders")
     assert [list(row) for row in printed] == [list(row) for row in written]
