@@ -115,7 +115,7 @@ def _explored(place: Place) -> Explored:
     place.expecting("ways", "loops", "summary")
     summary = _one_row(place, "summary", ExploredSummary)
     ways = rows_of(Way, place.table("ways"), f"{place.path}/ways")
-    return Explored(ways, summary.led, summary.lost, summary.seconds, place.texts("loops", "loop"))
+    return Explored(ways, summary.led, summary.elsewhere, summary.lost, summary.seconds, place.texts("loops", "loop"))
 
 
 def _mesh(place: Place, intervals: int) -> MeshRecord:

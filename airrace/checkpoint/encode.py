@@ -50,6 +50,7 @@ class ExploredSummary:
     """The one row that says how exploring went, see `Explored`."""
 
     led: int
+    elsewhere: int
     lost: int
     seconds: float
 
@@ -132,7 +133,7 @@ def _mesh(record: MeshRecord) -> Group:
 
 
 def _explored(explored: Explored) -> Group:
-    summary = ExploredSummary(explored.led, explored.lost, explored.seconds)
+    summary = ExploredSummary(explored.led, explored.elsewhere, explored.lost, explored.seconds)
     return Group(
         {
             "ways": table_of(Way, explored.ways),

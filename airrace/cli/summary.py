@@ -8,7 +8,7 @@ import numpy as np
 from airrace.cli.answer import Answer
 from airrace.cli.exit_codes import ExitCode, worst
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Outcome, StageResult, Why
+from airrace.procedure.result import Explored, Outcome, StageResult, Way, Why
 
 _CODES = {
     Outcome.SOLVED: ExitCode.DONE,
@@ -82,6 +82,8 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
         "mesh": mesh_object(result),
+        "ways": [way_object(way) for way in result.explored.ways],
+        "explored": explored_object(result.explored) if result.explored.ways else None,
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
 
@@ -98,6 +100,27 @@ def mesh_object(result: StageResult) -> dict[str, object] | None:
         "shortest_s": float(steps.min()),
         "longest_s": float(steps.max()),
         "why": {REASONS[why]: counts[why] for why in Why},
+    }
+
+
+def way_object(way: Way) -> dict[str, object]:
+    """A way round that was tried; race time and difference are those of a rough mesh."""
+    return {
+        "way": way.text,
+        "race_time_s": finite(way.race_time),
+        "difference_s": finite(way.difference),
+        "priced": way.priced,
+    }
+
+
+def explored_object(explored: Explored) -> dict[str, object]:
+    """How exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
+    return {
+        "seconds": finite(explored.seconds),
+        "led_to_best": explored.led,
+        "led_elsewhere": explored.elsewhere,
+        "lost": explored.lost,
+        "loops": list(explored.loops),
     }
 
 

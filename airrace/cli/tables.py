@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.summary import is_flight
+from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult
@@ -58,6 +59,7 @@ def terminal_columns() -> int | None:
 def result_tables(result: StageResult) -> list[Table]:
     """What a finished stage shows: its gate splits and its certificate; without a flight nothing."""
     tables = [splits_table(result)] if result.splits and is_flight(result) else []
+    tables += [ways_table(result.explored)] if result.explored.ways else []
     return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
 
 

@@ -145,14 +145,16 @@ class Explored:
 
     Attributes:
         ways: the best first, then the others by race time; empty where nothing was explored.
-        led: how many starts led to the best.
-        lost: how many starts led nowhere.
+        led: how many of the flights that were optimised as a whole led to the best.
+        elsewhere: how many of them led to other ways.
+        lost: how many of them led nowhere.
         seconds: that exploring took.
         loops: needless loops that the best still flies, a sentence each.
     """
 
     ways: tuple[Way, ...] = ()
     led: int = 0
+    elsewhere: int = 0
     lost: int = 0
     seconds: float = 0.0
     loops: tuple[str, ...] = ()

@@ -54,7 +54,8 @@ def solved_start(*, torn: float = 0.0) -> Start:
     iterate = iterate_of(flown)
     state = iterate.state.copy()
     state[0, -1] += torn
-    return Start(flight, flight.problem(mesh_of(flown)), Iterate(iterate.durations, state, iterate.control), HANDOVER_BARRIER)
+    begun = Iterate(iterate.durations, state, iterate.control)
+    return Start(flight, flight.problem(mesh_of(flown)), begun, HANDOVER_BARRIER)
 
 
 def tried(used: Workbench, *starts: Start) -> tuple[StageResult, list[int], list[str]]:

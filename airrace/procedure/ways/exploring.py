@@ -11,7 +11,6 @@ from airrace.procedure.cruise import Cruise
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import counts_of
 from airrace.procedure.joint import Start
-from airrace.procedure.pieces import phase_piece
 from airrace.procedure.plan import plan
 from airrace.procedure.result import Explored, Way
 from airrace.procedure.solving import Workbench
@@ -19,7 +18,7 @@ from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import Effort, scaled
 from airrace.procedure.ways.search import Found, Search, Tried, TriedWindow
 from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, sketched
-from airrace.procedure.ways.stretches import Stretch, alike, differing, sampled, shape, stretches
+from airrace.procedure.ways.stretches import Stretch, differing, same_way, shape, stretches
 from airrace.procedure.ways.words import flight_in_words, named, shape_in_words, way_in_words
 from airrace.track.course import Course
 
@@ -109,7 +108,7 @@ def _told(
 ) -> Explored:
     """What was tried, in words, the best first."""
     if not finals:
-        return Explored((), 0, found.lost, seconds, ())
+        return Explored((), 0, 0, found.lost, seconds, ())
     best, places = finals[0], stretches(course)
     led = [one for one in found.flights if not differing(best, one.sketch, places)]
     ways = [
@@ -121,7 +120,9 @@ def _told(
     unique = {way.text: way for way in sorted(others, key=lambda way: -way.race_time)}
     ranked = sorted(unique.values(), key=lambda way: way.race_time)
     loops = tuple(_loops(best, course, scaled(pace, effort.thinking), places))
-    return Explored((first, *ranked[: MOST_WAYS - 1]), len(led), found.lost, seconds, loops)
+    return Explored(
+        (first, *ranked[: MOST_WAYS - 1]), len(led), len(found.flights) - len(led), found.lost, seconds, loops
+    )
 
 
 def _told_flight(tried: Tried, best: Sketch, course: Course, places: Sequence[Stretch]) -> Way:
@@ -132,28 +133,16 @@ def _told_flight(tried: Tried, best: Sketch, course: Course, places: Sequence[St
 
 def _told_window(tried: TriedWindow, best: Sketch, course: Course, places: Sequence[Stretch]) -> Way | None:
     """A way through a window; None if it is the best flight's own."""
-    window, stretch = tried.found.window, tried.thought.stretch
-    shown = replace(
-        window.base, problem=tried.found.problem, iterate=tried.found.iterate, errors=window.base.errors[:0]
-    )
-    inside = Stretch(stretch.number, stretch.first - window.first, stretch.last - window.first)
-    if _same(shown, inside, best, stretch):
+    window = tried.found.window
+    shown = replace(window.base, problem=tried.found.problem, iterate=tried.found.iterate)
+    inside = [one for one in places if window.first <= one.first and one.last <= window.last]
+    moved = [replace(one, first=one.first - window.first, last=one.last - window.first) for one in inside]
+    apart = [(one, place) for one, place in zip(moved, inside, strict=True) if not same_way(shown, one, best, place)]
+    if not apart:
         return None
     race_time = window.base.race_time - tried.found.saved
-    text = f"{named(course, stretch)}: {shape_in_words(shape(shown, inside))}"
+    text = "; ".join(f"{named(course, place)}: {shape_in_words(shape(shown, one))}" for one, place in apart)
     return Way(text, race_time, race_time - best.race_time, "window")
-
-
-def _same(one: Sketch, inside: Stretch, other: Sketch, stretch: Stretch) -> bool:
-    """Whether a window takes a stretch as a whole flight does."""
-    for index, counterpart in zip(range(inside.first, inside.last), range(stretch.first, stretch.last), strict=True):
-        pieces = [
-            sampled(phase_piece(sketch.iterate, sketch.problem, place), sketch.problem.phases[place].fractions)
-            for sketch, place in ((one, index), (other, counterpart))
-        ]
-        if not alike(pieces[0], pieces[1]):
-            return False
-    return True
 
 
 def _loops(best: Sketch, course: Course, pace: Cruise, places: Sequence[Stretch]) -> list[str]:

@@ -6,7 +6,7 @@ solver processes.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 
 from airrace.procedure.as_flown import choices_as_flown
@@ -16,7 +16,7 @@ from airrace.procedure.plan import plan
 from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import Effort, scaled
 from airrace.procedure.ways.sketch import Draught, Sketch, planned_draught, sketched
-from airrace.procedure.ways.stretches import Stretch, differing
+from airrace.procedure.ways.stretches import Stretch, differing, stretches
 from airrace.procedure.ways.thoughts import Thinker, Thought
 from airrace.procedure.ways.window import COLD_BARRIER, Priced, priced, spliced
 from airrace.track.course import Course
@@ -82,12 +82,17 @@ class Search:
         """Try the starts given and those of the effort, then improve the best of them."""
         self._fly_all([*starts, *self._planned_starts()])
         if self._flights:
-            best = self._best
+            best, changed = self._best, set(range(len(self._course.passages) - 1))
             for number in range(self._effort.rounds):
                 self._watch(f"other ways round, {number + 1}: {best.race_time:.2f} s so far")
-                better = self._improved(best, first=number == 0)
+                better = self._improved(best, changed, first=number == 0)
                 if better is None:
                     break
+                changed = {
+                    phase
+                    for stretch in differing(best, better, stretches(self._course))
+                    for phase in range(stretch.first, stretch.last)
+                }
                 best = better
         flights = sorted(self._flights, key=lambda one: one.sketch.race_time)
         return Found(tuple(flights), tuple(self._windows), self._lost)
@@ -114,10 +119,16 @@ class Search:
             else:
                 self._flights.append(Tried(origin, sketch))
 
-    def _improved(self, base: Sketch, *, first: bool) -> Sketch | None:
-        """A faster flight, from other ways through the stretches of a flight; None if none was found."""
+    def _improved(self, base: Sketch, changed: Set[int], *, first: bool) -> Sketch | None:
+        """A faster flight, from other ways through the stretches of a flight; None if none was found.
+
+        Args:
+            base: the flight.
+            changed: phases that are flown otherwise than when other ways were tried last; the others need no new trial.
+            first: whether the ways of the other starts are to be tried as well.
+        """
         thinker = Thinker(base, self._course, scaled(self._pace, self._effort.thinking))
-        thoughts = [one for one in thinker.thoughts() if one.dearer <= self._effort.dearest]
+        thoughts = [one for one in thinker.thoughts(changed) if one.dearer <= self._effort.dearest]
         if first:
             thoughts += self._from_other_starts(base, thinker)
         found = self._crew.work([one.window for one in thoughts], priced)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,14 +82,15 @@ def rows(sketch: Sketch) -> dict[str, Array]:
     return dict(zip(names, sketch.iterate.state, strict=True))
 
 
-def differing(one: Sketch, other: Sketch, all_stretches: list[Stretch]) -> list[Stretch]:
+def differing(one: Sketch, other: Sketch, all_stretches: Sequence[Stretch]) -> list[Stretch]:
     """The stretches that two flights take in different ways."""
-    found: list[Stretch] = []
-    for stretch in all_stretches:
-        phases = range(stretch.first, stretch.last)
-        if any(not alike(_piece(one, index), _piece(other, index)) for index in phases):
-            found.append(stretch)
-    return found
+    return [stretch for stretch in all_stretches if not same_way(one, stretch, other, stretch)]
+
+
+def same_way(one: Sketch, stretch: Stretch, other: Sketch, counterpart: Stretch) -> bool:
+    """Whether two flights take a stretch alike, which may begin at other phases of them."""
+    pairs = zip(range(stretch.first, stretch.last), range(counterpart.first, counterpart.last), strict=True)
+    return all(alike(_piece(one, here), _piece(other, there)) for here, there in pairs)
 
 
 def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from airrace.frames import angle_between
@@ -64,9 +64,11 @@ class Thinker:
         self.choices = choices_as_flown(course, problem.system.states, base.iterate.state, problem.first_node)
         self.own = plan(course, pace, self.choices)
 
-    def thoughts(self) -> Iterator[Thought]:
-        """All of them, in the order of the course."""
+    def thoughts(self, changed: Set[int]) -> Iterator[Thought]:
+        """Those whose window holds a phase that has changed, in the order of the course."""
         for stretch in self.stretches:
+            if changed.isdisjoint(range(*self._window(stretch, stretch))):
+                continue
             flown = shape(self.base, stretch)
             yield from self._other_hand(stretch, flown)
             yield from self._other_crossing(stretch)
@@ -193,12 +195,17 @@ class Thinker:
         about: Stretch | None = None,
     ) -> Thought:
         """A window with room around what changes."""
-        begin = self.stretches[max(0, first.number - MARGIN)].first
-        end = self.stretches[min(len(self.stretches) - 1, last.number + MARGIN)].last
+        begin, end = self._window(first, last)
         own = self.base.iterate, self.base.problem
         flight: Flight = dataclasses.replace(self.base.flight, plan=planned)
         guessed = [pieces[index] if index in pieces else phase_piece(*own, index) for index in range(begin, end)]
         return Thought(about or first, Window(self.base, begin, end, flight, guessed), dearer, kind)
+
+    def _window(self, first: Stretch, last: Stretch) -> tuple[int, int]:
+        """The first phase of a window around some stretches, and the one behind its last."""
+        begin = self.stretches[max(0, first.number - MARGIN)].first
+        end = self.stretches[min(len(self.stretches) - 1, last.number + MARGIN)].last
+        return begin, end
 
 
 def _by_axis(ways: Sequence[Waypoint]) -> list[tuple[float, list[Waypoint]]]:

@@ -20,7 +20,7 @@ def flight_in_words(course: Course, sketch: Sketch, stretches: Sequence[Stretch]
 
 
 def way_in_words(course: Course, sketch: Sketch, stretches: Sequence[Stretch]) -> str:
-    """How a flight takes some stretches, such as "1:g4 -> 1:g5: over the top to the right, 138 m high"."""
+    """How a flight takes some stretches, such as "1:g4 -> 1:g5: over the top to the right, 140 m high"."""
     return "; ".join(f"{named(course, one)}: {shape_in_words(shape(sketch, one))}" for one in stretches)
 
 
@@ -32,8 +32,8 @@ def named(course: Course, stretch: Stretch) -> str:
 def shape_in_words(one: Shape) -> str:
     """How a stretch is taken."""
     side = "to the right" if one.turn > 0.0 else "to the left"
-    degrees = f"{abs(math.degrees(one.turn)):.0f} degrees "
+    degrees = f"{round(abs(math.degrees(one.turn)), -1):.0f} degrees "
     if one.rise > FLAT and one.steepest > STEEP and one.overhead:
-        return f"over the top {side}, {one.height:.0f} m high"
+        return f"over the top {side}, {round(one.height, -1):.0f} m high"
     turned = "straight" if abs(one.turn) < STRAIGHT else f"{degrees}{side}"
-    return f"{turned}, {one.height:.0f} m high" if one.rise > FLAT else f"{turned}, flat"
+    return f"{turned}, {round(one.height, -1):.0f} m high" if one.rise > FLAT else f"{turned}, flat"
