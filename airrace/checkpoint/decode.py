@@ -1,6 +1,7 @@
 """A tree, whoever wrote it, read as a checkpoint: exactly the layout of `encode.py`, or an error that says where."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -64,15 +65,26 @@ def _document(place: Place) -> StoredDocument:
 
 
 _TRAJECTORY = ("time", "interval_time", "states", "controls", "phases", "first_node", "durations")
-_TEXTS = ("outcome", "message", "inputs_hash", "chain_hash")
+_HASHES = ("inputs_hash", "chain_hash")
+_TEXTS = ("outcome", "message")
 _MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
 _TABLES = ("splits", "attempts", "timings", "facts")
+_MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "explored")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "explored", optional=("certificate",))
+    place.expecting(*_MEMBERS, *_HASHES, "rivals", optional=("certificate",))
+    rivals = place.group("rivals")
+    numbers = [str(number) for number in range(1, len(rivals.node.members) + 1)]
+    rivals.expecting(*numbers)
+    found = tuple(_result(rivals.group(one).expecting(*_MEMBERS, optional=("certificate",)), stage) for one in numbers)
+    result = replace(_result(place, stage), rivals=found)
+    return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
+
+
+def _result(place: Place, stage: Stage) -> StageResult:
     trajectory = _trajectory(place)
-    result = StageResult(
+    return StageResult(
         stage=stage,
         outcome=_outcome(place),
         message=place.text("message"),
@@ -87,7 +99,6 @@ def _stage(place: Place, stage: Stage) -> StoredStage:
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
         explored=_explored(place.group("explored")),
     )
-    return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
 
 def _one_row(place: Place, name: str, record: type[R]) -> R:

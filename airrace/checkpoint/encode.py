@@ -16,6 +16,7 @@
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
     explored/ways, loops, summary       tables: other ways round that were tried
+    rivals/N/                           flights on other ways round, but for the hashes like the stage itself
 """
 
 import re
@@ -29,7 +30,7 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInpu
 from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, Timings, Way
+from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, StageResult, Timings, Way
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -87,13 +88,19 @@ def _document(document: StoredDocument) -> Group:
 
 
 def _stage(stored: StoredStage) -> Group:
-    result = stored.result
-    path = f"/stages/{result.stage.value}"
+    path = f"/stages/{stored.result.stage.value}"
+    rivals = {
+        f"{number}": Group(_result(rival, f"{path}/rivals/{number}"))
+        for number, rival in enumerate(stored.result.rivals, start=1)
+    }
+    hashes = {"inputs_hash": stored.inputs_hash, "chain_hash": stored.chain_hash}
+    return Group({**hashes, **_result(stored.result, path), "rivals": Group(rivals)})
+
+
+def _result(result: StageResult, path: str) -> dict[str, Node]:
     members: dict[str, Node] = {
         "outcome": result.outcome.value,
         "message": result.message,
-        "inputs_hash": stored.inputs_hash,
-        "chain_hash": stored.chain_hash,
         **_trajectory(result.trajectory, path),
         "constraint_multipliers": _series(result.constraint_multipliers, "1", "multipliers of the constraints"),
         "bound_multipliers": _series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
@@ -106,7 +113,7 @@ def _stage(stored: StoredStage) -> Group:
     }
     if result.certificate is not None:
         members["certificate"] = _certificate(result.certificate)
-    return Group(members)
+    return members
 
 
 def _trajectory(trajectory: Trajectory, path: str) -> dict[str, Node]:

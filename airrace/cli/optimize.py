@@ -1,5 +1,6 @@
 """`airrace optimize`: from a track file to a certified flight in a checkpoint."""
 
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,9 @@ def optimize(
     explore: Annotated[
         Explore | None,
         typer.Option(help="How much is tried to find the fastest way round; the settings say quick by default."),
+    ] = None,
+    climb: Annotated[
+        int | None, typer.Option(min=1, max=20, metavar="K", help="Take the best K ways round up the ladder.")
     ] = None,
     until: LastStage = None,
     out: Annotated[
@@ -46,11 +50,12 @@ def optimize(
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
         last = stage_named(until)
-        entries = [*(overrides or ()), *_settings(guess=guess, explore=explore)]
+        entries = [*(overrides or ()), *_settings(guess=guess, explore=explore, climb=climb)]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
         fly(answer, new_run(inputs, path), finished=(), until=last, threads=threads, quiet=quiet)
 
 
-def _settings(**chosen: GuessKind | Explore | None) -> list[str]:
+def _settings(**chosen: GuessKind | Explore | int | None) -> list[str]:
     """Options of the command line as overrides of the settings."""
-    return [f"settings.{name}={value.value}" for name, value in chosen.items() if value is not None]
+    plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
+    return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]

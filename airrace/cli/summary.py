@@ -81,6 +81,9 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "derivatives_s": finite(result.timings.derivatives),
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
+        "rivals": [
+            {"race_time_s": finite(rival.trajectory.race_time), "certified": rival.certified} for rival in result.rivals
+        ],
         "mesh": mesh_object(result),
         "ways": [way_object(way) for way in result.explored.ways],
         "explored": explored_object(result.explored) if result.explored.ways else None,

@@ -100,6 +100,10 @@ class SettingsEntry(Schema):
         default=None,
         description="how much is tried to find the fastest way round, before one is proved",
     )
+    climb: Annotated[int, Ge(1), Le(20)] | None = Field(
+        default=None,
+        description="how many of the best ways round climb the ladder side by side",
+    )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = Field(
         default=None, description="weight of the squared, scaled control rates against seconds"
     )
@@ -120,6 +124,7 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
         silent,
         guess=None if entry.guess is None else GuessKind(entry.guess),
         explore=None if entry.explore is None else Explore(entry.explore),
+        climb=entry.climb,
         regularisation=entry.regularisation,
         mesh=_given(
             silent.mesh,

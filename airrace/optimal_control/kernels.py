@@ -157,7 +157,7 @@ def _arguments(system: System) -> tuple[ca.SX, ca.SX, ca.SX]:
 def _end(system: System, scheme: RungeKutta, y: ca.SX, fraction: ca.SX, p: ca.SX) -> ca.SX:
     """The state at the interval's end."""
     n_x = len(system.states)
-    x_next = scheme.advance(system.rates, y[:n_x], y[n_x:-1], p, y[-1] * fraction)
+    x_next: ca.SX = scheme.advance(system.rates, y[:n_x], y[n_x:-1], p, y[-1] * fraction)
     return x_next if system.projection is None else system.projection(x_next)
 
 

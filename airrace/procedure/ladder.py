@@ -14,7 +14,7 @@ from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
 from airrace.procedure.race import Race
-from airrace.procedure.result import NOT_EXPLORED, Explored, Stage, StageResult
+from airrace.procedure.result import Explored, Stage, StageResult
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.effort import EFFORTS, Effort
@@ -63,21 +63,25 @@ class Ladder:
         elif stage is Stage.POINT_MASS:
             result = self._first_optimum(bench)
         else:
-            result = optimise_jointly(bench, list(self._handovers(stage, bench)))
+            below = self.done[STAGES[STAGES.index(stage) - 1]]
+            climbing = (below, *below.rivals)
+            result = _fastest([optimise_jointly(bench, list(self._handovers(stage, one, bench))) for one in climbing])
         self.done[stage] = result
         return result
 
     def _first_optimum(self, bench: Workbench) -> StageResult:
         """The point mass: what exploring found, then the homotopy and the plan, the one the user wants first."""
-        starts, explored = list(self._first_starts(bench)), NOT_EXPLORED
+        known = self._first_starts(bench)
         effort = EFFORTS.get(self._settings.explore)
-        if effort is not None:
-            found, explored = self._explored(effort, bench)
-            starts = [*(functools.partial(_made, start) for start in found), *starts]
-        result = dataclasses.replace(optimise_jointly(bench, starts), explored=explored)
+        if effort is None:
+            return optimise_jointly(bench, known)
+        found, explored = self._explored(effort.with_finalists(self._settings.climb), bench)
+        made = [functools.partial(_made, start) for start in found]
+        rivals = [optimise_jointly(bench, [one]) for one in made[1 : self._settings.climb]]
+        result = _fastest([optimise_jointly(bench, [*made, *known]), *rivals])
         for loop in explored.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)
-        return result
+        return dataclasses.replace(result, explored=explored)
 
     def _explored(self, effort: Effort, bench: Workbench) -> tuple[Sequence[Start], Explored]:
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
@@ -101,31 +105,36 @@ class Ladder:
 
         return (pieced, planned) if flown else (planned, pieced)
 
-    def _handovers(self, stage: Stage, bench: Workbench) -> Iterator[Callable[[], Start]]:
-        """Of a higher fidelity: flown along the stage before, at rest in it, at rest in the point mass."""
-        below = STAGES[STAGES.index(stage) - 1]
+    def _handovers(self, stage: Stage, below: StageResult, bench: Workbench) -> Iterator[Callable[[], Start]]:
+        """Of a higher fidelity: flown along the stage below, at rest in it, at rest in the point mass."""
         yield functools.partial(self._handed_over, stage, below, bench)
-        for source in dict.fromkeys((below, Stage.POINT_MASS)):
-            yield functools.partial(self._at_rest, stage, source)
+        yield functools.partial(self._at_rest, stage, below)
+        if below.stage is not Stage.POINT_MASS:
+            yield functools.partial(self._at_rest, stage, self.done[Stage.POINT_MASS])
 
-    def _at_rest(self, stage: Stage, source: Stage) -> Start:
+    def _at_rest(self, stage: Stage, optimum: StageResult) -> Start:
         with interrupts_held_back():
-            return settled(self._as_flown(stage, source), self._as_flown(source, source), self.done[source])
+            return settled(self._as_flown(stage, optimum), self._as_flown(optimum.stage, optimum), optimum)
 
-    def _handed_over(self, stage: Stage, source: Stage, bench: Workbench) -> Start:
-        flight, below = self._as_flown(stage, source), self._as_flown(source, source)
-        optimum = self.done[source]
-        if stage is Stage.STATE_SPACE and source is Stage.STATE_SPACE_INVERSION:
+    def _handed_over(self, stage: Stage, optimum: StageResult, bench: Workbench) -> Start:
+        flight, below = self._as_flown(stage, optimum), self._as_flown(optimum.stage, optimum)
+        if stage is Stage.STATE_SPACE and optimum.stage is Stage.STATE_SPACE_INVERSION:
             return recorded(flight, below, optimum)
-        bench.progress.activity(f"flying along the optimum of {source.value} by error feedback", 0, 0)
+        bench.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
         with interrupts_held_back():
             return followed(flight, below, optimum)
 
-    def _as_flown(self, stage: Stage, source: Stage) -> Flight:
-        """A stage's model, planned as the optimum of another stage goes round."""
+    def _as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
+        """A stage's model, planned as an optimum goes round."""
         flight = self.flight(stage)
-        way = plan_as_flown(self._race.course, flight.plan.cruise, self.done[source].trajectory)
+        way = plan_as_flown(self._race.course, flight.plan.cruise, optimum.trajectory)
         return dataclasses.replace(flight, plan=way)
+
+
+def _fastest(results: Sequence[StageResult]) -> StageResult:
+    """The fastest of the certified results, the others its rivals; the first if none is certified."""
+    ranked = sorted((one for one in results if one.certified), key=lambda one: one.trajectory.race_time)
+    return dataclasses.replace(ranked[0], rivals=tuple(ranked[1:])) if ranked else results[0]
 
 
 def _made(start: Start) -> Start:

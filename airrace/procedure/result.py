@@ -181,6 +181,7 @@ class StageResult:
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         explored: which other ways round were tried; empty in all stages but the one that explores.
+        rivals: certified flights of this stage on other ways round, slower ones, which climb the ladder as well.
     """
 
     stage: Stage
@@ -196,6 +197,7 @@ class StageResult:
     facts: Facts = NO_FACTS
     mesh: MeshRecord = NO_RECORD
     explored: Explored = NOT_EXPLORED
+    rivals: tuple["StageResult", ...] = ()
 
     @property
     def certified(self) -> bool:

@@ -67,10 +67,12 @@ class CertificateLimits:
 
 @dataclass(frozen=True)
 class Settings:
-    """`regularisation` weighs the integral of the squared, scaled control rates against seconds of race time."""
+    """`climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of the squared,
+    scaled control rates against seconds of race time."""
 
     guess: GuessKind = GuessKind.HOMOTOPY
     explore: Explore = Explore.QUICK
+    climb: int = 1
     regularisation: float = 1e-3
     mesh: MeshSettings = field(default_factory=MeshSettings)
     solver: SolverSettings = field(default_factory=SolverSettings)

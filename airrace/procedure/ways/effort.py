@@ -39,6 +39,10 @@ class Effort:
     finalists: int
     homotopy: bool
 
+    def with_finalists(self, least: int) -> "Effort":
+        """The same effort, but so many finalists at least."""
+        return replace(self, finalists=max(self.finalists, least))
+
 
 QUICK = Effort(
     radii=(Radius(1.0), Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
