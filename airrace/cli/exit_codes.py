@@ -3,7 +3,15 @@
 from collections.abc import Iterable
 from enum import IntEnum
 
-from airrace.errors import CheckpointError, ClusterError, InputError, NotCertified, SolverCrash, StorageError, UsageError
+from airrace.errors import (
+    CheckpointError,
+    ClusterError,
+    InputError,
+    NotCertified,
+    SolverCrash,
+    StorageError,
+    UsageError,
+)
 
 
 class ExitCode(IntEnum):

@@ -1,7 +1,8 @@
-"""Every number that `--set` reaches, with its value now: those of the files, and those that presets and defaults give."""
+"""Every number that `--set` reaches, with its value now: given by the files, by presets, or by the language."""
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import cast
 
 from airrace.documents.element_schema import (
     ElementEntry,
@@ -69,10 +70,10 @@ def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
             for key, info in type(value).model_fields.items():
                 yield from _numbers(getattr(value, key), (*path, info.alias or key))
         case dict():
-            for key, one in value.items():  # pyright: ignore[reportUnknownVariableType] (of any of the schemas)
-                yield from _numbers(one, (*path, str(key)))  # pyright: ignore[reportUnknownArgumentType]
+            for key, one in cast(dict[str, object], value).items():
+                yield from _numbers(one, (*path, key))
         case list():
-            for index, one in enumerate(value):  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+            for index, one in enumerate(cast(list[object], value)):
                 yield from _numbers(one, (*path, index))
         case _:
             return

@@ -34,7 +34,7 @@ UNITS = {
     "m": ("m", 1.0),
     "s": ("s", 0.0),
 }
-"""Name and usual step of the unit that a key ends with, longer endings first; 0 stands for one per cent of the value."""
+"""Name and usual step of the unit that a key ends with, longer endings first; 0 means one per cent of the value."""
 
 
 class Group(Enum):

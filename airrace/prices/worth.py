@@ -45,7 +45,7 @@ class Value:
 
 @dataclass
 class _Pull:
-    """What the limits of one quantity at one place pull with: multipliers of the lower and the upper end, s per unit."""
+    """What both limits of one quantity at one place pull with: summed multipliers, lower end first, s per unit."""
 
     strong: Array = field(default_factory=lambda: np.zeros(2))
     weak: Array = field(default_factory=lambda: np.zeros(2))
