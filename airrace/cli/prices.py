@@ -30,11 +30,11 @@ def prices(
     Seconds per unit, by the multipliers of a certified stage; nothing is solved again.
     """
     with answering(as_json=as_json) as answer:
-        from airrace.checkpoint import read_checkpoint
+        from airrace.checkpoint import inputs_hash, read_checkpoint, stale_stages
         from airrace.cli.csv_tables import stored_result
         from airrace.cli.price_tables import price_object, prices_csv, prices_text
         from airrace.cli.running import stored_run
-        from airrace.errors import UsageError
+        from airrace.errors import NotCertified, UsageError
         from airrace.prices import Group
         from airrace.prices import prices as priced
 
@@ -42,6 +42,9 @@ def prices(
             raise UsageError("--json and --csv exclude each other")
         run = stored_run(read_checkpoint(run_file), run_file)
         result = stored_result(run.checkpoint, stage)
+        stale = dict(stale_stages(run.checkpoint, inputs_hash(run.checkpoint.inputs.resolved)))
+        if result.stage in stale:
+            raise NotCertified(f"{result.stage.value} has no prices: {stale[result.stage]}")
         groups = frozenset(Group) if by is None else frozenset([Group(by.value)])
         answer.fields.update(track=run.name, stage=result.stage.value, race_time_s=None, prices={})
         found = list(priced(run.inputs, result, groups=groups).values())

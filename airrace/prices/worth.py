@@ -27,6 +27,9 @@ WEAK = 1e2
 """A limit is weakly active while neither multiplier nor slack (scaled) is so many times the other: an interior point
 method leaves their product equal everywhere, 1e-8, so that weak multipliers lie between 1e-5 and 1e-3."""
 
+DEPTH, HEIGHT = "z", "height"
+"""A state and what a crossing observes of it: a limit of the one is a limit of the other."""
+
 Place = tuple[int, int]
 """The phases before and after a node: both the same within a phase."""
 
@@ -121,7 +124,7 @@ class Worth:
 
     def _gather_rows(self, lam: Array, weak: Array) -> None:
         layout = self._layout
-        places = _places(layout)
+        places, depth = _places(layout), _depth(layout.problem)
         for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
             if lam[place] == 0.0:
                 continue
@@ -130,6 +133,12 @@ class Worth:
             else:
                 owner, name = self._owners[id(layout.sightings[row.source].bounds)], row.quantity.name
                 key, limits = (owner, name), _observed_limits(owner, name)
+                if owner[0] == "boundary" and name == HEIGHT:
+                    # Floor and least height of a gate share what presses on them; the one that is tighter has it all.
+                    at = (owner[1] - 1, owner[1])
+                    key, limits = ("state", depth, at), _state_limits(depth, at)
+                    self._at(key, limits).add(-float(lam[place]) / row.quantity.scale, weak=bool(weak[place]))
+                    continue
             self._at(key, limits).add(float(lam[place]) / row.quantity.scale, weak=bool(weak[place]))
 
     def _gather_bounds(self, nu: Array, weak: Array) -> None:
@@ -210,9 +219,17 @@ def _state_limits(component: int, place: Place) -> Callable[[Problem], Interval]
         along = _narrowed(problem, state, place)
         if place[0] == place[1]:
             return along
-        return along.intersect(_boundary(problem, place[1]).bounds.get(state.name, Interval()))
+        bounds = _boundary(problem, place[1]).bounds
+        if state.name == DEPTH and HEIGHT in bounds:
+            along = along.intersect(Interval(-bounds[HEIGHT].upper, -bounds[HEIGHT].lower))
+        return along.intersect(bounds.get(state.name, Interval()))
 
     return limits
+
+
+def _depth(problem: Problem) -> int:
+    """The place of z among the states."""
+    return [state.name for state in problem.system.states].index(DEPTH)
 
 
 def _control_limits(component: int, phase: int) -> Callable[[Problem], Interval]:
