@@ -13,7 +13,7 @@ from airrace.prices.price import Activity, Group, Price, group_of, unit_of, usua
 from airrace.prices.varied import VariedProblem
 from airrace.prices.worth import OtherStructureError, Value, Worth
 from airrace.procedure.flight import iterate_of
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Outcome, StageResult
 
 STEP = 1e-3  # of a usual step, by which a number is changed
 FREE = 1e-6  # s; less than this for a usual step is nothing
@@ -60,7 +60,8 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
 def _uncertified(result: StageResult) -> str:
     if result.certificate is None:
         return f"{result.stage.value} is a guess and no optimum: only a certified stage has prices"
-    return f"{result.stage.value} is not certified ({result.outcome.value}): only a certified stage has prices"
+    ended = "" if result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED) else f", it ended {result.outcome.value}"
+    return f"{result.stage.value} is not certified{ended}: only a certified stage has prices"
 
 
 def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:
