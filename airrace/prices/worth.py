@@ -84,6 +84,7 @@ class Worth:
         """
         self._problem = problem
         self._layout = layout = Layout(problem)
+        # What watches all legs alike is one object in all phases of any such problem: its last phase owns it.
         self._owners = {id(bounds): owner for owner, bounds, _ in _observed(problem)}
         self._ends: dict[object, _Ends] = {}
         function = constraint_function(layout, kernels)

@@ -26,6 +26,18 @@ gates:
   last: {type: level, north_m: 420, east_m: -260, heading_deg: 250}
 course: {start: first, lap: [side, last]}
 """
+CROWDED = COURSE.replace(
+    "course:",
+    """crowd:
+  stand: {line: [{north_m: 480, east_m: 20}, {north_m: 520, east_m: -20}], distance_m: 122}
+airspace:
+  - {north_m: -200, east_m: -500}
+  - {north_m: 620, east_m: -520}
+  - {north_m: 620, east_m: 70}
+  - {north_m: -200, east_m: 70}
+course:""",
+)
+"""With people and a border that the flight has to make way for."""
 
 
 def mirrored_text() -> str:

@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 import pytest
-from priced_courses import COURSE, inputs, mirrored_text, optimum, priced
+from priced_courses import COURSE, CROWDED, inputs, mirrored_text, optimum, priced
 
 from airrace.documents.variation import Variation
 from airrace.errors import CheckpointError, NotCertified
@@ -29,6 +29,14 @@ def test_moving_the_whole_course_is_free(axis: str) -> None:
     each = [price(f"gates.{gate}.{axis}") for gate in GATES]
     assert max(map(abs, each)) > 1e-3
     assert sum(each) == pytest.approx(0.0, abs=EXACT)
+
+
+@pytest.mark.parametrize("axis", ["north_m", "east_m"])
+def test_moving_the_whole_course_with_its_people_and_borders_is_free(axis: str) -> None:
+    found = priced(CROWDED)
+    assert found["crowd.stand.distance_m"].price > 1e-3
+    assert found["airspace.2.east_m"].price < -1e-3
+    assert sum(one.price for key, one in found.items() if key.endswith(axis)) == pytest.approx(0.0, abs=EXACT)
 
 
 def test_turning_the_whole_course_with_its_wind_is_free() -> None:
