@@ -145,7 +145,7 @@ def test_solving_again_finds_the_price(key: str) -> None:
         bench = Workbench(service, settings, Silent())
         for value in (one.value - change, one.value + change):
             problem = varied.problem(variation.race(key, value))
-            solution = bench.solve(problem, iterate_of(result.trajectory), "again", barrier=1e-6)
+            solution = bench.solve(problem, iterate_of(result.trajectory), "again", barrier=1e-6, solvers=("ipopt",))
             assert solution is not None
             assert solution.success
             objectives.append(solution.objective)
