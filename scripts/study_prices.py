@@ -162,16 +162,18 @@ def row(title: str, compared: list[Comparison]) -> str:
     """One row of the table."""
     count = len(compared)
     confirmed, strict = (sum(one.within(limit) for one in compared) for limit in (ABSOLUTE, STRICT))
-    errors = sorted(max((seconds for seconds, _ in one.errors), default=math.nan) for one in compared)
+    solved = [one for one in compared if math.isfinite(one.central)]
+    errors = sorted(max(seconds for seconds, _ in one.errors) for one in solved) or [math.nan]
     times = sorted(
         abs(one.price.price - one.of_race_time) / abs(one.of_race_time)
         for one in compared
         if one.of_race_time and math.isfinite(one.of_race_time) and one.price.weight > ABSOLUTE
     )
+    middle = f"{100.0 * times[len(times) // 2]:.1f} %" if times else "-"
     return (
         f"| {title} | {count} | {confirmed} ({100.0 * confirmed / count:.1f} %) | {strict} "
-        f"({100.0 * strict / count:.1f} %) | {1e3 * errors[count // 2]:.4f} | {1e3 * errors[-1]:.3f} | "
-        f"{100.0 * times[len(times) // 2]:.1f} % |"
+        f"({100.0 * strict / count:.1f} %) | {1e3 * errors[len(errors) // 2]:.4f} | {1e3 * errors[-1]:.3f} | "
+        f"{middle} |"
     )
 
 
