@@ -42,6 +42,10 @@ class CheckpointError(AirraceError):
     """A checkpoint cannot be trusted or read."""
 
 
+class NotCertified(AirraceError):
+    """What was asked for can only be told of a certified optimum."""
+
+
 class StorageError(AirraceError):
     """The system refused: disk full, no permission, no memory."""
 

@@ -3,7 +3,15 @@
 from collections.abc import Iterable
 from enum import IntEnum
 
-from airrace.errors import CheckpointError, ClusterError, InputError, SolverCrash, StorageError, UsageError
+from airrace.errors import (
+    CheckpointError,
+    ClusterError,
+    InputError,
+    NotCertified,
+    SolverCrash,
+    StorageError,
+    UsageError,
+)
 
 
 class ExitCode(IntEnum):
@@ -50,6 +58,8 @@ def of_error(error: BaseException) -> ExitCode:
             return ExitCode.USAGE
         case InputError():
             return ExitCode.INVALID_INPUT
+        case NotCertified():
+            return ExitCode.NOT_CERTIFIED
         case CheckpointError():
             return ExitCode.BAD_CHECKPOINT
         case StorageError() | ClusterError() | SolverCrash() | MemoryError() | OSError():

@@ -17,6 +17,7 @@ from airrace.cli.check import check
 from airrace.cli.exit_codes import ExitCode
 from airrace.cli.export import export
 from airrace.cli.optimize import optimize
+from airrace.cli.prices import prices
 from airrace.cli.resume import resume
 from airrace.cli.schema import schema
 from airrace.cli.show import show
@@ -36,6 +37,7 @@ app.command()(resume)
 app.add_typer(export)
 app.command()(show)
 app.command()(verify)
+app.command()(prices)
 app.command()(check)
 app.command()(batch)
 app.command()(schema)

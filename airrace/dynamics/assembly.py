@@ -1,7 +1,9 @@
 """From the equations of a model, written for named vectors, to a system that can be optimised."""
 
+import functools
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -61,35 +63,73 @@ def assemble(
         air: the day's air and wind.
         counting: whether rolls are counted.
     """
-    field = WindField.of(air)
+    wind = WindField.of(air)
     own_states, own_controls, path = declarations
     states = (*own_states, *(RollCounter.quantities() if counting else ()))
     controls = (*own_controls, *(RollReset.quantities() if counting else ()))
-    parameters = (*aircraft.quantities(), *AtmosphereParameters.quantities(), *field.parameters)
-    x, u, p = named_symbols(states), named_symbols(controls), named_symbols(parameters)
-    state = vectors[0](**{one.name: x[one.name] for one in own_states})
-    rates, path_values = equations(
-        state,
-        vectors[1](**{one.name: u[one.name] for one in own_controls}),
-        aircraft=type(aircraft)(**{name: p[name] for name in aircraft.names()}),
-        atmosphere=AtmosphereParameters(**{name: p[name] for name in AtmosphereParameters.names()}),
-        field=field,
-        wind=[p[one.name] for one in field.parameters],
-    )
-    all_rates = list(rates.join())
-    if counting:
-        reset = RollReset(**{name: u[name] for name in RollReset.names()})
-        all_rates += counter_rates(roll_rate(state, path_values), rates.z, reset).join()
-    arguments = [column(symbols.values()) for symbols in (x, u, p)]
+    structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
+    rates, path_values, projection = _functions(structure)
     system = System(
-        name="+".join(part for part in (name, field.label, "rolls" if counting else "") if part),
+        name="+".join(part for part in (name, wind.label, "rolls" if counting else "") if part),
         states=states,
         controls=controls,
-        parameters=parameters,
-        rates=ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),
+        parameters=structure.parameters,
+        rates=rates,
         path=tuple(path),
-        path_values=ca.Function("path_values", arguments, [column(path_values.join())], {"cse": True}),
-        projection=attitude_projection(states),
+        path_values=path_values,
+        projection=projection,
     )
-    values = [*aircraft.join(), *atmosphere_parameters(air).join(), *field.values(air)]
+    values = [*aircraft.join(), *atmosphere_parameters(air).join(), *wind.values(air)]
     return FlightModel(system, np.array(values))
+
+
+# Any in what follows: the vectors of an arbitrary model, which fit its equations as `assemble` demands.
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """All that the functions of a model depend on; the roll rate is one with the equations."""
+
+    equations: Equations[Any, Any, Any, Any]
+    vectors: tuple[type[Vector[Any]], type[Vector[Any]]]
+    numbers: type[AircraftParameters[Any]]
+    wind: WindField
+    counting: bool
+    roll_rate: Callable[[Any, Any], Scalar] = field(compare=False)
+
+    @property
+    def states(self) -> tuple[Quantity, ...]:
+        return (*self.vectors[0].quantities(), *(RollCounter.quantities() if self.counting else ()))
+
+    @property
+    def controls(self) -> tuple[Quantity, ...]:
+        return (*self.vectors[1].quantities(), *(RollReset.quantities() if self.counting else ()))
+
+    @property
+    def parameters(self) -> tuple[Quantity, ...]:
+        return (*self.numbers.quantities(), *AtmosphereParameters.quantities(), *self.wind.parameters)
+
+
+@functools.lru_cache(maxsize=32)
+def _functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """Rates, path quantities and projection: made once, for many a model differs from another in numbers alone."""
+    x, u, p = named_symbols(of.states), named_symbols(of.controls), named_symbols(of.parameters)
+    state = of.vectors[0](**{name: x[name] for name in of.vectors[0].names()})
+    rates, path_values = of.equations(
+        state,
+        of.vectors[1](**{name: u[name] for name in of.vectors[1].names()}),
+        aircraft=of.numbers(**{name: p[name] for name in of.numbers.names()}),
+        atmosphere=AtmosphereParameters(**{name: p[name] for name in AtmosphereParameters.names()}),
+        field=of.wind,
+        wind=[p[one.name] for one in of.wind.parameters],
+    )
+    all_rates = list(rates.join())
+    if of.counting:
+        reset = RollReset(**{name: u[name] for name in RollReset.names()})
+        all_rates += counter_rates(of.roll_rate(state, path_values), rates.z, reset).join()
+    arguments = [column(symbols.values()) for symbols in (x, u, p)]
+    return (
+        ca.Function("rates", arguments, [column(all_rates)], {"cse": True}),
+        ca.Function("path_values", arguments, [column(path_values.join())], {"cse": True}),
+        attitude_projection(of.states),
+    )

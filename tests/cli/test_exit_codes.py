@@ -11,6 +11,7 @@ EXPECTED = {
     errors.InputError([]): 3,
     errors.UsageError("x"): 2,
     errors.CheckpointError("x"): 7,
+    errors.NotCertified("x"): 5,
     errors.StorageError("x"): 8,
     errors.ClusterError("x"): 8,
     errors.SolverCrash("x"): 8,

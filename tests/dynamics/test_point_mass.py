@@ -266,6 +266,16 @@ def test_name_and_parameters_tell_the_structure_and_nothing_else(edge540: Aircra
     assert one.parameter_values.shape == (len(one.system.parameters),)
 
 
+def test_models_that_differ_in_numbers_alone_share_their_functions(edge540: Aircraft, rules: Rules) -> None:
+    heavier = dataclasses.replace(edge540, airframe=dataclasses.replace(edge540.airframe, m=800.0))
+    windy, gusty = Air(wind=StaticWind(0.4, 8.0)), Air(wind=StaticWind(0.9, 3.0))
+    one, other = build_point_mass(edge540, rules, windy), build_point_mass(heavier, rules, gusty)
+    assert one.system.rates is other.system.rates
+    assert one.parameter_values.tolist() != other.parameter_values.tolist()
+    assert build_point_mass(edge540, rules, Air()).system.rates is not one.system.rates
+    assert build_point_mass(edge540, rules, windy, counting=True).system.rates is not one.system.rates
+
+
 def test_limits_of_aircraft_and_rules_become_bounds(edge540: Aircraft, rules: Rules) -> None:
     system = build_point_mass(edge540, rules, Air()).system
     bounds = {one.name: (one.lower, one.upper) for one in (*system.states, *system.controls, *system.path)}

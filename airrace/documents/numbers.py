@@ -1,0 +1,141 @@
+"""Every number that `--set` reaches, with its value now: given by the files, by presets, or by the language."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import cast
+
+from airrace.documents.element_schema import (
+    ElementEntry,
+    GateDefaultsEntry,
+    GatePassingEntry,
+    PassingEntry,
+    PylonEntry,
+)
+from airrace.documents.elements import (
+    BANK_TOLERANCE_DEG,
+    CLIMB_MAX_DEG,
+    CROSSING_MAX_DEG,
+    GATE_CLEARANCE_M,
+    HEIGHT_BAND_M,
+    HEIGHT_M,
+    REACH_M,
+    WIDTH_M,
+    build_elements,
+)
+from airrace.documents.figures import Figure
+from airrace.documents.nodes import KeyPath, Reporter, dotted
+from airrace.documents.places import Places
+from airrace.documents.presets import with_preset
+from airrace.documents.rules_schema import LimitsEntry
+from airrace.documents.schema import Schema
+from airrace.documents.track_schema import EnvironmentEntry, TrackEntry, WindEntry
+from airrace.environment.air import Profile, StaticWind
+from airrace.track.gates import Gate, Manoeuvre
+
+DIGITS = 9
+"""Angles come back from radians rounded to so many places."""
+
+
+def numbers(entry: Schema, path: KeyPath = ()) -> dict[str, float]:
+    """All numbers of a document by their keys; whole numbers that count (laps) are none, nor is what is absent."""
+    return {dotted(key): value for key, value in _numbers(entry, path)}
+
+
+def filled_in(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
+    """A track as if its file gave every number that its preset and the language give it; it must be without fault."""
+    limits, defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
+    figures = build_elements(entry.gates, defaults, Places(entry.origin, reporter))
+    crowds = {
+        name: crowd
+        if crowd.distance_m is not None
+        else crowd.model_copy(update={"distance_m": limits.crowd_distance_m})
+        for name, crowd in entry.crowd.items()
+    }
+    return entry.model_copy(
+        update={
+            "rules": entry.rules.model_copy(update={key: getattr(limits, key) for key in LimitsEntry.model_fields}),
+            "gate_defaults": _defaults(defaults, entry.gates),
+            "gates": {name: _element(one, figures[name]) for name, one in entry.gates.items()},
+            "crowd": crowds,
+            "environment": _environment(entry.environment),
+        }
+    )
+
+
+def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
+    match value:
+        case float():
+            yield path, value
+        case Schema():
+            for key, info in type(value).model_fields.items():
+                yield from _numbers(getattr(value, key), (*path, info.alias or key))
+        case dict():
+            for key, one in cast(dict[str, object], value).items():
+                yield from _numbers(one, (*path, key))
+        case list():
+            for index, one in enumerate(cast(list[object], value)):
+                yield from _numbers(one, (*path, index))
+        case _:
+            return
+
+
+def _absent(entry: Schema, values: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Those of the values for which the entry has none."""
+    return {key: value for key, value in values.items() if getattr(entry, key) is None}
+
+
+def _defaults(entry: GateDefaultsEntry, gates: Mapping[str, ElementEntry]) -> GateDefaultsEntry:
+    """The defaults of all gates; the heights of windows only where they follow from one nominal height."""
+    height = HEIGHT_M if entry.height_m is None else entry.height_m
+    silent: dict[str, float | None] = {
+        "height_m": HEIGHT_M,
+        "clearance_m": GATE_CLEARANCE_M,
+        "climb_min_deg": -CLIMB_MAX_DEG,
+        "climb_max_deg": CLIMB_MAX_DEG,
+        "crossing_max_deg": CROSSING_MAX_DEG,
+        "width_m": WIDTH_M,
+        "bank_tolerance_deg": BANK_TOLERANCE_DEG,
+        "reach_m": REACH_M,
+    }
+    if not any(isinstance(gate, PassingEntry) and gate.height_m is not None for gate in gates.values()):
+        silent |= {"height_min_m": max(0.0, height - HEIGHT_BAND_M), "height_max_m": height + HEIGHT_BAND_M}
+    return entry.model_copy(update=_absent(entry, silent))
+
+
+def _element(entry: ElementEntry, figure: Figure) -> ElementEntry:
+    """A gate or pylon with the numbers that it has in the end."""
+    built = figure.steps[0].element
+    if not isinstance(entry, PassingEntry) or isinstance(built, Manoeuvre):
+        return entry
+    allowed = built.tolerances
+    values: dict[str, float | None] = {
+        "height_m": built.height,
+        "clearance_m": allowed.clearance,
+        "height_min_m": allowed.height.lower,
+        "height_max_m": allowed.height.upper,
+        "climb_min_deg": _rounded(allowed.climb.lower),
+        "climb_max_deg": _rounded(allowed.climb.upper),
+        "crossing_max_deg": _rounded(allowed.crossing),
+    }
+    if isinstance(entry, GatePassingEntry) and isinstance(built, Gate):
+        values |= {"width_m": built.width, "bank_tolerance_deg": _rounded(allowed.bank)}
+    elif isinstance(entry, PylonEntry) and not isinstance(built, Gate):
+        values |= {"reach_m": built.reach}
+    return entry.model_copy(update=_absent(entry, values))
+
+
+def _environment(entry: EnvironmentEntry) -> EnvironmentEntry:
+    return entry if entry.wind is None else entry.model_copy(update={"wind": _wind(entry.wind)})
+
+
+def _wind(entry: WindEntry) -> WindEntry:
+    """A wind with the numbers that its profile uses."""
+    silent = StaticWind(origin=0.0, speed=0.0)
+    values: dict[str, float | None] = {"reference_height_m": silent.reference_height}
+    values |= {"exponent": silent.exponent} if entry.profile == Profile.POWER.value else {}
+    values |= {"roughness_m": silent.roughness} if entry.profile == Profile.LOG.value else {}
+    return entry.model_copy(update=_absent(entry, values))
+
+
+def _rounded(angle: float) -> float:
+    return round(math.degrees(angle), DIGITS)

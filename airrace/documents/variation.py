@@ -1,0 +1,102 @@
+"""The inputs of a run with one number changed: what `--set` would make of it, without reading the files again."""
+
+from functools import cached_property
+
+from airrace.documents.aircraft import build_aircraft
+from airrace.documents.aircraft_schema import AircraftEntry
+from airrace.documents.consistency import check_together
+from airrace.documents.course import build_course
+from airrace.documents.document import Document
+from airrace.documents.inputs import Inputs
+from airrace.documents.nodes import MappingNode, Reporter, ScalarNode
+from airrace.documents.numbers import filled_in, numbers
+from airrace.documents.overrides import PLACE, PREFIXED, Override, apply_overrides, parse_overrides
+from airrace.documents.places import Places
+from airrace.documents.schema import Schema
+from airrace.documents.shorthands import expanded
+from airrace.documents.track_schema import TrackEntry
+from airrace.documents.validation import validate
+from airrace.documents.weather import build_air
+from airrace.documents.yaml_reader import read_yaml
+from airrace.errors import Finding, InputError
+from airrace.procedure.race import Race
+
+AIRCRAFT = "aircraft"
+TRACK = "track"
+
+
+class Variation:
+    """Track and aircraft of inputs that are known to be without fault, read once, and varied number by number."""
+
+    def __init__(self, inputs: Inputs) -> None:
+        self._race = inputs.race
+        self._track = _root(inputs.track, TRACK, TrackEntry, inputs.overrides)
+        self._aircraft = _root(inputs.aircraft, AIRCRAFT, AircraftEntry, inputs.overrides)
+
+    @cached_property
+    def numbers(self) -> dict[str, float]:
+        """Every number that `--set` reaches in track and aircraft by its key there, with its value now.
+
+        Numbers that the files leave to a preset or to the language are among them; limits that nobody sets are not.
+        """
+        findings: list[Finding] = []
+        reporter = Reporter(self._track, findings)
+        track, aircraft = validate(TrackEntry, reporter), validate(AircraftEntry, Reporter(self._aircraft, findings))
+        if track is None or aircraft is None:
+            raise InputError(findings)
+        return numbers(filled_in(track, reporter)) | numbers(aircraft, (AIRCRAFT,))
+
+    def race(self, key: str, value: float) -> Race:
+        """The race with one number set to another value.
+
+        Args:
+            key: as `--set` has it, e.g. `gates.g4.heading_deg` or `aircraft.airframe.mass_kg`.
+            value: in the unit of the key.
+
+        Raises:
+            InputError: the inputs do not allow this value.
+        """
+        first, *rest = key.split(".")
+        findings: list[Finding] = []
+        track = Reporter(self._track, findings)
+        course, flown, air = self._race.course, self._race.aircraft, self._race.air
+        if first in PREFIXED:
+            reporter = Reporter(_with(self._aircraft, AIRCRAFT, rest, value), findings, prefix=f"{AIRCRAFT}.")
+            entry = validate(AircraftEntry, reporter)
+            flown = build_aircraft(entry, reporter) if entry else flown
+        else:
+            track = Reporter(_with(self._track, TRACK, [first, *rest], value), findings)
+            entry = validate(TrackEntry, track)
+            course = build_course(entry, track) if entry else course
+            air = build_air(entry.environment, Places(entry.origin, track)) if entry else air
+        if findings:
+            raise InputError(findings)
+        race = Race(course, flown, air)
+        check_together(race, track)
+        if findings:
+            raise InputError(findings)
+        return race
+
+
+def _root(document: Document, kind: str, model: type[Schema], texts: tuple[str, ...]) -> MappingNode:
+    """A document as a tree with the overrides of the run made and all shorthands written out."""
+    findings: list[Finding] = []
+    mine = [override for override in parse_overrides(texts, findings) if override.document == kind]
+    root = read_yaml(document.path, document.text)
+    if not isinstance(root, MappingNode):
+        raise InputError([Finding(document.path, 0, 0, "", "must be a mapping")])
+    changed = apply_overrides(root, mine, findings, lambda node: expanded(node, model))
+    if findings:
+        raise InputError(findings)
+    return changed
+
+
+def _with(root: MappingNode, kind: str, path: list[str], value: float) -> MappingNode:
+    """The tree with one number changed, or added; nothing of it is a shorthand any more."""
+    findings: list[Finding] = []
+    changed = apply_overrides(
+        root, [Override(kind, tuple(path), ScalarNode(PLACE, value))], findings, lambda node: node
+    )
+    if findings:
+        raise InputError(findings)
+    return changed

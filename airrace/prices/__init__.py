@@ -1,0 +1,6 @@
+"""What every number of the inputs costs: seconds per unit, from a certified optimum, with nothing solved again."""
+
+from airrace.prices.price import Activity, Group, Price
+from airrace.prices.pricing import prices
+
+__all__ = ["Activity", "Group", "Price", "prices"]

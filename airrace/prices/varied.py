@@ -1,0 +1,92 @@
+"""The problem that a stored stage solved, stated for inputs that differ in a number: same plan, same mesh."""
+
+import dataclasses
+
+from airrace.optimal_control.problem import Problem
+from airrace.procedure.flight import Flight, mesh_of, stage_flight
+from airrace.procedure.models import BUILDERS
+from airrace.procedure.plan import Plan
+from airrace.procedure.race import Race
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import Settings
+from airrace.procedure.watches import leg_watches
+from airrace.procedure.waypoints import Waypoint
+from airrace.track.course import Course, Passage
+from airrace.track.gates import Element, Gate, Manoeuvre, Pylon
+
+
+class VariedProblem:
+    """States the problem of one stage anew for races that differ from the one flown in numbers alone.
+
+    Plan, mesh and the weights of the regularisation stay those of the race that was flown, and so do the functions of
+    its model: of a race that differs in numbers only parameters and limits do.
+    """
+
+    def __init__(self, race: Race, settings: Settings, result: StageResult) -> None:
+        self.race = race
+        self.flight = stage_flight(result.stage, race, settings)
+        self._mesh = mesh_of(result.trajectory)
+
+    def problem(self, race: Race) -> Problem:
+        """The problem of a race.
+
+        Raises:
+            InputError: aircraft and rules leave no allowed value of some quantity.
+        """
+        return self.varied(race).problem(self._mesh)
+
+    def varied(self, race: Race) -> Flight:
+        """The flight of a race along the plan of the race that was flown."""
+        flight, course, flown = self.flight, race.course, self.race.course
+        model, watches = flight.model, flight.watches
+        if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, flown.rules):
+            built = BUILDERS[flight.stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+            system = dataclasses.replace(
+                model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
+            )
+            model = dataclasses.replace(built, system=system)
+        if _watched(course) != _watched(flown):
+            watches = leg_watches(course, model.system.states)
+        return dataclasses.replace(
+            flight, plan=with_passages(flight.plan, course), model=model, watches=watches, aircraft=race.aircraft
+        )
+
+
+def _watched(course: Course) -> tuple[object, ...]:
+    """All of a course that watches are made of."""
+    own = tuple((passage.safety_lines, passage.roll) for passage in course.passages)
+    return course.airspace, course.crowd, own
+
+
+def with_passages(plan: Plan, course: Course) -> Plan:
+    """A plan for a course whose passages differ from the planned ones in numbers alone, flown the same way round.
+
+    Axes and prescribed banks turn with their elements; sides, directions and planned durations stay.
+    """
+    waypoints = (_moved(waypoint, passage) for waypoint, passage in zip(plan.waypoints, course.passages, strict=True))
+    return dataclasses.replace(plan, waypoints=tuple(waypoints))
+
+
+def _moved(waypoint: Waypoint, passage: Passage) -> Waypoint:
+    before, after = waypoint.passage.element, passage.element
+    bank = waypoint.bank
+    if bank is not None:
+        bank += _bank(after) - _bank(before)
+    return dataclasses.replace(
+        waypoint, passage=passage, axis=waypoint.axis + _direction(after) - _direction(before), bank=bank
+    )
+
+
+def _direction(element: Element) -> float:
+    """The azimuth that the axis of a passing turns with, rad."""
+    match element:
+        case Gate():
+            return element.heading
+        case Pylon():
+            return element.side
+        case Manoeuvre():
+            return element.heading or 0.0
+
+
+def _bank(element: Element) -> float:
+    return 0.0 if isinstance(element, Pylon) else element.bank or 0.0

@@ -1,0 +1,300 @@
+"""What the numbers of a problem are worth: the derivative of its Lagrangian by parameters and limits.
+
+At an optimum w with multipliers lam (of the constraints) and nu (of the simple bounds), positive at upper ends,
+
+    dV = lam . (dg/dp dp - d limit) - nu . d bound
+
+is the change of the optimal objective V with parameters p and limits. The objective itself does not contain them. So
+every multiplier is gathered once where its limit comes from, and a problem with other numbers is valued by a sum.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from airrace.optimal_control.kernels import Kernels
+from airrace.optimal_control.layout import Layout, narrowed
+from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.transcription import constraint_function
+from airrace.quantities import Interval, Quantity
+from airrace.trajectory import Array
+
+SHARE = 1e-5  # of a parameter, or of its scale: step of the central differences of the constraints
+WEAK = 1e2
+"""A limit is weakly active while neither multiplier nor slack (scaled) is so many times the other: an interior point
+method leaves their product equal everywhere, 1e-8, so that weak multipliers lie between 1e-5 and 1e-3."""
+
+DEPTH, HEIGHT = "z", "height"
+"""A state and what a crossing observes of it: a limit of the one is a limit of the other."""
+
+Place = tuple[int, int]
+"""The phases before and after a node: both the same within a phase."""
+
+
+class OtherStructureError(Exception):
+    """A problem differs from the one that was solved in more than numbers."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """The part of a problem's value that its numbers decide, s: by what is surely active, and by what barely is."""
+
+    strong: float
+    weak: float
+
+
+@dataclass
+class _Pull:
+    """What both limits of one quantity at one place pull with: summed multipliers, lower end first, s per unit."""
+
+    strong: Array = field(default_factory=lambda: np.zeros(2))
+    weak: Array = field(default_factory=lambda: np.zeros(2))
+
+    def add(self, multiplier: float, *, weak: bool) -> None:
+        (self.weak if weak else self.strong)[1 if multiplier > 0.0 else 0] += multiplier
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """The pulls on one quantity at one place, and how its limits there are read from a problem."""
+
+    limits: Callable[[Problem], Interval]
+    pull: _Pull = field(default_factory=_Pull)
+
+
+Owner = tuple[str, int, int]
+"""A boundary ("boundary", its number, 0) or a watch ("watch", phase, its number there)."""
+
+
+class Worth:
+    """Values problems that differ from a solved one in numbers alone."""
+
+    def __init__(self, problem: Problem, iterate: Iterate, lam: Array, nu: Array, kernels: Kernels) -> None:
+        """Gather the multipliers.
+
+        Args:
+            problem: as it was solved.
+            iterate: its optimum.
+            lam: multipliers of the constraints, shape (n_g,).
+            nu: multipliers of the simple bounds, shape (n_w,).
+            kernels: of the problem's system.
+        """
+        self._problem = problem
+        self._layout = layout = Layout(problem)
+        # What watches all legs alike is one object in all phases of any such problem: its last phase owns it.
+        self._owners = {id(bounds): owner for owner, bounds, _ in _observed(problem)}
+        self._ends: dict[object, _Ends] = {}
+        function = constraint_function(layout, kernels)
+        w, p = layout.pack(iterate), layout.parameter_values()
+        g = np.asarray(function(w, p)).ravel()
+        lam, weak = _active(lam, g, *layout.constraint_bounds())
+        nu, barely = _active(nu, w, *layout.unknown_bounds())
+        self._gather_rows(lam, weak)
+        self._gather_bounds(nu / layout.scale, barely)
+        self._ends = {key: ends for key, ends in self._ends.items() if ends.pull.strong.any() or ends.pull.weak.any()}
+        self._of_system = _by_system_parameters(function, layout, w, p, lam)
+        self._of_owners = _by_observed_parameters(function, layout, w, p, lam)
+
+    def value(self, problem: Problem) -> Value:
+        """What the numbers of a problem of the same structure are worth; only differences have a meaning.
+
+        Raises:
+            OtherStructureError: the problem differs in more than numbers.
+        """
+        if not _alike(problem, self._problem):
+            raise OtherStructureError
+        strong, weak = float(self._of_system @ np.asarray(problem.parameters)), 0.0
+        for owner, _, values in _observed(problem):
+            strong += float(self._of_owners[owner] @ np.asarray(values)) if values else 0.0
+        for ends in self._ends.values():
+            limits = ends.limits(problem)
+            for end, limit in enumerate((limits.lower, limits.upper)):
+                for pull in (ends.pull.strong[end], ends.pull.weak[end]):
+                    if pull and not math.isfinite(limit):
+                        raise OtherStructureError
+                if math.isfinite(limit):
+                    strong -= float(ends.pull.strong[end]) * limit
+                    weak -= float(ends.pull.weak[end]) * limit
+        return Value(strong, weak)
+
+    def _at(self, key: object, limits: Callable[[Problem], Interval]) -> _Pull:
+        return self._ends.setdefault(key, _Ends(limits)).pull
+
+    def _gather_rows(self, lam: Array, weak: Array) -> None:
+        layout = self._layout
+        places, depth = _places(layout), _depth(layout.problem)
+        for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
+            if lam[place] == 0.0:
+                continue
+            if row.source < 0:
+                key, limits = ("path", row.component, places[row.node]), _path_limits(row.component, places[row.node])
+            else:
+                owner, name = self._owners[id(layout.sightings[row.source].bounds)], row.quantity.name
+                key, limits = (owner, name), _observed_limits(owner, name)
+                if owner[0] == "boundary" and name == HEIGHT:
+                    # Floor and least height of a gate share what presses on them; the one that is tighter has it all.
+                    at = (owner[1] - 1, owner[1])
+                    key, limits = ("state", depth, at), _state_limits(depth, at)
+                    self._at(key, limits).add(-float(lam[place]) / row.quantity.scale, weak=bool(weak[place]))
+                    continue
+            self._at(key, limits).add(float(lam[place]) / row.quantity.scale, weak=bool(weak[place]))
+
+    def _gather_bounds(self, nu: Array, weak: Array) -> None:
+        """Of states and controls; those of the durations come from the plan, which is kept."""
+        layout = self._layout
+        places = _places(layout)
+        for node, component in np.argwhere(nu[layout.state_index] != 0.0).tolist():
+            at = int(layout.state_index[node, component])
+            pull = self._at(("state", component, places[node]), _state_limits(component, places[node]))
+            pull.add(float(nu[at]), weak=bool(weak[at]))
+        for interval, component in np.argwhere(nu[layout.control_index] != 0.0).tolist():
+            at, phase = int(layout.control_index[interval, component]), int(layout.phase_of_interval[interval])
+            pull = self._at(("control", component, phase), _control_limits(component, phase))
+            pull.add(float(nu[at]), weak=bool(weak[at]))
+
+
+def _active(multiplier: Array, value: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """The multipliers without those of limits that are not active, and which of the rest are weak."""
+    slack = np.where(multiplier > 0.0, upper - value, value - lower)
+    size = np.abs(multiplier)
+    fixed = lower == upper
+    active = fixed | (np.isfinite(slack) & (size * WEAK > slack))
+    weak = active & ~fixed & (size < WEAK * slack)
+    return np.where(active, multiplier, 0.0), weak
+
+
+def _places(layout: Layout) -> list[Place]:
+    """The place of every node."""
+    after = [*layout.phase_of_interval.tolist(), len(layout.problem.phases)]
+    before = [-1, *layout.phase_of_interval.tolist()]
+    return list(zip(before, after, strict=True))
+
+
+def _boundary(problem: Problem, number: int) -> Boundary:
+    return problem.start if number == 0 else problem.phases[number - 1].end
+
+
+def _observed(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
+    """Whatever observes: its limits and the parameters of its observation, in the order of the program."""
+    for number in range(len(problem.phases) + 1):
+        boundary = _boundary(problem, number)
+        if boundary.observation is not None:
+            yield ("boundary", number, 0), boundary.bounds, boundary.values
+    for index, phase in enumerate(problem.phases):
+        for number, watch in enumerate(phase.watches):
+            yield ("watch", index, number), watch.bounds, watch.values
+
+
+def _alike(one: Problem, other: Problem) -> bool:
+    """Whether two problems have the same parameters and the same conditions but for their numbers."""
+
+    def structure(problem: Problem) -> object:
+        system = problem.system
+        observed = [
+            (owner, len(values), {name: _kind(limits) for name, limits in bounds.items()})
+            for owner, bounds, values in _observed(problem)
+        ]
+        named = [[quantity.name for quantity in part] for part in (system.states, system.controls, system.path)]
+        return len(problem.parameters), named, observed
+
+    return structure(one) == structure(other)
+
+
+def _kind(limits: Interval) -> tuple[bool, bool]:
+    return math.isfinite(limits.lower), math.isfinite(limits.upper)
+
+
+# where limits come from
+
+
+def _path_limits(component: int, place: Place) -> Callable[[Problem], Interval]:
+    return lambda problem: _narrowed(problem, problem.system.path[component], place)
+
+
+def _state_limits(component: int, place: Place) -> Callable[[Problem], Interval]:
+    def limits(problem: Problem) -> Interval:
+        state = problem.system.states[component]
+        along = _narrowed(problem, state, place)
+        if place[0] == place[1]:
+            return along
+        bounds = _boundary(problem, place[1]).bounds
+        if state.name == DEPTH and HEIGHT in bounds:
+            along = along.intersect(Interval(-bounds[HEIGHT].upper, -bounds[HEIGHT].lower))
+        return along.intersect(bounds.get(state.name, Interval()))
+
+    return limits
+
+
+def _depth(problem: Problem) -> int:
+    """The place of z among the states."""
+    return [state.name for state in problem.system.states].index(DEPTH)
+
+
+def _control_limits(component: int, phase: int) -> Callable[[Problem], Interval]:
+    return lambda problem: narrowed(problem.system.controls[component], problem.phases[phase].bounds)
+
+
+def _observed_limits(owner: Owner, name: str) -> Callable[[Problem], Interval]:
+    kind, first, second = owner
+    if kind == "boundary":
+        return lambda problem: _boundary(problem, first).bounds.get(name, Interval())
+    return lambda problem: problem.phases[first].watches[second].bounds.get(name, Interval())
+
+
+def _narrowed(problem: Problem, quantity: Quantity, place: Place) -> Interval:
+    """The limits of a quantity at a place: of all phases that meet there."""
+    limits = Interval()
+    for phase in place:
+        if 0 <= phase < len(problem.phases):
+            limits = limits.intersect(narrowed(quantity, problem.phases[phase].bounds))
+    return limits
+
+
+# the constraints' derivatives by parameters
+
+
+def _by_system_parameters(function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array) -> Array:
+    """lam . dg/dp of the system's parameters, shape (n_p,)."""
+    declared = layout.problem.system.parameters
+    worth = np.zeros(len(declared))
+    for index, quantity in enumerate(declared):
+        step = np.zeros_like(p)
+        step[index] = SHARE * max(abs(p[index]), quantity.scale)
+        worth[index] = float(_change(function, w, p, step) @ lam) / (2.0 * step[index])
+    return worth
+
+
+def _by_observed_parameters(
+    function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array
+) -> dict[Owner, Array]:
+    """lam . dg/db of the parameters of every boundary and watch.
+
+    A row depends on the parameters of its own observation alone, so those of all observations are moved at once.
+    """
+    observed = list(_observed(layout.problem))
+    sizes = np.array([len(values) for _, _, values in observed], dtype=np.int64)
+    first = len(layout.problem.parameters) + layout.intervals + np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    numbers = {id(bounds): number for number, (_, bounds, _) in enumerate(observed)}
+    rows = [
+        (place, numbers[id(layout.sightings[row.source].bounds)])
+        for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True)
+        if row.source >= 0
+    ]
+    places, owner_of = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
+    worth = np.zeros((len(observed), int(sizes.max(initial=0))))
+    for component in range(worth.shape[1]):
+        having = np.flatnonzero(sizes > component)
+        step = np.zeros_like(p)
+        at = first[having] + component
+        step[at] = SHARE * np.maximum(np.abs(p[at]), 1.0)
+        change = _change(function, w, p, step)[places] * lam[places]
+        sums = np.bincount(owner_of, change, len(observed))
+        worth[having, component] = sums[having] / (2.0 * step[at])
+    return {owner: worth[number, : sizes[number]] for number, (owner, _, _) in enumerate(observed)}
+
+
+def _change(function: ca.Function, w: Array, p: Array, step: Array) -> Array:
+    return (np.asarray(function(w, p + step)) - np.asarray(function(w, p - step))).ravel()
