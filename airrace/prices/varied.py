@@ -24,7 +24,7 @@ class VariedProblem:
 
     def __init__(self, race: Race, settings: Settings, result: StageResult) -> None:
         self.race = race
-        self.flight = stage_flight(result.stage, race, settings)
+        self.flight = stage_flight(result.stage, race, settings, result.trajectory)
         self._mesh = mesh_of(result.trajectory)
 
     def problem(self, race: Race) -> Problem:
