@@ -45,6 +45,7 @@ def assemble(
     declarations: tuple[Sequence[Quantity], Sequence[Quantity], Sequence[Quantity]],
     *,
     roll_rate: Callable[[State, Path], Scalar],
+    at_rest: tuple[str, ...],
     aircraft: Numbers,
     air: Air,
     counting: bool,
@@ -57,6 +58,7 @@ def assemble(
         vectors: the classes of its state and control.
         declarations: state, control and path quantities with their bounds.
         roll_rate: `p_Kbar` from state and path quantities, rad/s; it is what a roll counter counts.
+        at_rest: see `FlightModel`.
         aircraft: numbers of the aircraft.
         air: the day's air and wind.
         counting: whether rolls are counted.
@@ -92,4 +94,4 @@ def assemble(
         projection=attitude_projection(states),
     )
     values = [*aircraft.join(), *atmosphere_parameters(air).join(), *field.values(air)]
-    return FlightModel(system, np.array(values))
+    return FlightModel(system, np.array(values), at_rest)
