@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from airrace.dynamics.crossing import CrossingValues
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.settled import settled_observation
 from airrace.optimal_control.problem import Boundary
@@ -64,6 +65,13 @@ class Settled:
 def free(boundary: Boundary) -> Boundary:
     """The boundary of a passage, to be met in any way within the limits of the flight."""
     return boundary
+
+
+def unsettled(boundary: Boundary) -> Boundary:
+    """The boundary of a passage without what `Settled` has added to it."""
+    seen = () if boundary.observation is None else boundary.observation.quantities
+    added = {one.name for one in seen} - set(CrossingValues.names())
+    return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in added})
 
 
 def course_ends(course: Course, model: FlightModel, crossing: Observation) -> Ends:
