@@ -3,11 +3,14 @@
 Nothing here knows of aircraft; dynamics builds systems, optimal control optimises them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
 
 from airrace.quantities import Quantity
+
+_vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
 
 
 @dataclass(frozen=True)
@@ -50,3 +53,22 @@ class Observation:
     quantities: tuple[Quantity, ...]
     parameters: tuple[Quantity, ...]
     values: ca.Function
+
+
+def side_by_side(one: Observation, other: Observation) -> Observation:
+    """Two observations of the same states as one: quantities and parameters of the first, then those of the second.
+
+    Raises:
+        ValueError: a quantity of the one has the name of a quantity of the other, so that a bound could mean either.
+    """
+    if twice := {quantity.name for quantity in one.quantities} & {quantity.name for quantity in other.quantities}:
+        raise ValueError(f"{one.name} and {other.name} both observe {', '.join(sorted(twice))}")
+    x = ca.SX.sym("x", one.values.size1_in(0))
+    b, c = ca.SX.sym("b", len(one.parameters)), ca.SX.sym("c", len(other.parameters))
+    values = _vertcat(one.values(x, b), other.values(x, c))
+    return Observation(
+        name=f"{one.name} and {other.name}",
+        quantities=(*one.quantities, *other.quantities),
+        parameters=(*one.parameters, *other.parameters),
+        values=ca.Function("side_by_side", [x, _vertcat(b, c)], [values], {"cse": True}),
+    )

@@ -191,22 +191,24 @@ def _beginning(system: System, inner: InnerController, reference: Reference) -> 
 def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown) -> Followed:
     """The samples read at the wanted values of the clock."""
     finished = bool(flown.clock[-1] >= reference.duration)
-    inside = flown.clock <= reference.duration
     time = _at(nodes, flown.clock, flown.time)
     state = np.stack([_at(nodes, flown.clock, row) for row in flown.state])
     if system.projection is not None:
         state = np.asarray(system.projection.map(len(nodes))(state))
-    worst = int(np.argmax(flown.distance[inside]))
     end = min(reference.duration, float(flown.clock[-1]))
+    inside = flown.clock < end
+    clock = np.append(flown.clock[inside], end)
+    distance = np.append(flown.distance[inside], np.interp(end, flown.clock, flown.distance))
+    worst = int(np.argmax(distance))
     return Followed(
         finished=finished,
         time=time,
         state=state,
         control=_controls(system, flown, time, state),
         durations=np.diff(_at(reference.boundaries, flown.clock, flown.time)),
-        strayed=float(flown.distance[worst]),
-        strayed_at=float(flown.clock[worst]),
-        end_distance=float(np.interp(end, flown.clock, flown.distance)),
+        strayed=float(distance[worst]),
+        strayed_at=float(clock[worst]),
+        end_distance=float(distance[-1]),
         end_roll=float(np.interp(end, flown.clock, flown.roll)),
     )
 

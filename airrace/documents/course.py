@@ -14,7 +14,7 @@ from airrace.documents.surroundings import build_airspace, build_crowd, build_sa
 from airrace.documents.track_schema import TrackEntry
 from airrace.documents.units import KNOT, interval, interval_deg, radians_or_none
 from airrace.quantities import Interval
-from airrace.track.course import Course, Origin, Rules
+from airrace.track.course import Course, EndState, Origin, Rules
 from airrace.track.gates import Element, Manoeuvre, Passing
 
 
@@ -39,6 +39,8 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
         origin=_origin(entry.origin),
         crowd=crowd,
         airspace=airspace,
+        start_state=EndState(entry.course.start_state),
+        finish_state=EndState(entry.course.finish_state),
     )
 
 

@@ -18,6 +18,7 @@ from airrace.documents.surroundings_schema import Corners, CrowdEntry, SafetyLin
 TRACK_SCHEMA = "airrace/track/1"
 
 DirectionName = Literal["forward", "reverse", "planned"]
+EndStateName = Literal["settled", "free"]
 CROWDS_MAX = 20
 THERMALS_MAX = 100
 LINES_MAX = 100
@@ -93,6 +94,11 @@ class CourseEntry(Schema):
     what: ClassVar[str] = "a course"
     start: str = Field(description="the element that starts the clock")
     start_direction: DirectionName | None = Field(default=None, description="which way the start is flown")
+    start_state: EndStateName = Field(
+        default="settled",
+        description="how the aircraft flies when the clock starts: `settled`, as in a steady flight with the load "
+        "factor and the roll rate of that instant, or `free`, in any way within the limits",
+    )
     lap: Lap | None = Field(default=None, description="the elements in the order flown")
     laps: Annotated[int, Ge(1), Le(100)] | None = Field(
         default=None, description="how often the lap is flown; once by default"
@@ -102,6 +108,9 @@ class CourseEntry(Schema):
     )
     finish: FlownEntry | None = Field(
         default=None, description="the element that stops the clock, if it is not the last of the last lap"
+    )
+    finish_state: EndStateName = Field(
+        default="free", description="how the aircraft flies when the clock stops, likewise"
     )
 
 

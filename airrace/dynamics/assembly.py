@@ -47,6 +47,7 @@ def assemble(
     declarations: tuple[Sequence[Quantity], Sequence[Quantity], Sequence[Quantity]],
     *,
     roll_rate: Callable[[State, Path], Scalar],
+    at_rest: tuple[str, ...],
     aircraft: Numbers,
     air: Air,
     counting: bool,
@@ -59,6 +60,7 @@ def assemble(
         vectors: the classes of its state and control.
         declarations: state, control and path quantities with their bounds.
         roll_rate: `p_Kbar` from state and path quantities, rad/s; it is what a roll counter counts.
+        at_rest: see `FlightModel`.
         aircraft: numbers of the aircraft.
         air: the day's air and wind.
         counting: whether rolls are counted.
@@ -80,7 +82,7 @@ def assemble(
         projection=projection,
     )
     values = [*aircraft.join(), *atmosphere_parameters(air).join(), *wind.values(air)]
-    return FlightModel(system, np.array(values))
+    return FlightModel(system, np.array(values), at_rest)
 
 
 # Any in what follows: the vectors of an arbitrary model, which fit its equations as `assemble` demands.

@@ -22,10 +22,12 @@ class FlightModel:
     Attributes:
         system: states, controls and equations; the same equations serve every aircraft and air of equal structure.
         parameter_values: values of `system.parameters`, shape (n_p,).
+        at_rest: names of the states of the inner loop whose rates are zero in a steady flight.
     """
 
     system: System
     parameter_values: NDArray[np.float64]
+    at_rest: tuple[str, ...] = ()
 
 
 def named_symbols(declared: Sequence[Quantity]) -> dict[str, Scalar]:

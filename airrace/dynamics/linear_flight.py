@@ -47,6 +47,10 @@ class LinearFlightState(FlightPathState[T]):
     r_s: T = quantity("rad/s", text="yaw rate in stability axes")
 
 
+BODY_MOTION = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
+"""The states of the inner loop: how the body lies in the flight path and turns."""
+
+
 @dataclass(frozen=True)
 class Deflections:
     """Elevator, ailerons, rudder; rad."""

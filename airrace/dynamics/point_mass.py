@@ -98,6 +98,7 @@ def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bo
         (PointMassState[Scalar], PointMassControl[Scalar]),
         _declarations(aircraft, rules),
         roll_rate=lambda state, _: state.p_Kbar,
+        at_rest=(),
         aircraft=aircraft_parameters(aircraft),
         air=air,
         counting=counting,

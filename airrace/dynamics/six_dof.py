@@ -184,6 +184,7 @@ def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool 
             bounded(SixDofPath.quantities(), path),
         ),
         roll_rate=lambda _, seen: seen.p_Kbar,
+        at_rest=("alpha_K", "beta_K", "p_K", "q_K", "r_K"),
         aircraft=inner_loop_parameters(aircraft),
         air=air,
         counting=counting,

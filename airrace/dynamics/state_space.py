@@ -15,6 +15,7 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.limits import bounded, flight_limits
 from airrace.dynamics.linear_derivatives import linear_parameters
 from airrace.dynamics.linear_flight import (
+    BODY_MOTION,
     Deflections,
     LinearFlightState,
     linear_flight_rates,
@@ -85,6 +86,7 @@ def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: b
             bounded(BodyPath.quantities(), body_path_bounds(aircraft, rules, limits)),
         ),
         roll_rate=lambda state, _: state.p_s,
+        at_rest=BODY_MOTION,
         aircraft=linear_parameters(aircraft),
         air=air,
         counting=counting,

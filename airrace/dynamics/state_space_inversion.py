@@ -18,7 +18,13 @@ from airrace.dynamics.inner_loop_controls import (
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.limits import bounded, flight_limits
 from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.linear_flight import LinearFlightState, linear_flight_rates, linear_motion, surrounding
+from airrace.dynamics.linear_flight import (
+    BODY_MOTION,
+    LinearFlightState,
+    linear_flight_rates,
+    linear_motion,
+    surrounding,
+)
 from airrace.dynamics.state_space_inverse import Commands, deflections
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters
@@ -102,6 +108,7 @@ def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, c
             bounded(StateSpaceInversionPath.quantities(), path),
         ),
         roll_rate=lambda state, _: state.p_s,
+        at_rest=BODY_MOTION,
         aircraft=linear_parameters(aircraft),
         air=air,
         counting=counting,

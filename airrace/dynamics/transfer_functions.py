@@ -120,6 +120,7 @@ def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, coun
             bounded(TransferFunctionPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
         ),
         roll_rate=lambda state, _: state.p_Kbar,
+        at_rest=("n_z", "n_z_dot", "n_y", "n_y_dot", "p_Kbar"),
         aircraft=linear_parameters(aircraft),
         air=air,
         counting=counting,

@@ -57,6 +57,7 @@ def audit(
     multiples = np.zeros(problem.intervals)
     excesses = [*_path_excesses(problem, flown), *_watch_excesses(problem, flown)]
     _require_tolerances([one.quantity for one in excesses], tolerances)
+    _require_tolerances(_bounded_at_boundaries(problem), tolerances)
     for tolerance in tolerances:
         mine = [one for one in excesses if one.quantity.unit in tolerance.units]
         if not mine:
@@ -120,6 +121,17 @@ def _require_tolerances(declared: Sequence[Quantity], tolerances: Sequence[Toler
     for quantity in declared:
         if Interval(quantity.lower, quantity.upper).bounded and quantity.unit not in known:
             raise ValueError(f"no tolerance for {quantity.name} in {quantity.unit!r}")
+
+
+def _bounded_at_boundaries(problem: Problem) -> list[Quantity]:
+    """What is bounded at the start and at the ends of phases, with these bounds."""
+    found: list[Quantity] = []
+    for boundary in (problem.start, *(phase.end for phase in problem.phases)):
+        seen = () if boundary.observation is None else boundary.observation.quantities
+        for quantity in (*problem.system.states, *seen):
+            bounds = boundary.bounds.get(quantity.name, Interval())
+            found.append(replace(quantity, lower=bounds.lower, upper=bounds.upper))
+    return found
 
 
 def _violation(problem: Problem, quantity: Quantity, history: Array) -> Array:

@@ -14,7 +14,13 @@ from airrace.optimal_control.replay import Replay, interval_durations, replay, r
 from airrace.procedure.settings import CertificateLimits
 from airrace.trajectory import Array
 
+ACCELERATIONS = (
+    ("acceleration", "m/s2"),
+    ("angular_acceleration", "rad/s2"),
+    ("load_factor_acceleration", "1/s2"),
+)
 RATE = "_dot"  # what the names of controls that move something end with
+SETTLED = 1e-6  # of everything that is at rest at a settled start or finish, in SI units
 MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
 
 
@@ -78,14 +84,16 @@ def certify(
 def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
     """What may be violated between nodes and at gates, by unit. Coefficients count as load factors.
 
-    The rows of a gate in unit "1" are sines and excesses of small angles, so their limit is that of gate angles.
+    The rows of a gate in unit "1" are sines and excesses of small angles, so their limit is that of gate angles. Rates
+    and accelerations are limited at a settled start or finish only.
     """
     return (
         Tolerance("load_factor", ("1",), limits.load_factor, limits.gate_angle, "attitude"),
-        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / MOMENT, limits.load_factor / MOMENT),
+        Tolerance("load_factor_rate", ("1/s",), limits.load_factor / MOMENT, SETTLED),
         Tolerance("length", ("m",), limits.length, limits.gate_length),
         Tolerance("angle", ("rad",), limits.angle, limits.gate_angle),
-        Tolerance("angular_rate", ("rad/s",), limits.angle, limits.gate_angle),
+        Tolerance("angular_rate", ("rad/s",), limits.angle, SETTLED),
+        *(Tolerance(name, (unit,), SETTLED, SETTLED) for name, unit in ACCELERATIONS),
         Tolerance("speed", ("m/s",), limits.speed, limits.speed),
     )
 

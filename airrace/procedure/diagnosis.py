@@ -12,6 +12,7 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate, Phase, Problem
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solvers import SolverOptions
+from airrace.procedure.ends import unsettled
 from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Interval, Quantity
@@ -78,7 +79,7 @@ def windowed(problem: Problem, first: int, last: int) -> Problem:
 
 
 def relaxations(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
-    """The problem without one of its limits: lines and crowd first, then those along the path, then those of gates."""
+    """The problem without one of its limits: lines and crowd, then those along the path, of the ends, of gates."""
     names = dict.fromkeys(watch.name for one in problem.phases for watch in one.watches)
     for name in names:
         yield name, _unwatched(problem, name)
@@ -87,6 +88,7 @@ def relaxations(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
         for quantity in found:
             allowed = sorted((factor * quantity.lower, factor * quantity.upper))
             yield f"{text} ({_range(allowed[0], allowed[1], unit)})", _freed(problem, name)
+    yield from _free_ends(problem)
     for index in (phase, phase - 1):
         if index >= 0:
             name = problem.phases[index].end.name
@@ -125,6 +127,17 @@ def _without(system: System, name: str) -> System:
 def _lowest(quantity: Quantity) -> float:
     """No lower limit, but for speeds, which the equations need to be positive."""
     return 0.3 * quantity.lower if quantity.unit == "m/s" else -math.inf
+
+
+def _free_ends(problem: Problem) -> Iterator[tuple[str, Problem]]:
+    """The problem with a free start, and with a free finish, where these are settled."""
+    start, last = unsettled(problem.start), problem.phases[-1]
+    if start.bounds != problem.start.bounds:
+        yield "a settled start", dataclasses.replace(problem, start=start)
+    finish = unsettled(last.end)
+    if finish.bounds != last.end.bounds:
+        phases = (*problem.phases[:-1], dataclasses.replace(last, end=finish))
+        yield "a settled finish", dataclasses.replace(problem, phases=phases)
 
 
 def _free_gate(problem: Problem, index: int) -> Problem:

@@ -14,6 +14,7 @@ from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.as_flown import plan_as_flown
 from airrace.procedure.cruise import cruise
+from airrace.procedure.ends import Ends, course_ends
 from airrace.procedure.models import BUILDERS, LONGEST_INTERVAL, regularised
 from airrace.procedure.plan import Plan, plan
 from airrace.procedure.race import Race
@@ -33,6 +34,7 @@ class Flight:
     plan: Plan
     model: FlightModel
     observation: Observation
+    ends: Ends
     watches: tuple[tuple[Watch, ...], ...]
     aircraft: Aircraft
     weights: Mapping[str, float]
@@ -50,6 +52,7 @@ class Flight:
             watches=self.watches,
             model=self.model,
             observation=self.observation,
+            ends=self.ends,
             aircraft=self.aircraft,
             regularised=self.weights,
         )
@@ -70,11 +73,13 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
     course = race.course
     pace = cruise(race.aircraft, course.rules)
     model = BUILDERS[stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+    crossing = crossing_observation(model.system.states)
     return Flight(
         stage=stage,
         plan=plan(course, pace) if flown is None else plan_as_flown(course, pace, flown),
         model=model,
-        observation=crossing_observation(model.system.states),
+        observation=crossing,
+        ends=course_ends(course, model, crossing),
         watches=leg_watches(course, model.system.states),
         aircraft=race.aircraft,
         weights=regularised(model.system.controls, settings.regularisation),

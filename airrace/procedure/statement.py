@@ -9,6 +9,7 @@ from airrace.dynamics.crossing import CrossingParameters
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
+from airrace.procedure.ends import Ends
 from airrace.procedure.guess import leg_seconds
 from airrace.procedure.plan import Plan
 from airrace.procedure.waypoints import Waypoint
@@ -35,6 +36,7 @@ def race_problem(
     watches: Sequence[tuple[Watch, ...]],
     model: FlightModel,
     observation: Observation,
+    ends: Ends,
     aircraft: Aircraft,
     regularised: Mapping[str, float],
 ) -> Problem:
@@ -46,10 +48,12 @@ def race_problem(
         watches: what holds along each phase.
         model: the aircraft's equations.
         observation: the crossing, seen from the model's states.
+        ends: what is asked of the first and the last passage besides.
         aircraft: for its wing span.
         regularised: weights of the squared, scaled controls by name.
     """
-    start, *ends = _boundaries(plan, observation, aircraft.airframe.b)
+    first, *between, last = _boundaries(plan, observation, aircraft.airframe.b)
+    start = ends.start(first)
     phases = [
         Phase(
             name=f"{a.passage.name} -> {b.passage.name}",
@@ -60,7 +64,13 @@ def race_problem(
             watches=watched,
         )
         for a, b, fractions, end, watched, seconds in zip(
-            plan.waypoints, plan.waypoints[1:], mesh, ends, watches, leg_seconds(plan), strict=False
+            plan.waypoints,
+            plan.waypoints[1:],
+            mesh,
+            [*between, ends.finish(last)],
+            watches,
+            leg_seconds(plan),
+            strict=False,
         )
     ]
     return Problem(

@@ -18,6 +18,17 @@ class Direction(Enum):
     PLANNED = "planned"
 
 
+class EndState(Enum):
+    """How the aircraft flies at the instant at which the clock starts or stops.
+
+    `SETTLED`: as in a steady flight with the load factor and the roll rate of that instant, without side force.
+    `FREE`: in any way that the limits allow along the flight, in the middle of a manoeuvre as well.
+    """
+
+    SETTLED = "settled"
+    FREE = "free"
+
+
 @dataclass(frozen=True)
 class Passage:
     """One passing of an element, and what holds on the leg that leads to it.
@@ -76,6 +87,7 @@ class Course:
     Attributes:
         crowd: where people are; their distance is kept all along the flight.
         airspace: corners of the convex area within which the race is flown, in order; empty where it has no bounds.
+        start_state, finish_state: how the aircraft flies when the clock starts and when it stops.
     """
 
     name: str
@@ -84,6 +96,8 @@ class Course:
     origin: Origin = Origin()
     crowd: tuple[Crowd, ...] = ()
     airspace: tuple[Point, ...] = ()
+    start_state: EndState = EndState.SETTLED
+    finish_state: EndState = EndState.FREE
 
     @property
     def has_rolls(self) -> bool:

@@ -21,6 +21,7 @@ CERTIFICATE = {
     "path_angle",
     "path_angular_rate",
     "path_speed",
+    "gate_acceleration",
     "gate_attitude",
     "gate_length",
     "gate_speed",

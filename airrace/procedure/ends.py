@@ -1,0 +1,82 @@
+"""How the race may begin and end: what is asked of the inner loop at the first and at the last passage."""
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from airrace.dynamics.crossing import CrossingValues
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.settled import settled_observation
+from airrace.optimal_control.problem import Boundary
+from airrace.quantities import Interval
+from airrace.system import Observation, side_by_side
+from airrace.track.course import Course, EndState
+
+EndCondition = Callable[[Boundary], Boundary]
+"""Adds to the conditions of a passage those of the end of the race that it is."""
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What is added to the conditions of the first passage and to those of the last."""
+
+    start: EndCondition
+    finish: EndCondition
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The condition that the inner loop is settled, see `airrace.dynamics.settled`.
+
+    Attributes:
+        crossing: what the boundaries of passages observe.
+        both: the crossing and, beside it, what is zero in a settled flight.
+        bounds: zero for each of the latter.
+        values: its parameters, the numbers of aircraft and air.
+    """
+
+    crossing: Observation
+    both: Observation
+    bounds: dict[str, Interval]
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, model: FlightModel, crossing: Observation) -> "Settled":
+        """The condition for a model."""
+        settled = settled_observation(model)
+        return cls(
+            crossing=crossing,
+            both=side_by_side(crossing, settled),
+            bounds={one.name: Interval.exactly(0.0) for one in settled.quantities},
+            values=tuple(float(value) for value in model.parameter_values),
+        )
+
+    def __call__(self, boundary: Boundary) -> Boundary:
+        """The boundary of a passage, to be met in settled flight."""
+        assert boundary.observation is self.crossing
+        return dataclasses.replace(
+            boundary,
+            bounds={**boundary.bounds, **self.bounds},
+            observation=self.both,
+            values=(*boundary.values, *self.values),
+        )
+
+
+def free(boundary: Boundary) -> Boundary:
+    """The boundary of a passage, to be met in any way within the limits of the flight."""
+    return boundary
+
+
+def unsettled(boundary: Boundary) -> Boundary:
+    """The boundary of a passage without what `Settled` has added to it."""
+    seen = () if boundary.observation is None else boundary.observation.quantities
+    added = {one.name for one in seen} - set(CrossingValues.names())
+    return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in added})
+
+
+def course_ends(course: Course, model: FlightModel, crossing: Observation) -> Ends:
+    """What a course asks for, of a model that sees its passages as `crossing`."""
+    conditions: dict[EndState, EndCondition] = {EndState.FREE: free}
+    if EndState.SETTLED in (course.start_state, course.finish_state):
+        conditions[EndState.SETTLED] = Settled.of(model, crossing)
+    return Ends(conditions[course.start_state], conditions[course.finish_state])

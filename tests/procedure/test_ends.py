@@ -1,0 +1,141 @@
+"""How races begin and end: settled or free, the same for every stage."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from ladders import OPTIMA, PLAN, climbed, rung, seconds
+from races import RACES, SMALL, blown, mirrored, optimum, prepared
+
+from airrace.dynamics.settled import settled_observation
+from airrace.optimal_control.certificate import Item
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Boundary, Problem
+from airrace.procedure.certification import examine
+from airrace.procedure.diagnosis import relaxations
+from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.guess import first_mesh
+from airrace.procedure.homotopy import held
+from airrace.procedure.race import Race
+from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.settings import MeshSettings, Settings
+from airrace.track.course import EndState
+
+SETTLED, FREE = EndState.SETTLED, EndState.FREE
+every_stage = pytest.mark.parametrize("stage", OPTIMA, ids=lambda stage: stage.value)
+
+
+def ended(race: Race, start: EndState, finish: EndState) -> Race:
+    """The race with other ends."""
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, start_state=start, finish_state=finish))
+
+
+def problem_of(race: Race, stage: Stage = Stage.POINT_MASS) -> Problem:
+    flight = prepared(race, stage)
+    return flight.problem(first_mesh(flight.plan, MeshSettings()))
+
+
+def asked(boundary: Boundary, problem: Problem, stage: Stage = Stage.POINT_MASS) -> set[str]:
+    """What of a settled flight a boundary asks."""
+    model = prepared(SMALL, stage).model
+    assert problem.system.name == model.system.name
+    return boundary.bounds.keys() & {one.name for one in settled_observation(model).quantities}
+
+
+def left(result: StageResult, race: Race, node: int) -> np.ndarray:
+    """How far a flight is from settled at a node: side acceleration and rates, SI."""
+    model = prepared(race, result.stage).model
+    return np.asarray(settled_observation(model).values(result.trajectory.state[:, node], model.parameter_values))
+
+
+@every_stage
+def test_start_is_settled_and_finish_free_unless_the_course_says_otherwise(stage: Stage) -> None:
+    problem = problem_of(SMALL, stage)
+    every = {one.name for one in settled_observation(prepared(SMALL, stage).model).quantities}
+    assert asked(problem.start, problem, stage) == every
+    assert all(asked(phase.end, problem, stage) == set() for phase in problem.phases)
+
+
+@every_stage
+def test_course_chooses_both_ends(stage: Stage) -> None:
+    problem = problem_of(ended(SMALL, FREE, SETTLED), stage)
+    every = {one.name for one in settled_observation(prepared(SMALL, stage).model).quantities}
+    assert asked(problem.start, problem, stage) == set()
+    assert asked(problem.phases[-1].end, problem, stage) == every
+    assert all(asked(phase.end, problem, stage) == set() for phase in problem.phases[:-1])
+
+
+@every_stage
+def test_all_limits_along_the_path_hold_at_the_finish(stage: Stage) -> None:
+    problem = problem_of(SMALL, stage)
+    limited = {one.name for one in problem.system.path if np.isfinite([one.lower, one.upper]).any()}
+    assert {row.quantity.name for row in Layout(problem).rows[-1] if row.source < 0} == limited
+    assert "beta_A" in limited
+
+
+def test_piece_of_a_homotopy_that_begins_in_mid_race_is_not_settled() -> None:
+    flight = prepared(SMALL)
+    assert asked(held(flight, np.ones(len(flight.model.system.states))), problem_of(SMALL)) == set()
+
+
+@every_stage
+def test_every_stage_starts_settled(stage: Stage) -> None:
+    result = rung("four_gates", stage)
+    assert result.certified
+    assert np.abs(left(result, SMALL, 0)).max() < 1e-6
+
+
+def test_point_mass_finishes_settled_where_the_course_asks_it() -> None:
+    race = ended(SMALL, SETTLED, SETTLED)
+    result = optimum(race, PLAN)
+    assert result.certified, result.message
+    assert np.abs(left(result, race, -1)).max() < 1e-6
+
+
+def certificate_items(race: Race, result: StageResult, slip: float) -> dict[str, Item]:
+    """What is measured of a flight that starts with a little side load factor (g)."""
+    problem = prepared(race).problem(mesh_of(result.trajectory))
+    iterate = iterate_of(result.trajectory)
+    state = iterate.state.copy()
+    state[[one.name for one in problem.system.states].index("n_y"), 0] += slip
+    moved = dataclasses.replace(iterate, state=state)
+    evidence = examine(problem, moved, result.constraint_multipliers, Settings().certificate)
+    return {item.name: item for item in evidence.audit.items}
+
+
+def test_certificate_tells_a_start_that_is_not_settled() -> None:
+    result = rung("four_gates", Stage.POINT_MASS)
+    assert certificate_items(SMALL, result, 0.0)["gate_acceleration"].holds
+    found = certificate_items(SMALL, result, 1e-6)["gate_acceleration"]
+    assert not found.holds
+    assert (found.limit, found.unit, found.where) == (1e-6, "m/s2", "first, side_acceleration")
+
+
+def test_settled_end_is_named_among_what_may_stand_in_the_way() -> None:
+    problem = problem_of(ended(SMALL, SETTLED, SETTLED))
+    named = dict(relaxations(problem, 0))
+    assert asked(named["a settled start"].start, problem) == set()
+    assert asked(named["a settled finish"].phases[-1].end, problem) == set()
+    assert named["a settled start"].start.bounds.keys() == problem_of(ended(SMALL, FREE, FREE)).start.bounds.keys()
+    free = dict(relaxations(problem_of(ended(SMALL, FREE, FREE)), 0))
+    assert not any("settled" in what for what in free)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["four_gates", "half_cuban_eight"])
+def test_free_start_is_in_mid_manoeuvre_and_no_slower(name: str) -> None:
+    free = climbed(ended(RACES[name], FREE, FREE))[-1]
+    assert free.certified
+    assert free.trajectory.race_time < seconds(name, Stage.SIX_DOF) + 1e-3
+    assert np.abs(left(free, RACES[name], 0)).max() > 1.0
+
+
+@pytest.mark.slow
+def test_settled_ends_hold_in_wind_and_in_a_mirror() -> None:
+    race = ended(blown(SMALL, 320.0, 6.0), SETTLED, SETTLED)
+    for one in (race, mirrored(race)):
+        for result in climbed(one):
+            assert result.certified, result.message
+            assert max(np.abs(left(result, one, node)).max() for node in (0, -1)) < 1e-6
+    times = [climbed(one)[-1].trajectory.race_time for one in (race, mirrored(race))]
+    assert times[0] == pytest.approx(times[1], abs=5e-3)

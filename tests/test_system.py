@@ -1,0 +1,29 @@
+"""Observations put side by side."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from airrace.quantities import Quantity
+from airrace.system import Observation, side_by_side
+
+x, a, b = ca.SX.sym("x", 2), ca.SX.sym("a"), ca.SX.sym("b", 2)
+SUM = Observation("sum", (Quantity("s", "m"),), (Quantity("a", "m"),), ca.Function("sum", [x, a], [x[0] + x[1] + a]))
+SCALED = Observation(
+    "scaled",
+    (Quantity("v", "m"), Quantity("w", "m")),
+    (Quantity("b", "1"), Quantity("c", "1")),
+    ca.Function("scaled", [x, b], [x * b]),
+)
+
+
+def test_side_by_side_every_observation_sees_with_its_own_parameters() -> None:
+    both = side_by_side(SUM, SCALED)
+    assert [one.name for one in both.quantities] == ["s", "v", "w"]
+    assert len(both.parameters) == 3
+    assert np.asarray(both.values([1.0, 2.0], [10.0, 3.0, 4.0])).ravel() == pytest.approx([13.0, 3.0, 8.0])
+
+
+def test_side_by_side_no_name_means_two_quantities() -> None:
+    with pytest.raises(ValueError, match="sum and sum both observe s"):
+        side_by_side(SUM, SUM)
