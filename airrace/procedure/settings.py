@@ -67,7 +67,7 @@ class CertificateLimits:
 
 @dataclass(frozen=True)
 class Settings:
-    """`climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of the squared,
+    """`climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of squared,
     scaled control rates against seconds of race time."""
 
     guess: GuessKind = GuessKind.HOMOTOPY
