@@ -27,14 +27,23 @@ def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
 
 
 class Ladder:
-    """The stages of one race, climbed one after the other; `done` holds those that are finished."""
+    """The stages of one race, climbed one after the other; `done` holds those that are finished.
 
-    def __init__(self, race: Race, settings: Settings, finished: Sequence[StageResult]) -> None:
+    Args:
+        first: the stage whose model is made at once.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+
+    def __init__(
+        self, race: Race, settings: Settings, finished: Sequence[StageResult], first: Stage = Stage.POINT_MASS
+    ) -> None:
         self._race = race
         self._settings = settings
         self._flights: dict[Stage, Flight] = {}
         self.done = {result.stage: result for result in finished}
-        self.flight(Stage.POINT_MASS)  # inputs that contradict each other are told before anything is solved
+        self.flight(first)  # inputs that contradict each other are told before anything is solved
 
     def flight(self, stage: Stage) -> Flight:
         """The model of a stage, made when it is first asked for.
@@ -80,7 +89,8 @@ class Ladder:
         below = STAGES[STAGES.index(flight.stage) - 1]
         yield functools.partial(self._handed_over, flight, below, bench)
         for stage in dict.fromkeys((below, Stage.POINT_MASS)):
-            yield functools.partial(self._at_rest, flight, stage)
+            if stage in self.done:  # a run that was started from another one may lack the point mass
+                yield functools.partial(self._at_rest, flight, stage)
 
     def _at_rest(self, flight: Flight, stage: Stage) -> Start:
         with interrupts_held_back():
