@@ -7,6 +7,7 @@ on these meshes, they are refined as always.
 """
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,6 +35,7 @@ from airrace.procedure.result import Facts, Stage, StageResult
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Quantity
 from airrace.track.course import Course
+from airrace.track.gates import Manoeuvre
 from airrace.trajectory import Array
 
 ITERATIONS_MAX = 150
@@ -169,6 +171,8 @@ def _from_optimum(flight: Flight, bench: Workbench, optimum: StageResult, name: 
     stored = _in_order_of(flight, optimum)
     if stored is None:
         return "which flies other equations, no start was made"
+    if other_way := _other_way(flight, optimum):
+        return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)
     primary = bench.solvers[0]
     bench.progress.activity(f"from {start.facts.source}, {start.problem.intervals} intervals", 0, 0)
@@ -186,6 +190,20 @@ def _from_optimum(flight: Flight, bench: Workbench, optimum: StageResult, name: 
     if isinstance(found, Failure):
         return f"{primary} found no optimum on a finer mesh"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
+
+
+def _other_way(flight: Flight, optimum: StageResult) -> str:
+    """The first gate or pylon that is planned to be crossed, or banked in, against what the stored flight does.
+
+    Conditions at a passing are those of the planned direction, so no solver could lead from the one to the other.
+    """
+    for waypoint, split in zip(flight.plan.waypoints, optimum.splits, strict=True):
+        if isinstance(waypoint.passage.element, Manoeuvre):
+            continue
+        banked = waypoint.bank is not None and math.cos(split.bank - waypoint.bank) < 0.0
+        if banked or math.cos(split.heading - waypoint.axis) < 0.0:
+            return split.name
+    return ""
 
 
 def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, Draft | None]:

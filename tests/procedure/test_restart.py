@@ -14,6 +14,7 @@ from airrace.procedure.restart import ensure_same_passings, passings_of
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.quantities import Interval
+from airrace.track.course import Direction
 from airrace.trajectory import Trajectory
 
 WINDY = blown(SMALL, 200.0, 3.0)
@@ -99,6 +100,15 @@ def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is
     assert "so the start is from scratch" in results[0].message
     assert results[-1].trajectory.race_time == pytest.approx(stored().trajectory.race_time, abs=1e-5)
     assert not results[0].attempts[0].success  # what led nowhere is on record
+
+
+def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
+    start, *rest = SMALL.course.passages
+    turned = dataclasses.replace(rest[-1], direction=Direction.REVERSE)
+    course = dataclasses.replace(SMALL.course, passages=(start, *rest[:-1], turned))
+    (result,) = started(dataclasses.replace(SMALL, course=course), stored())
+    assert "passes last the other way than is planned now" in result.message
+    assert result.facts.source == ""
 
 
 def test_run_without_a_certified_stage_is_refused() -> None:
