@@ -188,7 +188,10 @@ def fly_stages(
             results.append(result)
     except KeyboardInterrupt:
         kept = ", ".join(result.stage.value for result in results) or "none"
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; go on with `airrace resume {run.path}` (finished: {kept})")
+        remedy = f"go on with `airrace resume {run.path}` (finished: {kept})"
+        if start is not None and not results:  # going on would climb from the course alone
+            remedy = f"no stage is finished; start from {start.name} again with --force"
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {remedy}")
     finally:
         summarise(answer, run.name, results, time.perf_counter() - started)
         if start is not None:

@@ -183,3 +183,15 @@ def test_run_without_lower_stages_needs_them_where_its_own_is_computed_again(run
     without_lower_stages(run_file)
     ran = airrace("resume", run_file, "--from", "point-mass", "--dry-run")
     assert ran.out.split("\n")[0] == "homotopy: run (not finished)"
+
+
+def test_start_that_is_interrupted_before_its_first_stage_is_to_be_asked_again(
+    run_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(procedure, "optimise", interrupted)
+    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    assert ran.code == 130
+    assert "start from RUN.h5 again with --force" in ran.err

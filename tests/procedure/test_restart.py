@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 from ladders import PLAN, climbed
-from races import SHIPPED, SMALL, blown, optimum
+from races import ROOT, SHIPPED, SMALL, blown, optimum
 
+from airrace.documents import load_inputs
 from airrace.errors import UsageError
 from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
@@ -154,8 +155,9 @@ def test_whole_ladder_is_not_climbed_below_what_is_finished() -> None:
 
 
 @pytest.mark.slow
-def test_long_course_in_another_wind_has_the_optimum_that_it_has_from_scratch_in_a_quarter_of_the_iterations() -> None:
-    calm = SHIPPED["rovinj_2014"]
+@pytest.mark.parametrize("track", ["rovinj_2014", "abu_dhabi_2016"])
+def test_long_course_has_the_optimum_that_it_has_from_scratch_in_a_quarter_of_the_iterations(track: str) -> None:
+    calm = load_inputs(ROOT / "tracks" / f"{track}.yaml").race
     windy = blown(calm, 250.0, 2.5)
     scratch = climbed(windy)
     (result,) = started(windy, *climbed(calm), until=Stage.SIX_DOF)
