@@ -38,8 +38,7 @@ def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | 
         (leg.name, f"{leg.before:.3f}", f"{leg.after:.3f}", f"{leg.difference:+.3f}", f"{leg.cumulative:+.3f}")
         for leg in comparison.legs
     ]
-    whole = (comparison.before, comparison.after)
-    rows.append(("race", *(f"{one:.3f}" for one in whole), f"{comparison.difference:+.3f}", ""))
+    rows.append(("race", f"{comparison.before:.3f}", f"{comparison.after:.3f}", f"{comparison.difference:+.3f}", ""))
     title = f"{common[1].stage.value} against {start.name}: {comparison.difference:+.3f} s"
     return plain_table(title, ("leg to",), ("before\ns", "after\ns", "difference\ns", "so far\ns"), rows)
 

@@ -67,14 +67,13 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
     return Continuation(until, tuple(steps), tuple(kept))
 
 
-def starting_steps(start: Another, until: Stage) -> Iterator[Step]:
+def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
     """What runs where a new run is started from another one, if nothing stands in the way of that."""
     stages = tuple(procedure.STAGES)
     first = start.optima(stages[: stages.index(until) + 1])[0].stage
-    yield Step(first, f"started from the one of {start.name}")
-    climbed = stages[stages.index(first) : stages.index(until) + 1]
-    for before, stage in itertools.pairwise(climbed):
-        yield Step(stage, f"{before.value} runs before it")
+    climbed = itertools.pairwise(stages[stages.index(first) : stages.index(until) + 1])
+    later = (Step(stage, f"{before.value} runs before it") for before, stage in climbed)
+    return (Step(first, f"started from the one of {start.name}"), *later)
 
 
 def described(steps: Sequence[Step]) -> Iterator[str]:

@@ -84,7 +84,7 @@ def restarted(
         UsageError: the other run has no certified optimum of these stages, or flies other passings.
     """
     optima = startable(another, stages)
-    obstacles: list[str] = []
+    obstacles: list[tuple[Stage, str]] = []
     for optimum in optima:
         bench.progress.stage_started(optimum.stage)
         flight = flight_of(optimum.stage)
@@ -93,7 +93,7 @@ def restarted(
         if isinstance(found, StageResult):
             remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
             return Restart(with_alternatives(found, flight, bench), remark)
-        obstacles.append(f"from its {optimum.stage.value}, {found}")
+        obstacles.append((optimum.stage, found))
     return Restart(None, _remark(another, obstacles, "the start is from scratch"))
 
 
@@ -161,9 +161,13 @@ def _passings(flight: Flight) -> list[Passing]:
     return [(waypoint.passage.name, "") for waypoint in flight.plan.waypoints]
 
 
-def _remark(another: Another, obstacles: Sequence[str], consequence: str) -> str:
+def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
     """One sentence on what did not lead on, and what was done instead; empty where everything did."""
-    return f"{another.name}: {'; '.join(obstacles)}; so {consequence}" if obstacles else ""
+    reasons = [
+        f"from its {', '.join(stage.value for stage, _ in alike)}, {reason}"
+        for reason, alike in itertools.groupby(obstacles, key=lambda obstacle: obstacle[1])
+    ]
+    return f"{another.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
 
 
 def _from_optimum(flight: Flight, bench: Workbench, optimum: StageResult, name: str) -> StageResult | str:

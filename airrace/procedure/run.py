@@ -44,7 +44,8 @@ def optimise(
         finished: stages of this very race that need not be run again.
         start: stages of another run, of a race with the same passings. The highest of them that is certified is the
             start; lower stages are left out. Where it leads to no certified optimum the next lower one is the start,
-            and where none does, all stages are run; the first result then says so in its message.
+            and where none does, all stages are run; the first result then says so in its message. Without any say
+            where stages are finished.
         start_name: what users call that other run.
         progress: who watches.
 
@@ -74,7 +75,7 @@ def optimise(
         load_in_background()
         bench = Workbench(service, settings, progress)
         remark = ""
-        if start:
+        if start and not finished:
             restart = restarted(another, STAGES[: STAGES.index(until) + 1], ladder.flight, bench)
             remark = restart.remark
             if restart.result is not None:

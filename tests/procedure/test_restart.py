@@ -107,9 +107,11 @@ def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
     start, *rest = SMALL.course.passages
     turned = dataclasses.replace(rest[-1], direction=Direction.REVERSE)
     course = dataclasses.replace(SMALL.course, passages=(start, *rest[:-1], turned))
-    (result,) = started(dataclasses.replace(SMALL, course=course), stored())
-    assert "passes last the other way than is planned now" in result.message
-    assert result.facts.source == ""
+    point_mass, higher = climbed(SMALL)[:2]
+    result, *_ = started(dataclasses.replace(SMALL, course=course), point_mass, higher, until=Stage.TRANSFER_FUNCTION)
+    obstacle = "from its transfer-function, point-mass, which passes last the other way than is planned now"
+    assert obstacle in result.message
+    assert (result.stage, result.facts.source) == (Stage.POINT_MASS, "")
 
 
 def test_run_without_a_certified_stage_is_refused() -> None:
