@@ -39,8 +39,8 @@ from airrace.track.gates import Manoeuvre
 from airrace.trajectory import Array
 
 ITERATIONS_MAX = 150
-"""Of the first solve. Starts that led to an optimum took 20 to 50; one that takes more is lost, and a lower stage is
-the better start."""
+"""Iterations of the first solve. Starts that led to an optimum took 25 to 60, and 98 where the limit of the load
+factor was halved; one that takes many more is lost, and a lower stage is the better start."""
 
 
 @dataclass(frozen=True)
