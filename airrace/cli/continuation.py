@@ -1,13 +1,16 @@
 """What `resume` does with each stage: keep it, or run it and why."""
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from airrace.checkpoint import inputs_hash, stale_stages
 from airrace.cli.running import Run
 from airrace.errors import UsageError
 from airrace.procedure import run as procedure
+from airrace.procedure.restart import Another
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.settings import GuessKind
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,8 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
             reason = f"{steps[-1].stage.value} runs before it"
         elif stored is not None:
             reason = stale.get(stage, "") or _unfit(stored.result)
-        elif any(run.checkpoint.stage(later) for later in stages[stages.index(stage) + 1 :]):
-            continue  # the run went without this stage, e.g. from a plan without a homotopy
+        elif _went_without(run, stage, stages[stages.index(stage) + 1 :], from_stage, stale):
+            continue
         else:
             reason = "not finished"
         steps.append(Step(stage, reason))
@@ -64,10 +67,35 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
     return Continuation(until, tuple(steps), tuple(kept))
 
 
-def describe(plan: Continuation) -> Iterator[str]:
+def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
+    """What runs where a new run is started from another one, if nothing stands in the way of that."""
+    stages = tuple(procedure.STAGES)
+    first = start.optima(stages[: stages.index(until) + 1])[0].stage
+    climbed = itertools.pairwise(stages[stages.index(first) : stages.index(until) + 1])
+    later = (Step(stage, f"{before.value} runs before it") for before, stage in climbed)
+    return (Step(first, f"started from the one of {start.name}"), *later)
+
+
+def described(steps: Sequence[Step]) -> Iterator[str]:
     """One line per stage."""
-    for step in plan.steps:
+    for step in steps:
         yield f"{step.stage.value}: run ({step.reason})" if step.reason else f"{step.stage.value}: keep"
+
+
+def _went_without(
+    run: Run, stage: Stage, later: Sequence[Stage], from_stage: Stage | None, stale: Mapping[Stage, str]
+) -> bool:
+    """Whether a stage that is not stored is not needed either.
+
+    A run from a plan has no homotopy; one that was started from another run has no stages below its first, and needs
+    them only where nothing of its own stands.
+    """
+    stored = [one for one in later if run.checkpoint.stage(one) is not None]
+    if stage is Stage.HOMOTOPY and run.inputs.settings.guess is GuessKind.PLAN:
+        return bool(stored)
+    before = later if from_stage not in later else later[: later.index(from_stage)]
+    standing = (run.checkpoint.stage(one) for one in before if one not in stale)
+    return any(one is not None and not _unfit(one.result) for one in standing)
 
 
 def _unfit(result: StageResult) -> str:

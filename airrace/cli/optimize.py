@@ -31,6 +31,12 @@ def optimize(
         typer.Option(metavar="RUN.h5", help="Checkpoint to write; by default TRACK.h5 in the current folder."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing checkpoint.")] = False,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OTHER.h5", readable=False, help="Start from this run's optimum of the highest stage that it holds."
+        ),
+    ] = None,
     overrides: Overrides = None,
     threads: Threads = None,
     as_json: AsJson = False,
@@ -52,7 +58,14 @@ def optimize(
         last = stage_named(until)
         entries = [*(overrides or ()), *_settings(guess=guess, explore=explore, climb=climb)]
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
-        fly(answer, new_run(inputs, path), finished=(), until=last, threads=threads, quiet=quiet)
+        run = new_run(inputs, path)
+        other = None
+        if start is not None:
+            from airrace.cli.starting import another, ensure_other_file, other_run
+
+            ensure_other_file(start, path)
+            other = another(other_run(start), run, last)
+        fly(answer, run, finished=(), until=last, threads=threads, quiet=quiet, start=other)
 
 
 def _settings(**chosen: GuessKind | Explore | int | None) -> list[str]:

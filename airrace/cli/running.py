@@ -21,6 +21,7 @@ from airrace.checkpoint import (
 )
 from airrace.checkpoint.atomic import replace_file
 from airrace.cli.answer import Answer
+from airrace.cli.comparison import comparison_object, comparison_table
 from airrace.cli.exit_codes import ExitCode
 from airrace.cli.live import watching
 from airrace.cli.summary import summarise
@@ -29,6 +30,7 @@ from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, StorageError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.progress import Progress
+from airrace.procedure.restart import Another
 from airrace.procedure.result import Stage, StageResult
 
 
@@ -76,9 +78,9 @@ def stored_run(checkpoint: Checkpoint, path: Path) -> Run:
     """
     stored = checkpoint.inputs
     inputs = inputs_from_documents(
-        _document(stored.track),
-        _document(stored.aircraft),
-        None if stored.settings is None else _document(stored.settings),
+        document_of(stored.track),
+        document_of(stored.aircraft),
+        None if stored.settings is None else document_of(stored.settings),
         stored.overrides,
     )
     # Stages link to the configuration they were computed from; new ones to the one understood now.
@@ -103,22 +105,64 @@ def taken_up(run: Run) -> Run:
 
 
 def fly(
-    answer: Answer, run: Run, *, finished: Sequence[StageResult], until: Stage, threads: int | None, quiet: bool
+    answer: Answer,
+    run: Run,
+    *,
+    finished: Sequence[StageResult],
+    until: Stage,
+    threads: int | None,
+    quiet: bool,
+    start: Another | None = None,
 ) -> None:
-    """Run the stages that are not finished, watched on stderr, and fill in the answer with its tables."""
+    """Run the stages that are not finished, watched on stderr, and fill in the answer with its tables.
+
+    Args:
+        answer: what the command has to say.
+        run: as it stands.
+        finished: the stages that are kept.
+        until: the last stage.
+        threads: threads; None for all cores.
+        quiet: whether neither progress nor tables are shown.
+        start: another run to start from; None to start from the course alone.
+    """
     with watching(run.inputs.race.course.name, quiet=quiet) as progress:
         results = fly_stages(
-            answer, run, finished=finished, until=until, threads=threads or available_cores(), progress=progress
+            answer,
+            run,
+            finished=finished,
+            until=until,
+            threads=threads or available_cores(),
+            progress=progress,
+            start=start,
         )
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         climbed = [stages_table(results)] if any(result.certified for result in results) else []
+        answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.certified and one.message)
         answer.texts.extend(rendered(table) for table in (*climbed, *result_tables(results[-1])))
+        difference = None if start is None else comparison_table(start, results)
+        answer.texts.extend(() if difference is None else [rendered(difference)])
 
 
 def fly_stages(
-    answer: Answer, run: Run, *, finished: Sequence[StageResult], until: Stage, threads: int, progress: Progress
+    answer: Answer,
+    run: Run,
+    *,
+    finished: Sequence[StageResult],
+    until: Stage,
+    threads: int,
+    progress: Progress,
+    start: Another | None = None,
 ) -> Sequence[StageResult]:
     """Run the stages that are not finished, write the checkpoint after each, and fill in the answer's object.
+
+    Args:
+        answer: what the command has to say.
+        run: as it stands.
+        finished: the stages that are kept.
+        until: the last stage.
+        threads: threads that evaluate derivatives.
+        progress: who watches.
+        start: another run to start from; None to start from the course alone.
 
     Returns:
         All stages of the run by now, in order.
@@ -135,6 +179,8 @@ def fly_stages(
             until=until,
             threads=threads,
             finished=tuple(finished),
+            start=() if start is None else start.results,
+            start_name="" if start is None else start.name,
             progress=progress,
         ):
             checkpoint = checkpoint.with_stage(result)
@@ -142,9 +188,14 @@ def fly_stages(
             results.append(result)
     except KeyboardInterrupt:
         kept = ", ".join(result.stage.value for result in results) or "none"
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; go on with `airrace resume {run.path}` (finished: {kept})")
+        remedy = f"go on with `airrace resume {run.path}` (finished: {kept})"
+        if start is not None and not results:  # going on would climb from the course alone
+            remedy = f"no stage is finished; start from {start.name} again with --force"
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {remedy}")
     finally:
         summarise(answer, run.name, results, time.perf_counter() - started)
+        if start is not None:
+            answer.fields["compared"] = comparison_object(start, results)
     return results
 
 
@@ -203,5 +254,6 @@ def _stored(document: Document) -> StoredDocument:
     return StoredDocument(document.path, document.text)
 
 
-def _document(stored: StoredDocument) -> Document:
+def document_of(stored: StoredDocument) -> Document:
+    """A stored document as it was read."""
     return Document(stored.path, stored.text)

@@ -7,6 +7,7 @@ counts: the primary solver from all starts, then the fallback from those from wh
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.problem import Iterate, Problem
@@ -67,7 +68,7 @@ def optimise_jointly(bench: Workbench, starts: Sequence[Callable[[], Start]]) ->
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
                 made.append(make())
-            found = _refined(bench, made[number], solver)
+            found = refined(bench, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)
             elif found.certified:
@@ -77,13 +78,60 @@ def optimise_jointly(bench: Workbench, starts: Sequence[Callable[[], Start]]) ->
     return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures)
 
 
-def _refined(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
+@dataclass(frozen=True)
+class Compared:
+    """The optimum on a coarser mesh, whose race time a finer one's is compared with; `solved` measures all of it."""
+
+    race_time: float
+    solved: Callable[[], Solved]
+
+    @classmethod
+    def measured(cls, optimum: Solved) -> Self:
+        """An optimum of which all is measured already."""
+        return cls(optimum.race_time, lambda: optimum)
+
+
+@dataclass(frozen=True)
+class Upcoming:
+    """The mesh to be solved on next.
+
+    Attributes:
+        draft: the mesh, with a guess on it.
+        coarser: the optimum whose race time its own will be compared with; None as long as there is none.
+        refinement: how many meshes were solved on before.
+        barrier: the first value of the barrier parameter.
+        solvers: the solvers that are asked, in this order.
+    """
+
+    draft: Draft
+    coarser: Compared | None
+    refinement: int
+    barrier: float
+    solvers: tuple[str, ...]
+
+
+def refined(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
     """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
-    flight = start.flight
+    return refined_from(bench, start, first_upcoming(start, solver))
+
+
+def first_upcoming(start: Start, solver: str) -> Upcoming:
+    """The mesh that a start is on, solved on first."""
+    return Upcoming(Draft.first(start.problem, start.guess), None, 0, start.barrier, (solver,))
+
+
+def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult | Failure:
+    """Go on with refining, from the mesh that comes next.
+
+    Args:
+        bench: what it is solved with.
+        start: where the stage was started from.
+        first: the mesh that is solved on first.
+    """
     limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
-    draft, barrier, solvers = Draft.first(start.problem, start.guess), start.barrier, (solver,)
-    coarser: Solved | None = None
-    for refinement in range(total + 1):
+    flight = start.flight
+    draft, coarser, barrier, solvers = first.draft, first.coarser, first.barrier, first.solvers
+    for refinement in range(first.refinement, total + 1):
         problem = flight.problem(draft.mesh)
         purpose = f"all {len(problem.phases)} phases" + (f", refinement {refinement}" if refinement else "")
         bench.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
@@ -104,19 +152,21 @@ def _refined(bench: Workbench, start: Start, solver: str) -> StageResult | Failu
 
 
 def _following(
-    optimum: Solved, coarser: Solved | None, refinement: int, limits: CertificateLimits, longest: float
-) -> tuple[Draft | None, Solved | None]:
+    optimum: Solved, coarser: Compared | None, refinement: int, limits: CertificateLimits, longest: float
+) -> tuple[Draft | None, Compared | None]:
     """The next mesh, None if none would help; and the optimum whose race time the next one is compared with."""
     if coarser is None:
         early = refinement < ADAPTATIONS_MAX
         better = adapted(optimum, limits, early=early, joining=early and math.isinf(longest))
-        return (halved(optimum, limits), optimum) if better is None else (better, None)
+        return (halved(optimum, limits), Compared.measured(optimum)) if better is None else (better, None)
     if abs(optimum.race_time - coarser.race_time) > limits.race_time:
-        return reconsidered(optimum, coarser, limits), None
+        return reconsidered(optimum, coarser.solved(), limits), None
     return mended(optimum, limits), coarser
 
 
-def _certificate(optimum: Solved, solution: Solution, coarser: Solved | None, limits: CertificateLimits) -> Certificate:
+def _certificate(
+    optimum: Solved, solution: Solution, coarser: Compared | None, limits: CertificateLimits
+) -> Certificate:
     return certify(
         optimum.problem,
         optimum.iterate,

@@ -34,14 +34,23 @@ def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
 
 
 class Ladder:
-    """The stages of one race, climbed one after the other; `done` holds those that are finished."""
+    """The stages of one race, climbed one after the other; `done` holds those that are finished.
 
-    def __init__(self, race: Race, settings: Settings, finished: Sequence[StageResult]) -> None:
+    Args:
+        first: the stage whose model is made at once.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+
+    def __init__(
+        self, race: Race, settings: Settings, finished: Sequence[StageResult], first: Stage = Stage.POINT_MASS
+    ) -> None:
         self._race = race
         self._settings = settings
         self._flights: dict[Stage, Flight] = {}
         self.done = {result.stage: result for result in finished}
-        self.flight(Stage.POINT_MASS)  # inputs that contradict each other are told before anything is solved
+        self.flight(first)  # inputs that contradict each other are told before anything is solved
 
     def flight(self, stage: Stage) -> Flight:
         """The model of a stage, made when it is first asked for.
@@ -109,22 +118,24 @@ class Ladder:
         """Of a higher fidelity: flown along the stage below, at rest in it, at rest in the point mass."""
         yield functools.partial(self._handed_over, stage, below, bench)
         yield functools.partial(self._at_rest, stage, below)
-        if below.stage is not Stage.POINT_MASS:
+        if (
+            below.stage is not Stage.POINT_MASS and Stage.POINT_MASS in self.done
+        ):  # a run started from another may lack it
             yield functools.partial(self._at_rest, stage, self.done[Stage.POINT_MASS])
 
     def _at_rest(self, stage: Stage, optimum: StageResult) -> Start:
         with interrupts_held_back():
-            return settled(self._as_flown(stage, optimum), self._as_flown(optimum.stage, optimum), optimum)
+            return settled(self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum), optimum)
 
     def _handed_over(self, stage: Stage, optimum: StageResult, bench: Workbench) -> Start:
-        flight, below = self._as_flown(stage, optimum), self._as_flown(optimum.stage, optimum)
+        flight, below = self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum)
         if stage is Stage.STATE_SPACE and optimum.stage is Stage.STATE_SPACE_INVERSION:
             return recorded(flight, below, optimum)
         bench.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
         with interrupts_held_back():
             return followed(flight, below, optimum)
 
-    def _as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
+    def as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
         """A stage's model, planned as an optimum goes round."""
         flight = self.flight(stage)
         way = plan_as_flown(self._race.course, flight.plan.cruise, optimum.trajectory)

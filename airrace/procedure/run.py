@@ -10,6 +10,7 @@ from airrace.procedure.derived import derived_quantities
 from airrace.procedure.ladder import STAGES, Ladder, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.race import Race
+from airrace.procedure.restart import Another, restarted, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -27,21 +28,41 @@ def optimise(
     until: Stage,
     threads: int,
     finished: Sequence[StageResult] = (),
+    start: Sequence[StageResult] = (),
+    start_name: str = "another run",
     progress: Progress,
 ) -> Iterator[StageResult]:
     """Run the stages up to `until` that are not in `finished`; yield each result as it is finished.
 
     A stage that fails is yielded, too, and is the last.
 
+    Args:
+        race: what is flown.
+        settings: how it is solved.
+        until: the last stage.
+        threads: threads that evaluate derivatives.
+        finished: stages of this very race that need not be run again.
+        start: stages of another run, of a race with the same passings. The highest of them that is certified is the
+            start; lower stages are left out. Where it leads to no certified optimum the next lower one is the start,
+            and where none does, all stages are run; the first result then says so in its message. Without any say
+            where stages are finished.
+        start_name: what users call that other run.
+        progress: who watches.
+
     Raises:
         InputError: aircraft and rules contradict each other.
+        UsageError: `start` holds no certified stage up to `until`, or flies other passings.
         SolverCrash: the solver process died.
     """
-    ladder = Ladder(race, settings, finished)
+    another = Another(start_name, start)
+    optima = another.optima(STAGES[: STAGES.index(until) + 1])
+    ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS)
     if STAGES.index(until) > STAGES.index(Stage.POINT_MASS):
         for remark in handling.remarks(race.aircraft):
             logger.warning("%s: %s", race.aircraft.name, remark)
-    wanted = [stage for stage in wanted_stages(settings, until) if stage not in ladder.done]
+    # A run that was started from another one has no stages below its first: what is finished needs them no more.
+    highest = max((STAGES.index(stage) for stage in ladder.done), default=-1)
+    wanted = [stage for stage in wanted_stages(settings, until) if STAGES.index(stage) > highest]
     if not wanted:
         return
     solver = settings.solver
@@ -53,12 +74,23 @@ def optimise(
     ) as service:
         load_in_background()
         bench = Workbench(service, settings, progress, threads)
+        remark = ""
+        if start and not finished:
+            restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder.as_flown, bench)
+            remark = restart.remark
+            if restart.result is not None:
+                result, remark = told(restart.result, remark), ""
+                ladder.done[result.stage] = result
+                wanted = list(STAGES[STAGES.index(result.stage) + 1 : STAGES.index(until) + 1])
+                progress.stage_finished(result)
+                yield result
         for stage, *later in (wanted[number:] for number in range(len(wanted))):
             progress.stage_started(stage)
-            bench.begin()
+            if not remark:
+                bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
             for following in later[:1]:
                 service.prepare(ladder.flight(following).model.system)
-            result = ladder.climb(stage, bench)
+            result, remark = told(ladder.climb(stage, bench), remark), ""
             progress.stage_finished(result)
             yield result
             if result.outcome is not Outcome.SOLVED:

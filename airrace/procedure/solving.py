@@ -50,31 +50,40 @@ class Workbench:
         return tuple(dict.fromkeys((chosen.primary, chosen.fallback)))
 
     def solve(
-        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, solvers: Sequence[str] = ()
+        self,
+        problem: Problem,
+        guess: Iterate,
+        purpose: str,
+        *,
+        barrier: float,
+        solvers: Sequence[str] = (),
+        iterations_max: int | None = None,
     ) -> Solution | None:
         """Solve to the tolerance of the settings, and closer where the solver takes too easily what it calls solved.
 
         Args:
             solvers: asked in this order; without any, all that there are.
+            iterations_max: fewer iterations than the settings allow; None for as many.
 
         Returns:
             The first solution that claims success, else the last one; None if no solver came back at all.
         """
-        solution = self._first_success(problem, guess, purpose, barrier=barrier, solvers=solvers or self.solvers)
+        chosen = self.settings.solver
+        most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
+        options = SolverOptions(chosen.tolerance, most, barrier)
+        solution = self._first_success(problem, guess, purpose, options=options, solvers=solvers or self.solvers)
         limit = self.settings.certificate.kkt_error
         if solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
-        tolerance = POLISH * self.settings.solver.tolerance
-        options = SolverOptions(tolerance, self.settings.solver.iterations_max, tolerance)
+        tolerance = POLISH * chosen.tolerance
+        options = SolverOptions(tolerance, chosen.iterations_max, tolerance)
         closer = self.attempt(problem, solution.iterate, f"{purpose}, closer", solution.solver, options)
         better = closer is not None and closer.success and closer.kkt.largest < solution.kkt.largest
         return closer if better else solution
 
     def _first_success(
-        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, solvers: Sequence[str]
+        self, problem: Problem, guess: Iterate, purpose: str, *, options: SolverOptions, solvers: Sequence[str]
     ) -> Solution | None:
-        chosen = self.settings.solver
-        options = SolverOptions(chosen.tolerance, chosen.iterations_max, barrier)
         solution: Solution | None = None
         for solver in solvers:
             attempted = self.attempt(problem, guess, purpose, solver, options)

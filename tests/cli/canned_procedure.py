@@ -66,6 +66,8 @@ def optimise(
     until: Stage,
     threads: int,
     finished: Sequence[StageResult] = (),
+    start: Sequence[StageResult] = (),
+    start_name: str = "",
     progress: Progress,
 ) -> Iterator[StageResult]:
     """The scenario named in CANNED_SCENARIO, stage by stage."""

@@ -1,0 +1,129 @@
+"""Runs that are started from another run: what is read of that one, and what is changed."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from airrace.checkpoint import read_checkpoint
+from airrace.cli.running import Run, document_of, ensure_free, library_versions, new_run, stored_run
+from airrace.documents import inputs_from_documents
+from airrace.documents.document import read_document
+from airrace.errors import Finding, InputError, UsageError
+from airrace.procedure import run as procedure
+from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
+from airrace.procedure.result import Stage
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a run has otherwise than the one that it is started from; None and empty for what stays as it is."""
+
+    track: Path | None
+    aircraft: Path | None
+    settings: Path | None
+    overrides: Sequence[str]
+
+    def __bool__(self) -> bool:
+        return any((self.track, self.aircraft, self.settings, self.overrides))
+
+
+def other_run(path: Path) -> Run:
+    """The run to start from, with one warning where other versions have written it.
+
+    Its flight is only a start, and what is found is certified anew, so other versions do no harm.
+
+    Raises:
+        CheckpointError: the file is damaged, or of another schema.
+        InputError: this version of airrace does not accept its inputs.
+    """
+    checkpoint = read_checkpoint(path)
+    others = [
+        f"{name} {checkpoint.versions.get(name, 'unknown')}"
+        for name, number in library_versions().items()
+        if checkpoint.versions.get(name) != number
+    ]
+    if others:
+        logger.warning(
+            "%s was written with %s; its flight is only a start, and what is found is certified anew",
+            path,
+            ", ".join(others),
+        )
+    return stored_run(checkpoint, path)
+
+
+def changed_run(before: Run, changes: Changes, out: Path) -> Run:
+    """A new run: the inputs of a stored one with changes.
+
+    The files that are named replace the stored texts; stored overrides are made before the new ones.
+
+    Raises:
+        InputError: with all findings.
+    """
+    findings: list[Finding] = []
+    stored = before.checkpoint.inputs
+    track = document_of(stored.track) if changes.track is None else read_document(changes.track, findings)
+    aircraft = document_of(stored.aircraft) if changes.aircraft is None else read_document(changes.aircraft, findings)
+    settings = None if stored.settings is None else document_of(stored.settings)
+    if changes.settings is not None:
+        settings = read_document(changes.settings, findings)
+    if findings or track is None or aircraft is None:
+        raise InputError(findings)
+    return new_run(inputs_from_documents(track, aircraft, settings, (*stored.overrides, *changes.overrides)), out)
+
+
+def another(before: Run, run: Run, until: Stage) -> Another:
+    """The run to start from, as the procedure takes it.
+
+    Raises:
+        UsageError: it has other passings, or no certified stage up to `until`.
+    """
+    known = Another(before.path.name, tuple(stored.result for stored in before.checkpoint.stages))
+    there, here = (passings_of(one.inputs.race.course) for one in (before, run))
+    ensure_same_passings(here, there, known.name)
+    stages = tuple(procedure.STAGES)
+    startable(known, stages[: stages.index(until) + 1])
+    return known
+
+
+def ensure_other_file(path: Path, out: Path) -> None:
+    """Refuse to write the new run over the one that it is started from.
+
+    Raises:
+        UsageError: both are the same file.
+    """
+    if out.exists() and path.exists() and out.samefile(path):
+        raise UsageError(f"{out} is the run to start from, which stays as it is; name another file with --out")
+
+
+def ensure_sensible(changes: Changes, run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:
+    """Refuse options of `resume` that do not go together.
+
+    Raises:
+        UsageError: changes without a file for the changed run, or such a file without changes; a stage to compute
+            again in a run that is started from another one; a file that exists or is the run itself.
+        StorageError: the folder of the new file does not exist or takes no files.
+    """
+    if not changes:
+        if out is not None or force:
+            raise UsageError("--out and --force belong to a changed run: say with --set, --track, ... what changes")
+        return
+    if out is None:
+        raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --out NEW.h5")
+    if from_stage is not None:
+        raise UsageError("--from goes on in the same run; a changed run starts from the highest stage up to --until")
+    ensure_other_file(run, out)
+    ensure_free(out, force=force)
+
+
+def last_stage(run: Run) -> Stage:
+    """The last stage that a run holds.
+
+    Raises:
+        UsageError: it holds none.
+    """
+    if not run.checkpoint.stages:
+        raise UsageError(f"{run.path.name} has no finished stage to start from")
+    return run.checkpoint.stages[-1].result.stage

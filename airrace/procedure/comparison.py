@@ -1,0 +1,69 @@
+"""Two flights of one course held against each other, leg by leg: where time was won and where it was lost."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from airrace.procedure.result import StageResult
+
+
+@dataclass(frozen=True)
+class LegTimes:
+    """One leg in two flights.
+
+    Attributes:
+        name: of the passing that it ends in.
+        before, after: seconds from the passing before to this one, in the one flight and in the other.
+        cumulative: what the other flight has lost from the start up to this passing, s; negative where it has won.
+    """
+
+    name: str
+    before: float
+    after: float
+    cumulative: float
+
+    @property
+    def difference(self) -> float:
+        """What the other flight loses on this leg, s; negative where it wins."""
+        return self.after - self.before
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two flights of the same passings; `before` and `after` are their race times, s."""
+
+    before: float
+    after: float
+    legs: tuple[LegTimes, ...]
+
+    @property
+    def difference(self) -> float:
+        """What the other flight loses in all, s; negative where it is faster."""
+        return self.after - self.before
+
+
+def compared(before: StageResult, after: StageResult) -> Comparison:
+    """Hold one flight against another of the same passings.
+
+    Raises:
+        ValueError: the passings are others.
+    """
+    if [split.name for split in before.splits] != [split.name for split in after.splits]:
+        raise ValueError("only flights of the same passings can be compared leg by leg")
+    first, second = ([split.time for split in one.splits] for one in (before, after))
+    legs = tuple(
+        LegTimes(
+            name=before.splits[end].name,
+            before=first[end] - first[end - 1],
+            after=second[end] - second[end - 1],
+            cumulative=second[end] - first[end],
+        )
+        for end in range(1, len(before.splits))
+    )
+    return Comparison(before.trajectory.race_time, after.trajectory.race_time, legs)
+
+
+def last_common(before: Sequence[StageResult], after: Sequence[StageResult]) -> tuple[StageResult, StageResult] | None:
+    """The highest stage that two runs have both certified, from either; None if there is none."""
+    earlier = {one.stage: one for one in before if one.certified}
+    common = [one for one in after if one.certified and one.stage in earlier]
+    return (earlier[common[-1].stage], common[-1]) if common else None

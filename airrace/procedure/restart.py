@@ -1,0 +1,276 @@
+"""A stage started from its optimum in another run, whose numbers were a little different.
+
+The other run's flight is solved again under this race's numbers, on the two meshes that it was certified on: first on
+the coarser one, from the stored flight; then on the finer one, from the stored flight moved by what the first solve
+has changed. No model is flown, no mesh is looked for and no lower stage is solved. Where the certificate does not hold
+on these meshes, they are refined as always.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from airrace.errors import UsageError
+from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.refinement import restrict
+from airrace.optimal_control.solvers import Solution
+from airrace.procedure.certification import examine
+from airrace.procedure.flight import Flight, iterate_of, mesh_of
+from airrace.procedure.handover import coarser_nodes
+from airrace.procedure.joint import (
+    HANDOVER_BARRIER,
+    REFINED_BARRIER,
+    Compared,
+    Failure,
+    Start,
+    Upcoming,
+    first_upcoming,
+    refined_from,
+)
+from airrace.procedure.meshing import Draft, Solved
+from airrace.procedure.result import Facts, Stage, StageResult
+from airrace.procedure.solving import Workbench
+from airrace.quantities import Quantity
+from airrace.track.course import Course
+from airrace.track.gates import Manoeuvre
+from airrace.trajectory import Array
+
+ITERATIONS_MAX = 150
+"""Iterations of the first solve. Starts that led to an optimum took 25 to 60, and 98 where the limit of the load
+factor was halved; one that takes many more is lost, and a lower stage is the better start."""
+
+
+@dataclass(frozen=True)
+class Another:
+    """Another run, as users know it, and the stages that it holds."""
+
+    name: str
+    results: Sequence[StageResult]
+
+    def optima(self, stages: Sequence[Stage]) -> list[StageResult]:
+        """Its certified optima of these stages, the highest first."""
+        certified = [one for one in self.results if one.certified and one.stage in stages]
+        return sorted(certified, key=lambda one: stages.index(one.stage), reverse=True)
+
+
+@dataclass(frozen=True)
+class Restart:
+    """How starting from another run ended.
+
+    Attributes:
+        result: the optimum that was found; None where no stage of the other run led to one.
+        remark: one sentence for users where the highest stage was not the one that led on; else empty.
+    """
+
+    result: StageResult | None
+    remark: str
+
+
+def restarted(
+    another: Another,
+    stages: Sequence[Stage],
+    course: Course,
+    flight_of: Callable[[Stage, StageResult], Flight],
+    bench: Workbench,
+) -> Restart:
+    """The highest of these stages that can be started from another run's optimum of it, solved.
+
+    Args:
+        another: the other run.
+        stages: in the order of the ladder, the last one being the highest that is wanted.
+        course: of this race.
+        flight_of: makes the model of a stage, planned as an optimum goes round; asked only for stages that are tried.
+        bench: what is solved with.
+
+    Raises:
+        UsageError: the other run has no certified optimum of these stages, or flies other passings.
+    """
+    optima = startable(another, stages)
+    obstacles: list[tuple[Stage, str]] = []
+    for optimum in optima:
+        bench.progress.stage_started(optimum.stage)
+        ensure_same_passings(_names(course), [(split.name, "") for split in optimum.splits], another.name)
+        flight = flight_of(optimum.stage, optimum)
+        found = _from_optimum(flight, bench, optimum, another.name)
+        if isinstance(found, StageResult):
+            remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
+            return Restart(with_alternatives(found, flight, bench), remark)
+        obstacles.append((optimum.stage, found))
+    return Restart(None, _remark(another, obstacles, "the start is from scratch"))
+
+
+def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
+    """The certified optima of another run that a run up to the last of these stages can be started from, highest first.
+
+    Raises:
+        UsageError: there is none.
+    """
+    optima = another.optima(stages)
+    if not optima:
+        raise UsageError(f"{another.name} has no certified stage up to {stages[-1].value} to start from")
+    return optima
+
+
+def told(result: StageResult, remark: str) -> StageResult:
+    """A result whose message begins with a remark; the result itself where there is none."""
+    return replace(result, message="; ".join(text for text in (remark, result.message) if text)) if remark else result
+
+
+def with_alternatives(found: StageResult, flight: Flight, bench: Workbench) -> StageResult:
+    """The fastest of an optimum that was started from another run and of its alternatives.
+
+    What has changed may have made another way round the faster one. This is the place to look for it: `found` is the
+    flight to begin with, `flight` makes the problem on any mesh, `bench` solves it. None are tried as yet.
+    """
+    return found
+
+
+Passing = tuple[str, str]
+"""The name of a passing and, where it is known, its kind."""
+
+
+def passings_of(course: Course) -> list[Passing]:
+    """What a course has passed, in its order: names and kinds of elements."""
+    return [(passage.name, type(passage.element).__name__.lower()) for passage in course.passages]
+
+
+def ensure_same_passings(here: Sequence[Passing], there: Sequence[Passing], name: str) -> None:
+    """Refuse a run whose passings are others: its flight leads through another course.
+
+    Args:
+        here: the passings of the race to be flown.
+        there: those of the run to start from; kinds may be unknown, which is an empty text.
+        name: what users call that run.
+
+    Raises:
+        UsageError: naming the first passing that differs.
+    """
+    for number, (mine, other) in enumerate(itertools.zip_longest(here, there), start=1):
+        if mine is None or other is None:
+            longer, one = ("this course", mine) if other is None else (name, other)
+            assert one is not None  # only one of the two sequences has ended
+            raise UsageError(f"{name} flies other passings: only {longer} has a passing number {number}, {one[0]}")
+        same_kind = mine[1] == other[1] or not (mine[1] and other[1])
+        if mine[0] != other[0] or not same_kind:
+            first, second = (f"{one[0]} ({one[1]})" if not same_kind and one[1] else one[0] for one in (other, mine))
+            raise UsageError(
+                f"{name} flies other passings: number {number} is {first} there and {second} here; "
+                "start without it, or keep the names and the order of the passings"
+            )
+
+
+def _names(course: Course) -> list[Passing]:
+    return [(passage.name, "") for passage in course.passages]
+
+
+def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
+    """One sentence on what did not lead on, and what was done instead; empty where everything did."""
+    reasons = [
+        f"from its {', '.join(stage.value for stage, _ in alike)}, {reason}"
+        for reason, alike in itertools.groupby(obstacles, key=lambda obstacle: obstacle[1])
+    ]
+    return f"{another.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
+
+
+def _from_optimum(flight: Flight, bench: Workbench, optimum: StageResult, name: str) -> StageResult | str:
+    """The certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
+    stored = _in_order_of(flight, optimum)
+    if stored is None:
+        return "which flies other equations, no start was made"
+    if other_way := _other_way(flight, optimum):
+        return f"which passes {other_way} the other way than is planned now, no start was made"
+    start, finer = _start(flight, optimum, stored, name)
+    primary = bench.solvers[0]
+    bench.progress.activity(f"from {start.facts.source}, {start.problem.intervals} intervals", 0, 0)
+    solution = bench.solve(
+        start.problem,
+        start.guess,
+        f"from {start.facts.source}",
+        barrier=start.barrier,
+        solvers=(primary,),
+        iterations_max=ITERATIONS_MAX,
+    )
+    if solution is None or not solution.success:
+        return f"{primary} found no optimum ({'it stalled' if solution is None else solution.status})"
+    found = refined_from(bench, start, _upcoming(bench, start, finer, solution, primary))
+    if isinstance(found, Failure):
+        return f"{primary} found no optimum on a finer mesh"
+    return found if found.certified else f"the optimum was {found.message or 'not certified'}"
+
+
+def _other_way(flight: Flight, optimum: StageResult) -> str:
+    """The first gate or pylon that is planned to be crossed, or banked in, against what the stored flight does.
+
+    Conditions at a passing are those of the planned direction, so no solver could lead from the one to the other.
+    """
+    for waypoint, split in zip(flight.plan.waypoints, optimum.splits, strict=True):
+        if isinstance(waypoint.passage.element, Manoeuvre):
+            continue
+        banked = waypoint.bank is not None and math.cos(split.bank - waypoint.bank) < 0.0
+        if banked or math.cos(split.heading - waypoint.axis) < 0.0:
+            return split.name
+    return ""
+
+
+def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, Draft | None]:
+    """The stored flight on the coarser of its meshes, and on the finer one; None where only one is known."""
+    mesh, kept = mesh_of(optimum.trajectory), coarser_nodes(optimum)
+    facts = Facts(source=f"{optimum.stage.value} of {name}")
+    halved = np.diff(np.flatnonzero(kept)).min(initial=2) >= 2
+    if kept.all() or not halved or not kept[optimum.trajectory.first_node].all():
+        return Start(flight, flight.problem(mesh), stored, HANDOVER_BARRIER, facts), None
+    coarse, guess = restrict(mesh, stored, kept)
+    start = Start(flight, flight.problem(coarse), guess, HANDOVER_BARRIER, facts)
+    return start, Draft(mesh, stored, optimum.mesh.why, kept)
+
+
+def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Solution, solver: str) -> Upcoming:
+    """What follows the first solve: the finer of the stored meshes, or the usual measurements of the only one."""
+    if finer is None:
+        return first_upcoming(replace(start, guess=solution.iterate, barrier=REFINED_BARRIER), solver)
+
+    def measured() -> Solved:
+        limits = bench.settings.certificate
+        evidence = examine(start.problem, solution.iterate, solution.multipliers.constraints, limits)
+        return Solved(start.problem, solution.iterate, Draft.first(start.problem, solution.iterate), evidence)
+
+    moved = _moved(finer, start.guess, solution.iterate)
+    compared = Compared(float(solution.iterate.durations.sum()), measured)
+    return Upcoming(replace(finer, guess=moved), compared, 1, REFINED_BARRIER, (solver,))
+
+
+def _moved(finer: Draft, before: Iterate, after: Iterate) -> Iterate:
+    """The flight on the finer mesh, moved by what a solve has changed on the coarser one."""
+    places = np.flatnonzero(finer.coarser)
+    share = np.concatenate([np.asarray(phase) for phase in finer.mesh])
+    passed = np.concatenate([[0.0], np.cumsum(share)])  # each phase counts 1
+
+    def between(values: Array) -> Array:
+        rows: list[Array] = [np.interp(passed, passed[places], row) for row in values]
+        return np.stack(rows)
+
+    parent = np.cumsum(finer.coarser[:-1]) - 1
+    return Iterate(
+        finer.guess.durations + after.durations - before.durations,
+        finer.guess.state + between(after.state - before.state),
+        finer.guess.control + (after.control - before.control)[:, parent],
+    )
+
+
+def _in_order_of(flight: Flight, optimum: StageResult) -> Iterate | None:
+    """The stored flight with the states and controls of a model, by their names; None where they are others."""
+    system, flown, stored = flight.model.system, optimum.trajectory, iterate_of(optimum.trajectory)
+    states, controls = _rows(system.states, flown.states), _rows(system.controls, flown.controls)
+    if states is None or controls is None:
+        return None
+    return Iterate(stored.durations, stored.state[states], stored.control[controls])
+
+
+def _rows(wanted: Sequence[Quantity], stored: Sequence[Quantity]) -> list[int] | None:
+    """Where each of the quantities is stored; None unless they are the same, unit for unit."""
+    place = {(one.name, one.unit): row for row, one in enumerate(stored)}
+    keys = [(one.name, one.unit) for one in wanted]
+    return [place[key] for key in keys] if set(keys) == set(place) else None

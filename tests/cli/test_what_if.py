@@ -1,0 +1,197 @@
+"""Runs that are started from another run, flown by a canned procedure: what is asked, refused, said and written."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import canned_procedure
+import pytest
+from typer.testing import CliRunner
+
+from airrace.checkpoint import read_checkpoint, write_checkpoint
+from airrace.cli.main import app
+from airrace.cli.running import stored_run
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Outcome, Stage
+
+TRACKS = Path(__file__).parents[2] / "tracks"
+TRACK = TRACKS / "rovinj_2014.yaml"
+
+
+@dataclasses.dataclass(frozen=True)
+class Ran:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def answer(self) -> dict[str, object]:
+        return json.loads(self.out)
+
+
+def airrace(*arguments: str | Path) -> Ran:
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return Ran(result.exit_code, result.stdout, result.stderr)
+
+
+@pytest.fixture
+def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A finished run, with an override of its own."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("STAGES", "derived_quantities", "optimise", "recertified", "sampler"):
+        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--out", "RUN.h5", "--quiet").code == 0
+    return tmp_path / "RUN.h5"
+
+
+def rules(path: Path) -> tuple[float, float]:
+    """The load factor and the height that a stored run allows."""
+    allowed = stored_run(read_checkpoint(path), path).inputs.race.course.rules
+    return allowed.n_z.upper, allowed.height.lower
+
+
+def test_changes_come_on_top_of_what_was_stored_and_leave_the_run_as_it_is(run_file: Path) -> None:
+    before = run_file.read_bytes()
+    ran = airrace("resume", run_file, "--set", "rules.floor_m=12", "--out", "NEW.h5", "--json")
+    assert ran.code == 0
+    assert run_file.read_bytes() == before
+    assert rules(Path("NEW.h5")) == (9.0, 12.0)
+
+
+def test_difference_is_told_leg_by_leg(run_file: Path) -> None:
+    change = ("--set", "rules.n_z_max=8", "--out", "NEW.h5")
+    compared = airrace("resume", run_file, *change, "--json").answer["compared"]
+    assert isinstance(compared, dict)
+    assert (compared["with"], compared["stage"]) == ("RUN.h5", "point-mass")
+    assert compared["race_time_s"] == {"before": 10.0, "after": 10.0, "difference": 0.0}
+    assert [leg["passing"] for leg in compared["legs"]] == ["1:g1", "1:finish"]
+    said = airrace("resume", run_file, *change, "--force")
+    assert "point-mass against RUN.h5: +0.000 s" in said.out
+    assert "so far" in said.out
+
+
+def test_new_run_from_another_one_tells_the_difference_too(run_file: Path) -> None:
+    ran = airrace("optimize", TRACK, "--start", run_file, "--out", "NEW.h5", "--json")
+    assert ran.code == 0
+    assert "compared" in ran.answer
+
+
+def test_file_with_changes_replaces_the_stored_text(run_file: Path) -> None:
+    Path("moved.yaml").write_text(TRACK.read_text().replace("east_m: 434.3", "east_m: 444.3"))
+    assert airrace("resume", run_file, "--track", "moved.yaml", "--out", "NEW.h5", "--quiet").code == 0
+    new = read_checkpoint(Path("NEW.h5")).inputs
+    assert "444.3" in new.track.text
+    assert new.aircraft == read_checkpoint(run_file).inputs.aircraft
+    assert rules(Path("NEW.h5"))[0] == 9.0  # stored overrides hold for the new text as well
+
+
+def test_dry_run_says_what_would_be_started_from_what_and_writes_nothing(run_file: Path) -> None:
+    ran = airrace("resume", run_file, "--set", "rules.n_z_max=8", "--out", "NEW.h5", "--dry-run")
+    assert (ran.code, ran.out.strip()) == (0, "point-mass: run (started from the one of RUN.h5)")
+    assert not Path("NEW.h5").exists()
+
+
+CHANGE = ("--set", "rules.n_z_max=8")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        pytest.param(CHANGE, "--out NEW.h5", id="no file for the new run"),
+        pytest.param((*CHANGE, "--out", "RUN.h5", "--force"), "stays as it is", id="the same file"),
+        pytest.param((*CHANGE, "--out", "taken.h5"), "overwrite it with --force", id="an existing file"),
+        pytest.param(("--out", "NEW.h5"), "say with --set", id="no change"),
+        pytest.param((*CHANGE, "--out", "NEW.h5", "--from", "point-mass"), "--from", id="a stage again"),
+        pytest.param((*CHANGE, "--out", "NEW.h5", "--until", "homotopy"), "no certified stage", id="nothing so low"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(run_file: Path, options: tuple[str, ...], said: str) -> None:
+    Path("taken.h5").write_bytes(b"taken")
+    before = run_file.read_bytes()
+    ran = airrace("resume", run_file, *options)
+    assert ran.code == 2
+    assert said in ran.err
+    assert ran.err.count("\n") == 1
+    assert run_file.read_bytes() == before
+    assert Path("taken.h5").read_bytes() == b"taken"
+    assert not Path("NEW.h5").exists()
+
+
+def test_run_of_a_course_with_other_passings_is_refused_by_the_first_that_differs(run_file: Path) -> None:
+    ran = airrace("optimize", TRACKS / "abu_dhabi_2016.yaml", "--start", run_file, "--out", "NEW.h5")
+    assert ran.code == 2
+    assert "number 5 is 1:g4" in ran.err or "number 7 is 1:g6" in ran.err
+    assert not Path("NEW.h5").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"not a checkpoint\n"])
+def test_damaged_file_is_no_start(run_file: Path, content: bytes) -> None:
+    run_file.write_bytes(content)
+    for ran in (
+        airrace("optimize", TRACK, "--start", run_file, "--out", "NEW.h5"),
+        airrace("resume", run_file, *CHANGE, "--out", "NEW.h5"),
+    ):
+        assert ran.code == 7
+        assert ran.err.count("\n") == 1
+        assert not Path("NEW.h5").exists()
+
+
+def test_run_without_a_certified_stage_is_no_start(run_file: Path) -> None:
+    run = read_checkpoint(run_file)
+    failed = canned_procedure.stage_result(Stage.POINT_MASS, Outcome.NOT_CERTIFIED)
+    write_checkpoint(run_file, run.with_stage(failed))
+    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    assert ran.code == 2
+    assert "RUN.h5 has no certified stage up to point-mass to start from" in ran.err
+    write_checkpoint(run_file, dataclasses.replace(run, stages=()))
+    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    assert ran.code == 2
+    assert "no finished stage" in ran.err
+
+
+def test_run_of_another_version_is_a_start_and_it_is_said(run_file: Path) -> None:
+    run = read_checkpoint(run_file)
+    write_checkpoint(run_file, dataclasses.replace(run, versions={**run.versions, "casadi": "0.0"}))
+    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5", "--quiet")
+    assert ran.code == 0
+    assert "written with casadi 0.0" in ran.err
+    assert "certified anew" in ran.err
+
+
+def test_change_that_contradicts_the_course_is_told_as_an_invalid_input(run_file: Path) -> None:
+    ran = airrace("resume", run_file, "--set", "rules.n_z_max=often", "--out", "NEW.h5")
+    assert ran.code == 3
+    assert not Path("NEW.h5").exists()
+
+
+def without_lower_stages(path: Path) -> None:
+    """Leave the highest stage of a run alone, as if it had been started from another run."""
+    run = read_checkpoint(path)
+    alone = dataclasses.replace(run, stages=()).with_stage(run.stages[-1].result)
+    write_checkpoint(path, alone)
+
+
+def test_run_without_lower_stages_is_kept_as_it_stands(run_file: Path) -> None:
+    without_lower_stages(run_file)
+    assert airrace("resume", run_file, "--dry-run").out.strip() == "point-mass: keep"
+    assert airrace("verify", run_file).code == 0
+    assert airrace("show", run_file).code == 0
+    assert airrace("export", "csv", run_file).code == 0
+
+
+def test_run_without_lower_stages_needs_them_where_its_own_is_computed_again(run_file: Path) -> None:
+    without_lower_stages(run_file)
+    ran = airrace("resume", run_file, "--from", "point-mass", "--dry-run")
+    assert ran.out.split("\n")[0] == "homotopy: run (not finished)"
+
+
+def test_start_that_is_interrupted_before_its_first_stage_is_to_be_asked_again(
+    run_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(procedure, "optimise", interrupted)
+    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    assert ran.code == 130
+    assert "start from RUN.h5 again with --force" in ran.err

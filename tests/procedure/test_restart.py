@@ -1,0 +1,168 @@
+"""A run that is started from another one finds what a run from scratch finds, and says where it had to fall back."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from ladders import PLAN, climbed
+from races import ROOT, SHIPPED, SMALL, blown, optimum
+
+from airrace.documents import load_inputs
+from airrace.errors import UsageError
+from airrace.procedure.progress import Silent
+from airrace.procedure.race import Race
+from airrace.procedure.restart import ensure_same_passings, passings_of
+from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.run import optimise
+from airrace.quantities import Interval
+from airrace.track.course import Direction
+from airrace.trajectory import Trajectory
+
+WINDY = blown(SMALL, 200.0, 3.0)
+
+
+def stored() -> StageResult:
+    """The certified point mass of the small race."""
+    return optimum(SMALL, PLAN)
+
+
+def started(race: Race, *start: StageResult, until: Stage = Stage.POINT_MASS) -> list[StageResult]:
+    """The stages of a race that is started from others."""
+    return list(optimise(race, PLAN, until=until, threads=1, start=start, start_name="calm.h5", progress=Silent()))
+
+
+def with_trajectory(result: StageResult, **changes: object) -> StageResult:
+    flown: Trajectory = dataclasses.replace(result.trajectory, **changes)  # type: ignore[arg-type]
+    return dataclasses.replace(result, trajectory=flown)
+
+
+def with_limit(race: Race, n_z: float) -> Race:
+    rules = dataclasses.replace(race.course.rules, n_z=Interval(-2.0, n_z))
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, rules=rules))
+
+
+@pytest.mark.parametrize(
+    "race", [pytest.param(WINDY, id="wind"), pytest.param(with_limit(SMALL, 9.0), id="tighter limit")]
+)
+def test_changed_race_has_the_optimum_that_it_has_from_scratch(race: Race) -> None:
+    (result,) = started(race, stored())
+    assert result.certified
+    assert result.message == ""
+    assert result.facts.source == "point-mass of calm.h5"
+    assert result.trajectory.race_time == pytest.approx(optimum(race, PLAN).trajectory.race_time, abs=5e-3)
+    assert result.trajectory.race_time != pytest.approx(stored().trajectory.race_time, abs=5e-3)
+
+
+def test_unchanged_race_keeps_its_mesh_and_its_race_time() -> None:
+    (result,) = started(SMALL, stored())
+    assert result.trajectory.race_time == pytest.approx(stored().trajectory.race_time, abs=1e-5)
+    assert result.trajectory.time.shape == stored().trajectory.time.shape
+    assert np.array_equal(result.mesh.coarser, stored().mesh.coarser)
+
+
+def test_order_in_which_states_are_stored_does_not_matter() -> None:
+    flown = stored().trajectory
+    turned = with_trajectory(stored(), states=flown.states[::-1], state=flown.state[::-1])
+    (result,) = started(SMALL, turned)
+    assert result.message == ""
+    assert result.trajectory.race_time == pytest.approx(flown.race_time, abs=1e-5)
+
+
+def test_highest_stage_is_the_start_and_those_below_are_left_out() -> None:
+    whole = climbed(SMALL)
+    (result,) = started(SMALL, *whole, until=Stage.TRANSFER_FUNCTION)
+    assert (result.stage, result.certified) == (Stage.TRANSFER_FUNCTION, True)
+    assert result.facts.source == "transfer-function of calm.h5"
+    assert result.trajectory.race_time == pytest.approx(whole[1].trajectory.race_time, abs=1e-3)
+
+
+def test_stages_above_the_start_are_climbed() -> None:
+    results = started(WINDY, stored(), until=Stage.TRANSFER_FUNCTION)
+    assert [result.stage for result in results] == [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION]
+    assert [result.facts.source for result in results] == ["point-mass of calm.h5", "point-mass"]
+    assert all(result.certified for result in results)
+
+
+def test_other_equations_make_the_next_lower_stage_the_start_and_it_is_said() -> None:
+    higher = climbed(SMALL)[1]
+    first, *rest = higher.trajectory.states
+    other = with_trajectory(higher, states=(dataclasses.replace(first, name="unheard_of"), *rest))
+    results = started(WINDY, stored(), other, until=Stage.TRANSFER_FUNCTION)
+    assert [result.stage for result in results] == [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION]
+    assert results[0].message.startswith("calm.h5: from its transfer-function, which flies other equations")
+    assert results[0].message.endswith("so the start is its point-mass")
+    assert results[1].message == ""
+
+
+def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is_said() -> None:
+    lost = with_trajectory(stored(), state=np.full_like(stored().trajectory.state, np.nan))
+    results = started(SMALL, lost)
+    assert results[-1].certified
+    assert "so the start is from scratch" in results[0].message
+    assert results[-1].trajectory.race_time == pytest.approx(stored().trajectory.race_time, abs=1e-5)
+    assert not results[0].attempts[0].success  # what led nowhere is on record
+
+
+def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
+    start, *rest = SMALL.course.passages
+    turned = dataclasses.replace(rest[-1], direction=Direction.REVERSE)
+    course = dataclasses.replace(SMALL.course, passages=(start, *rest[:-1], turned))
+    point_mass, higher = climbed(SMALL)[:2]
+    result, *_ = started(dataclasses.replace(SMALL, course=course), point_mass, higher, until=Stage.TRANSFER_FUNCTION)
+    obstacle = "from its transfer-function, point-mass, which passes last the other way than is planned now"
+    assert obstacle in result.message
+    assert (result.stage, result.facts.source) == (Stage.POINT_MASS, "")
+
+
+def test_run_without_a_certified_stage_is_refused() -> None:
+    failed = dataclasses.replace(stored(), outcome=Outcome.NOT_CERTIFIED)
+    with pytest.raises(UsageError, match=r"calm\.h5 has no certified stage up to point-mass"):
+        started(SMALL, failed)
+
+
+def test_first_passing_that_differs_is_named() -> None:
+    with pytest.raises(UsageError, match=r"number 1 is first there and 0:entry here"):
+        started(SHIPPED["half_cuban_eight"], stored())
+
+
+def test_kinds_of_passings_are_told_apart() -> None:
+    mine = passings_of(SMALL.course)
+    ensure_same_passings(mine, mine, "calm.h5")
+    other = [(name, "pylon" if number == 2 else kind) for number, (name, kind) in enumerate(mine)]
+    with pytest.raises(UsageError, match=r"number 3 is edge \(pylon\) there and edge \(gate\) here"):
+        ensure_same_passings(mine, other, "calm.h5")
+
+
+def test_course_that_goes_on_longer_is_told_apart() -> None:
+    mine = passings_of(SMALL.course)
+    with pytest.raises(UsageError, match=r"only this course has a passing number 4, last"):
+        ensure_same_passings(mine, mine[:-1], "calm.h5")
+    with pytest.raises(UsageError, match=r"only calm\.h5 has a passing number 4, last"):
+        ensure_same_passings(mine[:-1], mine, "calm.h5")
+
+
+def test_run_without_lower_stages_goes_on_upwards() -> None:
+    inversion = climbed(SMALL)[2]
+    rest = list(optimise(SMALL, PLAN, until=Stage.STATE_SPACE, threads=1, finished=[inversion], progress=Silent()))
+    assert [result.stage for result in rest] == [Stage.STATE_SPACE]
+    assert rest[0].certified
+
+
+def test_whole_ladder_is_not_climbed_below_what_is_finished() -> None:
+    top = climbed(SMALL)[-1]
+    assert list(optimise(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=[top], progress=Silent())) == []
+
+
+# long courses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("track", ["rovinj_2014", "abu_dhabi_2016"])
+def test_long_course_has_the_optimum_that_it_has_from_scratch_in_a_quarter_of_the_iterations(track: str) -> None:
+    calm = load_inputs(ROOT / "tracks" / f"{track}.yaml").race
+    windy = blown(calm, 250.0, 2.5)
+    scratch = climbed(windy)
+    (result,) = started(windy, *climbed(calm), until=Stage.SIX_DOF)
+    assert (result.stage, result.message, result.certified) == (Stage.SIX_DOF, "", True)
+    assert result.trajectory.race_time == pytest.approx(scratch[-1].trajectory.race_time, abs=5e-3)
+    assert result.iterations <= 0.25 * sum(one.iterations for one in scratch)
