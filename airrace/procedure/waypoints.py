@@ -11,6 +11,7 @@ from airrace.track.gates import Gate, Manoeuvre, Pylon
 
 HEADINGS = 2.0 * math.pi / 36 * np.arange(36)
 OFFSETS = math.radians(10.0) * np.arange(-6, 7)
+BESIDE_OFFSETS = math.radians(10.0) * np.arange(-8, 9)  # at a pylon, whose crossing angle may be larger
 BANKS = 2.0 * math.pi / 8 * np.arange(8)
 PYLON_MARGIN = 4.0  # m beyond the clearance, where the plan passes a pylon
 STEEP = math.radians(80.0)  # steeper than this a bank is but another heading
@@ -83,12 +84,12 @@ def _at_pylon(passage: Passage, pylon: Pylon) -> list[Waypoint]:
     """All courses within the crossing limit of either direction across the line to the pylon."""
     distance = pylon.tolerances.clearance + PYLON_MARGIN
     north, east = pylon.north + distance * math.cos(pylon.side), pylon.east + distance * math.sin(pylon.side)
-    waypoints: list[Waypoint] = []
-    for heading in HEADINGS:
-        axis = pylon.side + math.copysign(math.pi / 2, math.sin(float(heading) - pylon.side))
-        if abs(math.remainder(float(heading) - axis, 2.0 * math.pi)) <= pylon.tolerances.crossing + 1e-9:
-            waypoints.append(Waypoint(passage, (north, east, pylon.height), float(heading), 0.0, None, axis))
-    return waypoints
+    offsets = BESIDE_OFFSETS[np.abs(BESIDE_OFFSETS) <= pylon.tolerances.crossing + 1e-9]
+    return [
+        Waypoint(passage, (north, east, pylon.height), axis + float(offset), 0.0, None, axis)
+        for axis in (pylon.side + math.pi / 2, pylon.side - math.pi / 2)
+        for offset in offsets
+    ]
 
 
 def _in_manoeuvre(passage: Passage, element: Manoeuvre) -> list[Waypoint]:

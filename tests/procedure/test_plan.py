@@ -212,7 +212,7 @@ def test_pylon_between_two_gates_is_passed_on_whichever_side_is_asked_for() -> N
         waypoint = plan_of(race_of(level("a", 0, 0, 0), post, level("c", 600, 0, 0))).waypoints[1]
         assert waypoint.position is not None
         assert math.copysign(1.0, waypoint.position[1]) == math.copysign(1.0, 180.0 - side)
-        assert waypoint.heading == pytest.approx(0.0, abs=1e-9)
+        assert angle_between(waypoint.heading, 0.0) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", COURSES)
