@@ -15,8 +15,9 @@ from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimis
 from airrace.procedure.models import BUILDERS
 from airrace.procedure.race import Race
 from airrace.procedure.result import Explored, Stage, StageResult
-from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.effort import EFFORTS, Effort
 from airrace.procedure.ways.exploring import explore
 from airrace.procedure.ways.sketch import Draught
@@ -77,6 +78,13 @@ class Ladder:
             result = _fastest([optimise_jointly(bench, list(self._handovers(stage, one, bench))) for one in climbing])
         self.done[stage] = result
         return result
+
+    def faster_way(self, optimum: StageResult, bench: Workbench) -> str:
+        """Another way round that is faster than an optimum, in words; empty if none is found or looked for."""
+        if self._settings.explore is Explore.OFF:
+            return ""
+        source = self.as_flown(optimum.stage, optimum)
+        return faster_way(self.flight(Stage.POINT_MASS), source, optimum, self._race.course, bench)
 
     def _first_optimum(self, bench: Workbench) -> StageResult:
         """The point mass: what exploring found, then the homotopy and the plan, the one the user wants first."""

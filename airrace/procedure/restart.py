@@ -97,7 +97,7 @@ def restarted(
         found = _from_optimum(flight, bench, optimum, another.name)
         if isinstance(found, StageResult):
             remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
-            return Restart(with_alternatives(found, flight, bench), remark)
+            return Restart(found, remark)
         obstacles.append((optimum.stage, found))
     return Restart(None, _remark(another, obstacles, "the start is from scratch"))
 
@@ -114,18 +114,17 @@ def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
     return optima
 
 
+def overtaken(another: Another, optimum: StageResult, way: str) -> str:
+    """The sentence that says why a start from another run was not enough: another way round has become faster."""
+    return (
+        f"{another.name}: from its {optimum.stage.value} an optimum of {optimum.trajectory.race_time:.3f} s was found, "
+        f"but {way}; so the start is from scratch"
+    )
+
+
 def told(result: StageResult, remark: str) -> StageResult:
     """A result whose message begins with a remark; the result itself where there is none."""
     return replace(result, message="; ".join(text for text in (remark, result.message) if text)) if remark else result
-
-
-def with_alternatives(found: StageResult, flight: Flight, bench: Workbench) -> StageResult:
-    """The fastest of an optimum that was started from another run and of its alternatives.
-
-    What has changed may have made another way round the faster one. This is the place to look for it: `found` is the
-    flight to begin with, `flight` makes the problem on any mesh, `bench` solves it. None are tried as yet.
-    """
-    return found
 
 
 Passing = tuple[str, str]

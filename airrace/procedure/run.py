@@ -10,7 +10,7 @@ from airrace.procedure.derived import derived_quantities
 from airrace.procedure.ladder import STAGES, Ladder, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.race import Race
-from airrace.procedure.restart import Another, restarted, told
+from airrace.procedure.restart import Another, overtaken, restarted, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -78,7 +78,10 @@ def optimise(
         if start and not finished:
             restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder.as_flown, bench)
             remark = restart.remark
-            if restart.result is not None:
+            faster = "" if restart.result is None else ladder.faster_way(restart.result, bench)
+            if restart.result is not None and faster:
+                remark = overtaken(another, restart.result, faster)
+            elif restart.result is not None:
                 result, remark = told(restart.result, remark), ""
                 ladder.done[result.stage] = result
                 wanted = list(STAGES[STAGES.index(result.stage) + 1 : STAGES.index(until) + 1])

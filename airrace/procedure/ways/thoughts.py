@@ -64,8 +64,13 @@ class Thinker:
         self.choices = choices_as_flown(course, problem.system.states, base.iterate.state, problem.first_node)
         self.own = plan(course, pace, self.choices)
 
-    def thoughts(self, changed: Set[int]) -> Iterator[Thought]:
-        """Those whose window holds a phase that has changed, in the order of the course."""
+    def thoughts(self, changed: Set[int], *, shapes: bool = True) -> Iterator[Thought]:
+        """Those whose window holds a phase that has changed, in the order of the course.
+
+        Args:
+            changed: numbers of the phases.
+            shapes: whether other shapes of the same turn are thought of, too.
+        """
         for stretch in self.stretches:
             if changed.isdisjoint(range(*self._window(stretch, stretch))):
                 continue
@@ -74,7 +79,8 @@ class Thinker:
             yield from self._other_crossing(stretch)
             yield from self._other_sides(stretch)
             yield from self._other_course(stretch)
-            yield from self._other_shapes(stretch, flown)
+            if shapes:
+                yield from self._other_shapes(stretch, flown)
 
     def from_flight(self, other: Sketch, group: Sequence[Stretch]) -> Thought:
         """The way of another flight through neighbouring stretches."""

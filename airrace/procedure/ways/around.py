@@ -1,0 +1,88 @@
+"""Whether another way round has become the faster one, around a flight that was started from another run."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.refinement import resampled
+from airrace.procedure.as_flown import plan_as_flown
+from airrace.procedure.flight import Flight, mesh_of
+from airrace.procedure.result import StageResult
+from airrace.procedure.solving import Workbench
+from airrace.procedure.ways.effort import QUICK, scaled
+from airrace.procedure.ways.search import TriedWindow
+from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, intervals, sketched
+from airrace.procedure.ways.stretches import shape
+from airrace.procedure.ways.thoughts import Thinker
+from airrace.procedure.ways.window import priced
+from airrace.procedure.ways.words import named, shape_in_words
+from airrace.track.course import Course
+from airrace.trajectory import Array
+
+WORTH = 0.02
+"""s: what another way through a window has to save, flown by the point mass, before all is flown again. Windows whose
+ends are held save up to 0.01 s where nothing but the mesh differs."""
+DEAREST = 1.0
+"""s: ways whose plan takes so much longer were never the faster ones after a change of a few per cent."""
+
+
+def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course: Course, bench: Workbench) -> str:
+    """Another way through a stretch of an optimum that the point mass flies faster, in words; empty if none is found.
+
+    Args:
+        point_mass: the point mass on the same course.
+        source: the model that flew the optimum, planned as it goes round.
+        optimum: the flight.
+        course: the course.
+        bench: what solves.
+    """
+    way = plan_as_flown(course, point_mass.plan.cruise, optimum.trajectory)
+    with bench.crew() as crew:
+        (base,) = crew.work([_draught(replace(point_mass, plan=way), source, optimum)], sketched)
+        if base is None:
+            return ""
+        thinker = Thinker(base, course, scaled(point_mass.plan.cruise, QUICK.thinking))
+        phases = set(range(len(base.problem.phases)))
+        thoughts = [one for one in thinker.thoughts(phases, shapes=False) if one.dearer <= DEAREST]
+        found = crew.work([one.window for one in thoughts], priced)
+    wins = [
+        TriedWindow(thought, win)
+        for thought, win in zip(thoughts, found, strict=True)
+        if win is not None and win.saved > WORTH
+    ]
+    if not wins:
+        return ""
+    best = max(wins, key=lambda one: one.found.saved)
+    stretch, window = best.thought.stretch, best.found.window
+    shown = replace(base, problem=best.found.problem, iterate=best.found.iterate)
+    inside = replace(stretch, first=stretch.first - window.first, last=stretch.last - window.first)
+    return f"{named(course, stretch)} {shape_in_words(shape(shown, inside))} saves about {best.found.saved:.2f} s"
+
+
+def _draught(point_mass: Flight, source: Flight, optimum: StageResult) -> Draught:
+    """An optimum of any fidelity as a flight of the point mass, on a rough mesh."""
+    flown = optimum.trajectory
+    mesh, iterate = mesh_of(flown), _as_point_mass(point_mass, source, optimum)
+    counts = [intervals(seconds) for seconds in flown.durations.tolist()]
+    mesh, iterate = resampled(mesh, iterate, counts)
+    return Draught(point_mass, mesh, iterate, AGAIN_BARRIER)
+
+
+def _as_point_mass(point_mass: Flight, source: Flight, optimum: StageResult) -> Iterate:
+    """States and controls of the point mass that flies as an optimum does."""
+    flown, system = optimum.trajectory, source.model.system
+    points = flown.state.shape[1]
+    held = np.hstack([flown.control, flown.control[:, -1:]])
+    p = np.repeat(source.model.parameter_values[:, None], points, axis=1)
+    load = LoadFactors[Array].split(np.asarray(load_factors(system).map(points)(flown.state, held, p)))
+    known = {one.name: row for one, row in zip(flown.states, flown.state, strict=True)}
+    known |= {"n_y": load.n_y, "n_z": load.n_z, "p_Kbar": load.p_Kbar}
+    moved = {one.name: row for one, row in zip(flown.controls, flown.control, strict=True)}
+    own = point_mass.model.system
+    state = np.array([known[one.name] for one in own.states], dtype=np.float64)
+    steps = np.diff(flown.time)
+    moved |= {f"{one.name}_dot": np.diff(row) / steps for one, row in zip(own.states, state, strict=True)}
+    control = np.array([np.clip(moved[one.name], one.lower, one.upper) for one in own.controls], dtype=np.float64)
+    return Iterate(flown.durations, state, control)
