@@ -22,6 +22,9 @@ from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Array, Trajectory
 
 ATTITUDE = ("q0", "q1", "q2", "q3")
+SLIGHT = math.radians(20.0)
+"""A turn of less is to neither side: measured along chords its sign may be another than that of the course's change,
+and there may be no path that turns to that side on the whole but a full circle, or none at all."""
 
 
 def plan_as_flown(course: Course, pace: Cruise, flown: Trajectory) -> Plan:
@@ -48,10 +51,11 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
     q = np.stack([row[name] for name in ATTITUDE])
     stops = stops_of(course)
     ways = {stop: (way_as_flown(course.passages[stop], q[:, first_node[stop]]),) for stop in stops}
-    turns = {
-        stop: 1 if turned(row["x"], row["y"], first_node[before], first_node[stop]) > 0.0 else -1
+    angle = {
+        stop: turned(row["x"], row["y"], first_node[before], first_node[stop])
         for before, stop in itertools.pairwise(stops)
     }
+    turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > SLIGHT}
     rolls = {
         index: 1 if row["Phi"][first_node[index]] > 0.0 else -1
         for index, passage in enumerate(course.passages)

@@ -231,7 +231,10 @@ def _mixed(own: Choices, theirs: Choices, stops: set[int]) -> Choices:
     """One's own choices, but another flight's at some stops."""
     return Choices(
         ways={index: (theirs if index in stops else own).ways[index] for index in own.ways},
-        turns={index: (theirs if index in stops else own).turns[index] for index in own.turns},
+        turns={
+            **{index: side for index, side in own.turns.items() if index not in stops},
+            **{index: side for index, side in theirs.turns.items() if index in stops},
+        },
         rolls={index: (theirs if index in stops else own).rolls[index] for index in own.rolls},
         edges={index: (theirs if index in stops else own).edges[index] for index in own.edges},
     )

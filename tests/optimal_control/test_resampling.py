@@ -1,0 +1,90 @@
+"""A flight on equal intervals, so many in each phase: what it ends with and what its controls add up to is kept."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from known_flights import exact, flight, node_times, problem
+
+from airrace.optimal_control.refinement import resampled
+from airrace.optimal_control.replay import estimated_defect, interval_durations, replay
+
+STATED, FLOWN = problem(), flight(problem())
+OWN = [len(phase.fractions) for phase in STATED.phases]
+counts = st.tuples(st.integers(1, 12), st.integers(1, 12))
+
+
+def edges(mesh: list[tuple[float, ...]]) -> list[int]:
+    return [0, *itertools.accumulate(len(phase) for phase in mesh)]
+
+
+def test_phases_that_have_their_counts_already_are_left_alone() -> None:
+    mesh, iterate = resampled(STATED.mesh, FLOWN, OWN)
+    assert mesh == STATED.mesh
+    for name in ("durations", "state", "control"):
+        np.testing.assert_array_equal(getattr(iterate, name), getattr(FLOWN, name))
+
+
+@given(counts)
+def test_every_phase_has_its_count_of_intervals_which_are_equal_where_they_are_new(chosen: tuple[int, int]) -> None:
+    mesh, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    for phase, own, count in zip(mesh, STATED.mesh, chosen, strict=True):
+        assert phase == own if len(own) == count else phase == pytest.approx((1.0 / count,) * count)
+        assert sum(phase) == pytest.approx(1.0)
+    assert iterate.state.shape[1] == sum(chosen) + 1
+    assert iterate.control.shape[1] == sum(chosen)
+
+
+@given(counts)
+def test_states_between_phases_and_durations_are_kept(chosen: tuple[int, int]) -> None:
+    mesh, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    assert iterate.state[:, edges(mesh)] == pytest.approx(FLOWN.state[:, edges(STATED.mesh)], abs=1e-12)
+    np.testing.assert_array_equal(iterate.durations, FLOWN.durations)
+
+
+@given(counts)
+def test_controls_add_up_to_the_same_in_every_phase(chosen: tuple[int, int]) -> None:
+    mesh, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    for after, before, new, old in zip(
+        itertools.pairwise(edges(mesh)), itertools.pairwise(edges(STATED.mesh)), mesh, STATED.mesh, strict=True
+    ):
+        added = iterate.control[:, slice(*after)] @ np.array(new)
+        assert added == pytest.approx(FLOWN.control[:, slice(*before)] @ np.array(old), abs=1e-12)
+
+
+@given(counts)
+def test_controls_stay_between_the_smallest_and_the_largest(chosen: tuple[int, int]) -> None:
+    _, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    assert iterate.control.min() >= FLOWN.control.min() - 1e-12
+    assert iterate.control.max() <= FLOWN.control.max() + 1e-12
+
+
+def test_finer_meshes_of_a_smooth_flight_come_near_to_it_and_coarser_ones_lead_back() -> None:
+    """A force held all the way: the states between the nodes are on its chords."""
+    stated = problem((0.05,) * 20, (0.05,) * 20)
+    before, times = np.array([0.4, 1.1]), node_times(stated)
+    whole = flight(stated)
+    smooth = type(whole)(whole.durations, exact(before, 2.0, times), np.full((1, 40), 2.0))
+    mesh, finer = resampled(stated.mesh, smooth, (60, 60))
+    again, back = resampled(mesh, finer, (20, 20))
+    assert back.control == pytest.approx(smooth.control)
+    assert back.state == pytest.approx(smooth.state, abs=1e-9)
+    fine = problem(*mesh)
+    assert finer.state == pytest.approx(exact(before, 2.0, node_times(fine)), abs=5e-3)
+    assert [len(phase) for phase in again] == [20, 20]
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_estimated_defect_is_nearly_that_of_the_independent_integrator(count: int) -> None:
+    mesh, iterate = resampled(STATED.mesh, FLOWN, (count, count))
+    stated = problem(*mesh)
+    measured, estimated = replay(stated, iterate).defect, estimated_defect(stated, iterate)
+    assert estimated.shape == measured.shape == (2, len(interval_durations(stated, iterate.durations)))
+    assert np.abs(measured).max() > 0.01  # there is something to be estimated
+    assert np.abs(estimated - measured).max() < 0.01 * np.abs(measured).max()
+
+
+def test_exact_flight_has_no_estimated_defect() -> None:
+    assert np.abs(estimated_defect(STATED, FLOWN)).max() < 1e-3 * np.abs(FLOWN.state).max()

@@ -1,0 +1,201 @@
+"""A plan keeps the choices it is given, and the plan of a flight makes those of the flight."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from races import EDGE_540, RACES, SHIPPED, SMALL, course, knife_edge, level, prepared, pylon, settings
+from races import flown as all_flown
+from races import planned as plan_of
+
+from airrace.environment.air import Air
+from airrace.frames import angle_between
+from airrace.procedure.as_flown import plan_as_flown
+from airrace.procedure.choices import ANY, Choices
+from airrace.procedure.cruise import cruise
+from airrace.procedure.flight import Flight, mesh_of, stage_flight, trajectory
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.plan import Plan, plan, stops_of
+from airrace.procedure.race import Race
+from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.settings import Explore, GuessKind, MeshSettings, Settings
+from airrace.procedure.waypoints import candidates
+from airrace.track.gates import Gate, Manoeuvre
+from airrace.trajectory import Trajectory
+
+every_race = pytest.mark.parametrize("name", RACES)
+OFF = dataclasses.replace(settings(GuessKind.PLAN), explore=Explore.OFF)
+
+
+def race_of(*elements: object) -> Race:
+    return Race(course("built", *elements), EDGE_540, Air())  # type: ignore[arg-type]
+
+
+def planned(race: Race, choices: Choices) -> Plan:
+    return plan(race.course, cruise(race.aircraft, race.course.rules), choices)
+
+
+def choices_of(made: Plan, race: Race) -> Choices:
+    """All choices that a plan has made, but for the sides of its turns."""
+    passages = race.course.passages
+    return Choices(
+        ways={stop: (made.waypoints[stop],) for stop in stops_of(race.course)},
+        rolls={
+            index: 1 if made.waypoints[index].rolled > 0.0 else -1
+            for index, one in enumerate(passages)
+            if one.roll is not None
+        },
+        edges={
+            index: 1 if (made.waypoints[index].bank or 0.0) > 0.0 else -1
+            for index, one in enumerate(passages)
+            if isinstance(one.element, Gate) and one.element.either_bank
+        },
+    )
+
+
+# choices given
+
+
+@every_race
+def test_plan_that_is_left_all_choices_is_the_plan_without_any(name: str) -> None:
+    assert planned(RACES[name], ANY) == plan_of(RACES[name])
+
+
+@every_race
+def test_plan_that_is_told_its_own_choices_is_the_same_plan(name: str) -> None:
+    own = plan_of(RACES[name])
+    assert planned(RACES[name], choices_of(own, RACES[name])) == own
+
+
+@every_race
+def test_plan_crosses_every_passage_along_the_axis_that_is_left_of_it(name: str) -> None:
+    race = RACES[name]
+    for index in stops_of(race.course):
+        for way in candidates(race.course.passages[index])[::13]:
+            made = planned(race, Choices(ways={index: (way,)}))
+            assert made.waypoints[index].axis == way.axis
+            assert made.waypoints[index].heading == way.heading
+            assert made.seconds >= plan_of(race).seconds - 1e-9
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("name", ["four_gates", "rovinj_2014"])
+def test_plan_turns_to_the_side_that_it_is_told(name: str, side: int) -> None:
+    race = RACES[name]
+    for index in range(1, len(race.course.passages)):
+        made = planned(race, Choices(turns={index: side}))
+        path = made.legs[index - 1].path
+        assert path is not None
+        net = sum(length * bend for length, bend in zip(path.lengths, path.curvatures, strict=True))
+        assert side * net > 0.0
+        assert made.seconds >= plan_of(race).seconds - 1e-9
+
+
+@pytest.mark.parametrize("edge", [1, -1])
+def test_plan_flies_a_knife_edge_on_the_wing_that_it_is_told(edge: int) -> None:
+    race = race_of(level("a", 0, 0, 0), knife_edge("edge", 350, 160, 70, right=True, either=True), level("c", 200, 500, 160))
+    made = planned(race, Choices(edges={1: edge}))
+    assert made.waypoints[1].bank == edge * math.pi / 2
+    assert made.seconds == plan_of(race).seconds
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_plan_rolls_to_the_side_that_it_is_told(side: int) -> None:
+    rolling = [(name, i) for name, race in RACES.items() for i, p in enumerate(race.course.passages) if p.roll is not None]
+    for name, index in rolling:
+        made = planned(RACES[name], Choices(rolls={index: side}))
+        assert side * made.waypoints[index].rolled > 0.0
+
+
+def test_choices_without_some_ways_are_free_there_and_kept_elsewhere() -> None:
+    race = SHIPPED["rovinj_2014"]
+    whole = choices_of(plan_of(race), race)
+    freed = whole.without_ways(3)
+    assert freed.candidates(race.course, 3) == candidates(race.course.passages[3])
+    assert freed.candidates(race.course, 4) == [plan_of(race).waypoints[4]]
+    assert len(whole.candidates(race.course, 3)) == 1
+
+
+# choices as flown
+
+
+def guessed(race: Race) -> tuple[Flight, Trajectory]:
+    """The guess from a race's plan."""
+    flight = prepared(race)
+    mesh = first_mesh(flight.plan, MeshSettings())
+    return flight, trajectory(flight.problem(mesh), guess(flight.plan, mesh))
+
+
+def assert_same_choices(race: Race, one: Plan, other: Plan) -> None:
+    for index, passage in enumerate(race.course.passages):
+        a, b = one.waypoints[index], other.waypoints[index]
+        if index not in stops_of(race.course):
+            continue
+        if isinstance(passage.element, Manoeuvre):
+            # Where the line is vertical, half a turn of heading is half a turn of bank: attitudes are compared.
+            assert abs(float(np.dot(a.q, b.q))) > math.cos(math.radians(50.0) / 2), passage.name
+        else:
+            assert abs(angle_between(a.axis, b.axis)) < 1e-9, passage.name
+        if isinstance(passage.element, Gate):
+            assert a.bank == b.bank, passage.name
+        assert np.sign(a.rolled) == np.sign(b.rolled), passage.name
+
+
+@every_race
+def test_plan_of_a_guess_makes_the_choices_of_the_plan_that_it_is_made_from(name: str) -> None:
+    race = RACES[name]
+    flight, flown = guessed(race)
+    assert_same_choices(race, flight.plan, plan_as_flown(race.course, flight.plan.cruise, flown))
+
+
+@every_race
+def test_plan_of_a_guess_takes_as_long_as_the_plan_that_it_is_made_from(name: str) -> None:
+    race = RACES[name]
+    flight, flown = guessed(race)
+    again = plan_as_flown(race.course, flight.plan.cruise, flown)
+    assert again.seconds == pytest.approx(flight.plan.seconds, rel=0.02)
+
+
+def optimum_of(race: Race) -> StageResult:
+    (found,) = all_flown(race, OFF)
+    assert found.certified
+    return found
+
+
+@pytest.mark.parametrize("name", ["four_gates", "half_cuban_eight"])
+def test_plan_of_an_optimum_makes_the_choices_that_it_was_planned_with(name: str) -> None:
+    race = RACES[name]
+    again = plan_as_flown(race.course, prepared(race).plan.cruise, optimum_of(race).trajectory)
+    assert_same_choices(race, plan_of(race), again)
+
+
+@pytest.mark.parametrize("stage", [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION])
+def test_model_planned_as_flown_has_a_problem_of_the_same_size_that_the_flight_solves(stage: Stage) -> None:
+    flown = optimum_of(SMALL).trajectory
+    mesh = mesh_of(flown)
+    own = stage_flight(stage, SMALL, Settings()).problem(mesh)
+    again = stage_flight(stage, SMALL, Settings(), flown).problem(mesh)
+    assert [phase.name for phase in again.phases] == [phase.name for phase in own.phases]
+    for a, b in zip((own.start, *(one.end for one in own.phases)), (again.start, *(one.end for one in again.phases)), strict=True):
+        assert a is not None
+        assert b is not None
+        assert {name: (one.lower, one.upper) for name, one in a.bounds.items()} == {
+            name: (one.lower, one.upper) for name, one in b.bounds.items()
+        }
+        assert a.values == pytest.approx(b.values)
+    for phase, seconds in zip(again.phases, flown.durations.tolist(), strict=True):
+        assert phase.duration.lower <= seconds <= phase.duration.upper
+
+
+STRAIGHT = race_of(level("a", 0, 0, 0), level("b", 400, 0, 0), level("c", 800, 0, 0))
+SLALOM = race_of(level("a", 0, 0, 0), pylon("p", 300, 0, 90), pylon("q", 600, 20, 270), level("d", 900, 40, 0))
+
+
+@pytest.mark.parametrize("race", [pytest.param(STRAIGHT, id="straight"), pytest.param(SLALOM, id="slalom")])
+def test_plan_of_a_flight_that_hardly_turns_has_no_loops(race: Race) -> None:
+    again = plan_as_flown(race.course, cruise(race.aircraft, race.course.rules), optimum_of(race).trajectory)
+    assert again.seconds == pytest.approx(plan_of(race).seconds, rel=0.05)
+    for leg in again.legs:
+        assert leg.path is not None
+        assert leg.path.turning < math.pi
