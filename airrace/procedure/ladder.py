@@ -93,12 +93,18 @@ class Ladder:
         if effort is None:
             return optimise_jointly(bench, known)
         found, explored = self._explored(effort.with_finalists(self._settings.climb), bench)
-        made = [functools.partial(_made, start) for start in found]
-        rivals = [optimise_jointly(bench, [one]) for one in made[1 : self._settings.climb]]
-        result = _fastest([optimise_jointly(bench, [*made, *known]), *rivals])
+        results: list[StageResult] = []
+        for number, start in enumerate(found):
+            if number >= self._settings.climb and any(one.certified for one in results):
+                break
+            results.append(optimise_jointly(bench, [functools.partial(_made, start)]))  # all solvers, before the next
+        if not any(one.certified for one in results):
+            results.append(optimise_jointly(bench, known))
+        result = _fastest(results)
         for loop in explored.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)
-        return dataclasses.replace(result, explored=explored)
+        # What was solved after the fastest is on the record of the stage as well.
+        return dataclasses.replace(result, explored=explored, attempts=tuple(bench.attempts), timings=bench.timings())
 
     def _explored(self, effort: Effort, bench: Workbench) -> tuple[Sequence[Start], Explored]:
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
