@@ -94,7 +94,9 @@ def test_plan_turns_to_the_side_that_it_is_told(name: str, side: int) -> None:
 
 @pytest.mark.parametrize("edge", [1, -1])
 def test_plan_flies_a_knife_edge_on_the_wing_that_it_is_told(edge: int) -> None:
-    race = race_of(level("a", 0, 0, 0), knife_edge("edge", 350, 160, 70, right=True, either=True), level("c", 200, 500, 160))
+    race = race_of(
+        level("a", 0, 0, 0), knife_edge("edge", 350, 160, 70, right=True, either=True), level("c", 200, 500, 160)
+    )
     made = planned(race, Choices(edges={1: edge}))
     assert made.waypoints[1].bank == edge * math.pi / 2
     assert made.seconds == plan_of(race).seconds
@@ -102,7 +104,9 @@ def test_plan_flies_a_knife_edge_on_the_wing_that_it_is_told(edge: int) -> None:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_plan_rolls_to_the_side_that_it_is_told(side: int) -> None:
-    rolling = [(name, i) for name, race in RACES.items() for i, p in enumerate(race.course.passages) if p.roll is not None]
+    rolling = [
+        (name, i) for name, race in RACES.items() for i, p in enumerate(race.course.passages) if p.roll is not None
+    ]
     for name, index in rolling:
         made = planned(RACES[name], Choices(rolls={index: side}))
         assert side * made.waypoints[index].rolled > 0.0
@@ -177,7 +181,9 @@ def test_model_planned_as_flown_has_a_problem_of_the_same_size_that_the_flight_s
     own = stage_flight(stage, SMALL, Settings()).problem(mesh)
     again = stage_flight(stage, SMALL, Settings(), flown).problem(mesh)
     assert [phase.name for phase in again.phases] == [phase.name for phase in own.phases]
-    for a, b in zip((own.start, *(one.end for one in own.phases)), (again.start, *(one.end for one in again.phases)), strict=True):
+    for a, b in zip(
+        (own.start, *(one.end for one in own.phases)), (again.start, *(one.end for one in again.phases)), strict=True
+    ):
         assert a is not None
         assert b is not None
         assert {name: (one.lower, one.upper) for name, one in a.bounds.items()} == {

@@ -28,8 +28,8 @@ def narrow(element: Gate | Pylon) -> Gate | Pylon:
 
 
 def wound(n_z: float) -> Race:
-    """A slalom past two pylons. Planned with wide turns, as a low limit of the load factor (g) asks for, the flight winds
-    itself around them."""
+    """A slalom past two pylons. Planned with wide turns, as a low limit of the load factor (g) makes them, the flight
+    winds itself around them."""
     elements = (
         narrow(level("first", -433.2, -233.9, 60.0)),
         narrow(pylon("left", -339.7, -94.0, 320.0)),

@@ -1,0 +1,119 @@
+"""Windows: the rest of the flight stays as it is, and only another way round saves anything."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from explored_races import OFF, QUICK, WOUND, optimum, wound
+from races import SMALL
+from transformations import mirrored
+from ways_bench import planned_sketch, workbench
+
+from airrace.procedure.pieces import phase_piece
+from airrace.procedure.race import Race
+from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
+from airrace.procedure.ways.effort import scaled
+from airrace.procedure.ways.sketch import Sketch
+from airrace.procedure.ways.thoughts import Thinker, Thought
+from airrace.procedure.ways.window import SPEED_REACH, Priced, Window, priced, spliced
+
+ATTITUDE = slice(4, 8)
+
+
+def own_window(base: Sketch, first: int, last: int) -> Window:
+    """A window around a flight's own way."""
+    pieces = [phase_piece(base.iterate, base.problem, index) for index in range(first, last)]
+    return Window(base, first, last, base.flight, pieces)
+
+
+def solved(window: Window) -> Priced:
+    with workbench() as bench:
+        found = priced(bench.service, window)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 1), (1, 2), (2, 3), (0, 2), (1, 3), (0, 3)])
+def test_own_way_saves_nothing(first: int, last: int) -> None:
+    found = solved(own_window(planned_sketch(SMALL), first, last))
+    assert abs(found.saved) < 3e-3
+    assert found.iterate.durations.shape == (last - first,)
+
+
+def test_window_begins_and_ends_in_the_states_of_the_flight_around_it() -> None:
+    base = planned_sketch(SMALL)
+    found = solved(own_window(base, 1, 2))
+    nodes = base.problem.first_node
+    before, behind = base.iterate.state[:, nodes[1]], base.iterate.state[:, nodes[2]]
+    names = [one.name for one in base.problem.system.states]
+    assert found.iterate.state[:, 0] == pytest.approx(before, abs=1e-4)
+    for row, name in enumerate(names):
+        if name == "V_K":
+            assert abs(found.iterate.state[row, -1] - behind[row]) <= SPEED_REACH
+        elif name not in ("q0", "q1", "q2", "q3"):
+            assert found.iterate.state[row, -1] == pytest.approx(behind[row], abs=1e-3), name
+    # Both signs of a quaternion are the same attitude.
+    assert abs(found.iterate.state[ATTITUDE, -1] @ behind[ATTITUDE]) == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_window_at_an_end_of_the_race_keeps_its_conditions(first: int) -> None:
+    base = planned_sketch(SMALL)
+    found = solved(own_window(base, first, 3))
+    whole = base.flight.problem(base.problem.mesh)
+    assert found.problem.phases[-1].end == whole.phases[-1].end
+    assert (found.problem.start == whole.start) is (first == 0)
+
+
+def thoughts(base: Sketch, race: Race, changed: set[int] | None = None) -> list[Thought]:
+    thinker = Thinker(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+    phases = set(range(len(base.problem.phases))) if changed is None else changed
+    return list(thinker.thoughts(phases))
+
+
+def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> None:
+    base = planned_sketch(WOUND)
+    tried = [one for one in thoughts(base, WOUND) if one.dearer <= QUICK_EFFORT.dearest]
+    with workbench() as bench:
+        found = [priced(bench.service, one.window) for one in tried]
+        best = max((one for one in found if one is not None), key=lambda one: one.saved)
+        whole = spliced(bench.service, dataclasses.replace(base.flight, plan=best.window.flight.plan), base, [best])
+    assert best.saved > 5.0
+    assert whole is not None
+    assert whole.race_time == pytest.approx(base.race_time - best.saved, abs=0.05)
+    assert whole.race_time == pytest.approx(optimum(WOUND).trajectory.race_time, abs=0.05)
+
+
+@pytest.mark.parametrize("race", [pytest.param(SMALL, id="four gates"), pytest.param(WOUND, id="wound")])
+def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
+    for thought in thoughts(planned_sketch(race), race):
+        window = thought.window
+        assert len(window.pieces) == window.last - window.first
+        assert window.first <= thought.stretch.first < thought.stretch.last <= window.last
+        for piece in window.pieces:
+            assert np.isfinite(piece.state).all()
+            assert np.isfinite(piece.control).all()
+            assert piece.durations.min() > 0.0
+
+
+def test_nothing_is_thought_of_where_nothing_has_changed() -> None:
+    assert thoughts(planned_sketch(WOUND), WOUND, changed=set()) == []
+
+
+def test_mirrored_flight_is_thought_of_likewise() -> None:
+    own = [(one.stretch, one.kind) for one in thoughts(planned_sketch(WOUND), WOUND)]
+    image = mirrored(WOUND)
+    assert [(one.stretch, one.kind) for one in thoughts(planned_sketch(image), image)] == own
+
+
+def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
+    """The window is the whole race here: what it saves is the difference between both flights."""
+    base, good = planned_sketch(WOUND), planned_sketch(wound(8.0))
+    thinker = Thinker(base, WOUND.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+    found = solved(thinker.from_flight(good, thinker.stretches).window)
+    assert found.saved == pytest.approx(base.race_time - optimum(WOUND).trajectory.race_time, abs=0.05)
+
+
+def test_races_of_these_tests_are_what_they_are_said_to_be() -> None:
+    assert optimum(WOUND, OFF).trajectory.race_time > optimum(WOUND, QUICK).trajectory.race_time + 5.0
+    assert planned_sketch(wound(8.0)).race_time < planned_sketch(WOUND).race_time - 5.0
