@@ -1,0 +1,167 @@
+"""Ways that were tried and their rivals are stored with a stage, and read only in the layout in which they are."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from checkpoint_examples import (
+    INPUTS,
+    VERSIONS,
+    assert_same,
+    counts,
+    example_checkpoint,
+    example_result,
+    numbers,
+    records,
+    results,
+    texts,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from airrace.checkpoint.envelope import seal, unseal
+from airrace.errors import CheckpointError
+from airrace.procedure.result import NOT_EXPLORED, Explored, Stage, StageResult, Way
+
+EXPLORED = Explored(
+    ways=(
+        Way("g4 -> g5: over the top to the right, 140 m high", 54.6, 0.0, "jointly"),
+        Way("g4 -> g5: 180 degrees to the left, flat", 54.9, 0.3, "window"),
+    ),
+    led=3,
+    elsewhere=1,
+    lost=1,
+    seconds=4.5,
+    loops=("g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m",),
+)
+STAGE = "stages/point-mass"
+ways = records(Way, text=texts, race_time=numbers, difference=numbers, priced=texts)
+explored = st.builds(
+    Explored,
+    ways,
+    led=counts,
+    elsewhere=counts,
+    lost=counts,
+    seconds=numbers,
+    loops=st.lists(texts, max_size=3).map(tuple),
+)
+
+
+def contested() -> StageResult:
+    """A stage that was explored, with two rivals."""
+    rivals = tuple(replace(example_result(intervals=count), message=f"rival {count}") for count in (4, 8))
+    return replace(example_result(), explored=EXPLORED, rivals=rivals)
+
+
+def checkpoint_of(result: StageResult) -> Checkpoint:
+    return Checkpoint(INPUTS, VERSIONS).with_stage(result)
+
+
+@st.composite
+def explored_results(draw: st.DrawFn) -> StageResult:
+    own = replace(draw(results(Stage.POINT_MASS)), explored=draw(explored))
+    rivals = draw(st.lists(results(Stage.POINT_MASS), max_size=3))
+    return replace(own, rivals=tuple(rivals))
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(result=explored_results())
+def test_ways_and_rivals_are_read_back_in_every_bit(
+    result: StageResult, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "ways.h5"
+    write_checkpoint(path, checkpoint_of(result))
+    (stored,) = read_checkpoint(path).stages
+    assert_same(stored.result, result)
+
+
+def test_stage_that_explored_nothing_is_read_back_as_such(tmp_path: Path) -> None:
+    write_checkpoint(tmp_path / "run.h5", example_checkpoint())
+    for stored in read_checkpoint(tmp_path / "run.h5").stages:
+        assert stored.result.explored == NOT_EXPLORED
+        assert stored.result.rivals == ()
+
+
+def test_more_than_nine_rivals_keep_their_order(tmp_path: Path) -> None:
+    rivals = tuple(replace(example_result(), message=f"rival {number}") for number in range(12))
+    write_checkpoint(tmp_path / "run.h5", checkpoint_of(replace(example_result(), rivals=rivals)))
+    (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+    assert [rival.message for rival in stored.result.rivals] == [rival.message for rival in rivals]
+
+
+def test_plain_hdf5_shows_ways_and_rivals(tmp_path: Path) -> None:
+    write_checkpoint(tmp_path / "run.h5", checkpoint_of(contested()))
+    with h5py.File(tmp_path / "run.h5", "r") as file:
+        stage = file[STAGE]
+        assert stage["explored/ways"]["text"][0].decode() == EXPLORED.ways[0].text
+        assert stage["explored/ways"]["difference"].tolist() == [0.0, 0.3]
+        assert list(stage["rivals"]) == ["1", "2"]
+        # The time axis of a rival's histories is its own.
+        assert stage["rivals/2/states/V_K"].dims[0][0] == stage["rivals/2/time"]
+
+
+def renew(file: h5py.File, name: str, data: np.ndarray) -> None:
+    del file[name]
+    file.create_dataset(name, data=data)
+
+
+FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
+    "unknown member": (lambda f: f.create_group(f"{STAGE}/explored/more"), "'more' is unknown"),
+    "no ways": (lambda f: f.pop(f"{STAGE}/explored/ways"), "'ways' is missing"),
+    "no summary": (lambda f: f.pop(f"{STAGE}/explored/summary"), "'summary' is missing"),
+    "two summaries": (
+        lambda f: renew(f, f"{STAGE}/explored/summary", np.repeat(f[f"{STAGE}/explored/summary"][()], 2)),
+        "summary: 2 rows instead of one",
+    ),
+    "loops of numbers": (lambda f: renew(f, f"{STAGE}/explored/loops", np.zeros(2)), "loops"),
+    "ways of other columns": (
+        lambda f: renew(f, f"{STAGE}/explored/ways", np.zeros(1, [("text", "S2"), ("race_time", "<f8")])),
+        "ways",
+    ),
+    "nothing explored": (lambda f: f.pop(f"{STAGE}/explored"), "'explored' is missing"),
+    "no rivals' group": (lambda f: f.pop(f"{STAGE}/rivals"), "'rivals' is missing"),
+    "a gap between rivals": (
+        lambda f: f.move(f"{STAGE}/rivals/1", f"{STAGE}/rivals/3"),
+        "'3' is unknown|'1' is missing",
+    ),
+    "rivals counted from zero": (
+        lambda f: f.move(f"{STAGE}/rivals/1", f"{STAGE}/rivals/0"),
+        "'0' is unknown|'1' is missing",
+    ),
+    "a rival with a name": (
+        lambda f: f.move(f"{STAGE}/rivals/2", f"{STAGE}/rivals/best"),
+        "'best' is unknown|'2' is missing",
+    ),
+    "a rival with rivals": (lambda f: f.create_group(f"{STAGE}/rivals/1/rivals"), "'rivals' is unknown"),
+    "a rival with hashes": (
+        lambda f: f.copy(f"{STAGE}/inputs_hash", f"{STAGE}/rivals/1/inputs_hash"),
+        "'inputs_hash' is unknown",
+    ),
+    "a rival without a flight": (lambda f: f.pop(f"{STAGE}/rivals/1/states"), "'states' is missing"),
+    "a rival that is a series": (
+        lambda f: (f.pop(f"{STAGE}/rivals/1"), f.create_dataset(f"{STAGE}/rivals/1", data=np.zeros(3))),
+        "1 is not a group",
+    ),
+    "a rival with an unknown outcome": (
+        lambda f: renew(f, f"{STAGE}/rivals/1/outcome", np.array(b"fine", h5py.string_dtype("utf-8", 4))),
+        "unknown outcome 'fine'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_forged_ways_and_rivals_are_refused(tmp_path: Path, name: str) -> None:
+    path, image = tmp_path / "run.h5", tmp_path / "image.h5"
+    write_checkpoint(path, checkpoint_of(contested()))
+    image.write_bytes(unseal(path.read_bytes()))
+    edit, words = FORGERIES[name]
+    with h5py.File(image, "r+") as file:
+        edit(file)
+    path.write_bytes(seal(image.read_bytes()))
+    with pytest.raises(CheckpointError, match=words) as caught:
+        read_checkpoint(path)
+    assert str(caught.value).startswith(f"{path}: ")
