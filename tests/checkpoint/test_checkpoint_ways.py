@@ -165,3 +165,19 @@ def test_forged_ways_and_rivals_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(CheckpointError, match=words) as caught:
         read_checkpoint(path)
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_stage_stands_on_its_ways_and_rivals() -> None:
+    """What is computed from them is stale where they are others."""
+    link = checkpoint_of(contested()).stages[0].chain_hash
+    first, second = contested().rivals
+    slower = replace(EXPLORED, ways=(EXPLORED.ways[0], replace(EXPLORED.ways[1], race_time=55.0)))
+    others = (
+        replace(contested(), explored=slower),
+        replace(contested(), rivals=(second, first)),
+        replace(contested(), rivals=(first,)),
+        replace(contested(), rivals=(first, replace(second, message="another"))),
+    )
+    assert checkpoint_of(contested()).stages[0].chain_hash == link
+    for other in others:
+        assert checkpoint_of(other).stages[0].chain_hash != link

@@ -1,0 +1,146 @@
+"""Several ways round climb the ladder side by side; the fastest is the result, and none gets lost on the way."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from explored_races import OFF, QUICK
+from explored_races import optimum as explored_optimum
+from races import SHIPPED, SMALL
+from ways_bench import planned_sketch, workbench
+
+from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
+from airrace.procedure import ladder
+from airrace.procedure.joint import Start
+from airrace.procedure.ladder import Ladder
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import NOT_EXPLORED, Outcome, Stage, StageResult
+from airrace.procedure.run import optimise
+from airrace.procedure.settings import Settings
+from airrace.procedure.solving import Workbench
+from airrace.procedure.ways.exploring import Exploration
+
+HALF_CUBAN = SHIPPED["half_cuban_eight"]
+BOTH = dataclasses.replace(QUICK, climb=2)
+
+
+@functools.cache
+def climbed() -> tuple[StageResult, ...]:
+    """The point mass and the stage above it, on two ways round."""
+    return tuple(optimise(HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, progress=Silent()))
+
+
+def seconds(result: StageResult) -> float:
+    return result.trajectory.race_time
+
+
+def test_rivals_are_certified_and_slower() -> None:
+    (point_mass, _) = climbed()
+    (rival,) = point_mass.rivals
+    assert rival.certified
+    assert seconds(rival) > seconds(point_mass)
+    assert rival.stage is Stage.POINT_MASS
+    assert (rival.explored, rival.rivals) == (NOT_EXPLORED, ())
+
+
+def test_best_way_is_the_same_whether_it_climbs_alone_or_not() -> None:
+    alone = explored_optimum(HALF_CUBAN)
+    assert alone.rivals == ()
+    assert seconds(climbed()[0]) == pytest.approx(seconds(alone), abs=1e-6)
+
+
+def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
+    higher = climbed()[1]
+    assert higher.stage is Stage.TRANSFER_FUNCTION
+    assert higher.certified
+    (rival,) = higher.rivals
+    assert rival.certified
+    assert seconds(rival) >= seconds(higher)
+    assert higher.explored == NOT_EXPLORED
+
+
+def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
+    document = StoredDocument("x.yaml", "x")
+    checkpoint = Checkpoint(StoredInputs(document, document, None, (), "{}"), {}).with_stage(climbed()[0])
+    write_checkpoint(tmp_path / "run.h5", checkpoint)
+    (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+    going_on = optimise(
+        HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, finished=[stored.result], progress=Silent()
+    )
+    (higher,) = going_on
+    for own, other in zip((higher, *higher.rivals), (climbed()[1], *climbed()[1].rivals), strict=True):
+        np.testing.assert_array_equal(own.trajectory.state, other.trajectory.state)
+
+
+# the order in which starts are tried, with canned answers
+
+
+class Answers:
+    """Stands for the joint optimisation: certified or not, as told, in the order of the calls."""
+
+    def __init__(self, *verdicts: StageResult) -> None:
+        self.verdicts = list(verdicts)
+        self.asked: list[list[Start]] = []
+
+    def __call__(self, _: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
+        self.asked.append([make() for make in starts])
+        return self.verdicts.pop(0)
+
+
+def taking(seconds: float, *, certified: bool = True) -> StageResult:
+    """A result of a race time."""
+    own = explored_optimum(SMALL, OFF)
+    flown = dataclasses.replace(own.trajectory, durations=own.trajectory.durations * seconds / own.trajectory.race_time)
+    outcome = Outcome.SOLVED if certified else Outcome.NOT_CERTIFIED
+    return dataclasses.replace(own, trajectory=flown, outcome=outcome)
+
+
+def first_stage(
+    monkeypatch: pytest.MonkeyPatch, chosen: Settings, found: int, *verdicts: StageResult
+) -> tuple[StageResult, list[list[Start]], list[Start]]:
+    """The point mass where exploring has found so many starts: the result, what was asked, and those starts."""
+    sketch = planned_sketch(SMALL)
+    starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
+    answers = Answers(*verdicts)
+    monkeypatch.setattr(ladder, "optimise_jointly", answers)
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, NOT_EXPLORED))
+    monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    with workbench(chosen) as bench:
+        result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, bench)
+    assert answers.verdicts == []
+    return result, answers.asked, list(starts)
+
+
+def test_every_solver_is_asked_of_the_best_way_before_another_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    result, asked, found = first_stage(monkeypatch, QUICK, 2, taking(9.0))
+    assert asked == [[found[0]]]
+    assert seconds(result) == pytest.approx(9.0)
+
+
+def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    failed = taking(9.0, certified=False)
+    result, asked, found = first_stage(monkeypatch, QUICK, 2, failed, failed, taking(11.0))
+    assert asked[:2] == [[found[0]], [found[1]]]
+    assert len(asked[2]) == 2  # the plan and the homotopy
+    assert result.certified
+    assert seconds(result) == pytest.approx(11.0)
+
+
+def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    result, asked, _ = first_stage(monkeypatch, QUICK, 0, taking(10.0))
+    assert [len(one) for one in asked] == [2]
+    assert seconds(result) == pytest.approx(10.0)
+
+
+def test_fastest_certified_way_is_the_result_whichever_was_the_best_when_rough(monkeypatch: pytest.MonkeyPatch) -> None:
+    three = dataclasses.replace(QUICK, climb=3)
+    verdicts = (taking(9.2), taking(9.0), taking(8.0, certified=False))
+    result, asked, found = first_stage(monkeypatch, three, 4, *verdicts)
+    assert asked == [[one] for one in found[:3]]
+    assert seconds(result) == pytest.approx(9.0)
+    assert [seconds(rival) for rival in result.rivals] == [pytest.approx(9.2)]
