@@ -32,7 +32,10 @@ def test_the_object_has_the_documented_keys() -> None:
             "derivatives_s",
             "wall_s",
             "certified",
+            "rivals",
             "mesh",
+            "ways",
+            "explored",
             "certificate",
         ]
     assert stages[0]["certificate"] is None

@@ -1,0 +1,204 @@
+"""Ways round at the command line: what is asked for reaches the settings, and what was tried is told."""
+
+import json
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import canned_procedure
+import pytest
+from canned_procedure import stage_result
+from typer.testing import CliRunner
+
+from airrace.checkpoint import read_checkpoint
+from airrace.cli.main import app
+from airrace.cli.summary import run_object, stage_object
+from airrace.cli.tables import rendered, result_tables
+from airrace.cli.ways_table import SHOWN, ways_table
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Explored, Stage, StageResult, Way
+
+TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
+STYLE = re.compile(r"\x1b\[[0-9;]*m")
+LOOP = "g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
+
+
+def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
+    tried = tuple(
+        Way(
+            f"1:g{number} -> 1:g{number + 1}: over the top to the right, {100 + number} m high",
+            10.0 + 0.125 * number,
+            0.125 * number,
+            "window" if number else "jointly",
+        )
+        for number in range(ways)
+    )
+    return Explored(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
+
+
+def contested(found: Explored) -> StageResult:
+    own = stage_result(Stage.POINT_MASS)
+    return replace(own, explored=found, rivals=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
+
+
+class Ran:
+    """A command that has ended."""
+
+    def __init__(self, *arguments: str | Path) -> None:
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        self.code, self.out, self.err = result.exit_code, result.stdout, result.stderr
+
+    @property
+    def answer(self) -> dict[str, Any]:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, and a procedure that has explored."""
+    monkeypatch.chdir(tmp_path)
+
+    def optimise(*arguments: Any, **named: Any) -> Iterator[StageResult]:
+        for result in canned_procedure.optimise(*arguments, **named):
+            yield contested(explored(loops=(LOOP,))) if result.stage is Stage.POINT_MASS else result
+
+    for name in ("STAGES", "derived_quantities", "recertified", "sampler"):
+        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    monkeypatch.setattr(procedure, "optimise", optimise)
+    return tmp_path
+
+
+def settings_of(folder: Path) -> dict[str, Any]:
+    return json.loads(read_checkpoint(folder / "rovinj_2014.h5").inputs.resolved)["settings"]
+
+
+# what is asked for
+
+
+@pytest.mark.parametrize("explore", ["off", "quick", "thorough"])
+def test_explore_and_climb_reach_the_settings_and_are_kept_as_overrides(folder: Path, explore: str) -> None:
+    assert Ran("optimize", TRACK, "--explore", explore, "--climb", "3", "--quiet").code == 0
+    assert (settings_of(folder)["explore"], settings_of(folder)["climb"]) == (explore, 3)
+    stored = read_checkpoint(folder / "rovinj_2014.h5").inputs.overrides
+    assert stored == (f"settings.explore={explore}", "settings.climb=3")
+
+
+def test_silent_command_explores_quickly_and_climbs_with_one_way(folder: Path) -> None:
+    assert Ran("optimize", TRACK, "--quiet").code == 0
+    assert (settings_of(folder)["explore"], settings_of(folder)["climb"]) == ("quick", 1)
+
+
+@pytest.mark.parametrize(
+    "wrong", [("--explore", "fast"), ("--explore", ""), ("--climb", "0"), ("--climb", "21"), ("--climb", "two")]
+)
+def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, str]) -> None:
+    ran = Ran("optimize", TRACK, *wrong)
+    assert ran.code == 2
+    assert wrong[0] in ran.err
+    assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("explore: fast", "explore"),
+        ("explore: Off", "explore"),
+        ("explore: 1", "explore"),
+        ("climb: 0", "climb"),
+        ("climb: 21", "climb"),
+        ("climb: 1.5", "climb"),
+        ("climb: many", "climb"),
+        ("explores: off", "explore"),
+    ],
+)
+def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: str) -> None:
+    (folder / "wrong.yaml").write_text(f"schema: airrace/settings/1\n{line}\n")
+    ran = Ran("optimize", TRACK, "--settings", "wrong.yaml", "--json")
+    assert ran.code == 3
+    (finding,) = ran.answer["findings"]
+    assert (finding["file"], finding["line"]) == ("wrong.yaml", 2)
+    assert words in str(finding)
+
+
+@pytest.mark.parametrize("chosen", ["settings.explore=fast", "settings.climb=0"])
+def test_wrong_overrides_are_refused(folder: Path, chosen: str) -> None:
+    ran = Ran("optimize", TRACK, "--set", chosen, "--json")
+    assert ran.code == 3
+    assert chosen.split("=")[0].removeprefix("settings.") in str(ran.answer["findings"])
+
+
+# what is told
+
+
+def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
+    flown = Ran("optimize", TRACK)
+    shown = Ran("show", "rovinj_2014.h5")
+    assert (flown.code, shown.code) == (0, 0)
+    for told in (flown.out, shown.out):
+        assert "ways round: 3 tried in 4.5 s, 3 of 5 flights led to the best" in told
+        assert "over the top to the right" in told
+        assert "+0.125" in told
+
+
+def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> None:
+    flown = Ran("optimize", TRACK, "--json").answer["stages"][-1]
+    shown = Ran("show", "rovinj_2014.h5", "--json").answer["stages"][-1]
+    for stage in (flown, shown):
+        assert stage["ways"] == [
+            {"way": way.text, "race_time_s": way.race_time, "difference_s": way.difference, "priced": way.priced}
+            for way in explored().ways
+        ]
+        assert stage["explored"] == {
+            "seconds": 4.5,
+            "led_to_best": 3,
+            "led_elsewhere": 1,
+            "lost": 1,
+            "loops": [LOOP],
+        }
+        assert stage["rivals"] == [{"race_time_s": 10.0, "certified": True}] * 2
+
+
+def test_stage_that_has_not_explored_tells_no_ways() -> None:
+    told = stage_object(stage_result(Stage.POINT_MASS))
+    assert (told["ways"], told["explored"], told["rivals"]) == ([], None, [])
+    shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
+    assert "ways round" not in shown
+
+
+def test_object_of_a_way_without_a_number_is_json() -> None:
+    lost = replace(explored(1), ways=(Way("nowhere", float("nan"), float("inf"), "window"),))
+    text = json.dumps(run_object("t", [contested(lost)], 1.0, certified=True), allow_nan=False)
+    assert json.loads(text)["stages"][0]["ways"][0]["race_time_s"] is None
+
+
+@pytest.mark.parametrize("count", [1, SHOWN, SHOWN + 1, 40])
+def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    lines = STYLE.sub("", rendered(ways_table(explored(count)))).splitlines()
+    told = [line for line in lines if "over the top" in line]
+    assert len(told) == min(count, SHOWN)
+    assert " best " in told[0]
+    assert not any(" best " in line for line in told[1:])
+    assert any(f"and {count - SHOWN} more" in line for line in lines) is (count > SHOWN)
+
+
+@pytest.mark.parametrize("columns", ["40", "60", "80"])
+def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    whole = "; ".join(way.text for way in explored(6).ways)
+    long = replace(explored(1), ways=(Way(whole, 10.0, 0.0, "jointly"),))
+    shown = STYLE.sub("", rendered(ways_table(long)))
+    assert "\u2026" not in shown
+    for word in whole.split():
+        assert word in shown
+
+
+def test_markup_in_names_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
+    odd = replace(explored(1), ways=(Way("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "jointly"),))
+    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(ways_table(odd))
