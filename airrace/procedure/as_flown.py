@@ -21,6 +21,7 @@ from airrace.track.course import Course, Passage
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Array, Trajectory
 
+TURN = math.radians(45.0)  # a flight that turns less has not chosen a side; forced to one, its plan might fly a circle
 ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
@@ -48,10 +49,11 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
     q = np.stack([row[name] for name in ATTITUDE])
     stops = stops_of(course)
     ways = {stop: (way_as_flown(course.passages[stop], q[:, first_node[stop]]),) for stop in stops}
-    turns = {
-        stop: 1 if turned(row["x"], row["y"], first_node[before], first_node[stop]) > 0.0 else -1
+    angle = {
+        stop: turned(row["x"], row["y"], first_node[before], first_node[stop])
         for before, stop in itertools.pairwise(stops)
     }
+    turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > TURN}
     rolls = {
         index: 1 if row["Phi"][first_node[index]] > 0.0 else -1
         for index, passage in enumerate(course.passages)
