@@ -24,8 +24,8 @@ from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.limits import Turning
 
 MARGIN = 2
-"""Stretches before and after those that change in a window. On Rovinj a reversal that saves 0.40 s jointly was priced at
-0.28 s with one of them, at 0.38 s with two."""
+"""Stretches before and after those that change in a window. On Rovinj a reversal that saves 0.40 s jointly was priced
+at 0.28 s with one of them, at 0.38 s with two."""
 
 TURN = math.radians(60.0)
 """A turn that is long enough to be thought of to the other side. Shorter ones that were forced there, on Rovinj, came
