@@ -21,10 +21,8 @@ from airrace.track.course import Course, Passage
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Array, Trajectory
 
+TURN = math.radians(45.0)  # a flight that turns less has not chosen a side; forced to one, its plan might fly a circle
 ATTITUDE = ("q0", "q1", "q2", "q3")
-SLIGHT = math.radians(20.0)
-"""A turn of less is to neither side: measured along chords its sign may be another than that of the course's change,
-and there may be no path that turns to that side on the whole but a full circle, or none at all."""
 
 
 def plan_as_flown(course: Course, pace: Cruise, flown: Trajectory) -> Plan:
@@ -55,7 +53,7 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
         stop: turned(row["x"], row["y"], first_node[before], first_node[stop])
         for before, stop in itertools.pairwise(stops)
     }
-    turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > SLIGHT}
+    turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > TURN}
     rolls = {
         index: 1 if row["Phi"][first_node[index]] > 0.0 else -1
         for index, passage in enumerate(course.passages)

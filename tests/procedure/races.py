@@ -14,7 +14,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
-from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
@@ -90,10 +90,11 @@ def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
     return stage_flight(stage, race, Settings())
 
 
-def settings(guess: GuessKind, *, compiled: bool = True) -> Settings:
-    """Default settings but for the guess, with or without a compiler."""
+def settings(guess: GuessKind, *, compiled: bool = True, explore: Explore = Explore.OFF) -> Settings:
+    """Default settings but for the guess, with or without a compiler; other ways round are explored where asked for."""
     silent = Settings()
-    return dataclasses.replace(silent, guess=guess, solver=dataclasses.replace(silent.solver, compile_kernels=compiled))
+    solver = dataclasses.replace(silent.solver, compile_kernels=compiled)
+    return dataclasses.replace(silent, guess=guess, solver=solver, explore=explore)
 
 
 @functools.cache

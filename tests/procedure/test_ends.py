@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from ladders import OPTIMA, PLAN, climbed, rung, seconds
-from races import RACES, SMALL, blown, mirrored, optimum, prepared
+from races import RACES, SMALL, blown, optimum, prepared
+from transformations import mirrored
 
 from airrace.dynamics.settled import settled_observation
 from airrace.optimal_control.certificate import Item

@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from airrace.procedure.as_flown import choices_as_flown
 from airrace.procedure.cruise import Cruise
 from airrace.procedure.flight import Flight
+from airrace.procedure.joint import COLD_BARRIER
 from airrace.procedure.plan import plan
 from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import Effort, scaled
 from airrace.procedure.ways.sketch import Draught, Sketch, planned_draught, sketched
 from airrace.procedure.ways.stretches import Stretch, differing, stretches
 from airrace.procedure.ways.thoughts import Thinker, Thought
-from airrace.procedure.ways.window import COLD_BARRIER, Priced, priced, spliced
+from airrace.procedure.ways.window import Priced, priced, spliced
 from airrace.track.course import Course
 
 WORTH = 0.003  # s: what a window has to save to be flown jointly
 GAINED = 0.0005  # s: what a joint flight has to gain to be the better one
-CLOSE = 0.35  # s behind the best: another start's way through a stretch may still be the better one
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class Search:
                 edges={**choices.edges, **edges},
                 rolls={**choices.rolls, **rolls},
             )
-        planned = plan(self._course, self._pace, choices)
+        planned = plan(self._course, self._pace, dataclasses.replace(choices, turns={}))
         return dataclasses.replace(self._flight, plan=planned), base, [one.found for one in group]
 
 

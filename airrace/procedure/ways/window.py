@@ -14,11 +14,11 @@ from airrace.optimal_control.service import SolverService
 from airrace.procedure.attitudes import ROWS as ATTITUDE
 from airrace.procedure.flight import Flight
 from airrace.procedure.homotopy import held
+from airrace.procedure.joint import COLD_BARRIER
 from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, attempted, sketched
 from airrace.quantities import Interval
 
-COLD_BARRIER = 0.1
 SPEED_REACH = 10.0  # m/s, by which the speed at the end of a window may differ: its price holds nearby
 COUNTERS = ("Phi", "gain")  # of rolls: they begin anew where they matter
 SPEED = "V_K"
