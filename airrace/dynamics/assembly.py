@@ -70,7 +70,7 @@ def assemble(
     states = (*own_states, *(RollCounter.quantities() if counting else ()))
     controls = (*own_controls, *(RollReset.quantities() if counting else ()))
     structure = _Structure(equations, vectors, type(aircraft), wind, counting, roll_rate)
-    rates, path_values, projection = _functions(structure)
+    rates, path_values, projection = functions(structure)
     system = System(
         name="+".join(part for part in (name, wind.label, "rolls" if counting else "") if part),
         states=states,
@@ -113,7 +113,7 @@ class _Structure:
 
 
 @functools.lru_cache(maxsize=32)
-def _functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
+def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Rates, path quantities and projection: made once, for many a model differs from another in numbers alone."""
     x, u, p = named_symbols(of.states), named_symbols(of.controls), named_symbols(of.parameters)
     state = of.vectors[0](**{name: x[name] for name in of.vectors[0].names()})

@@ -8,8 +8,9 @@ on these meshes, they are refined as always.
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -56,6 +57,14 @@ class Another:
         return sorted(certified, key=lambda one: stages.index(one.stage), reverse=True)
 
 
+class Flights(Protocol):
+    """What makes the models of stages: planned for themselves, or as an optimum goes round."""
+
+    def flight(self, stage: Stage) -> Flight: ...
+
+    def as_flown(self, stage: Stage, optimum: StageResult) -> Flight: ...
+
+
 @dataclass(frozen=True)
 class Restart:
     """How starting from another run ended.
@@ -73,7 +82,7 @@ def restarted(
     another: Another,
     stages: Sequence[Stage],
     course: Course,
-    flight_of: Callable[[Stage, StageResult], Flight],
+    flights: Flights,
     bench: Workbench,
 ) -> Restart:
     """The highest of these stages that can be started from another run's optimum of it, solved.
@@ -82,7 +91,7 @@ def restarted(
         another: the other run.
         stages: in the order of the ladder, the last one being the highest that is wanted.
         course: of this race.
-        flight_of: makes the model of a stage, planned as an optimum goes round; asked only for stages that are tried.
+        flights: makes the model of a stage; asked only for stages that are tried.
         bench: what is solved with.
 
     Raises:
@@ -93,8 +102,7 @@ def restarted(
     for optimum in optima:
         bench.progress.stage_started(optimum.stage)
         ensure_same_passings(_names(course), [(split.name, "") for split in optimum.splits], another.name)
-        flight = flight_of(optimum.stage, optimum)
-        found = _from_optimum(flight, bench, optimum, another.name)
+        found = _from_optimum(flights, bench, optimum, another.name)
         if isinstance(found, StageResult):
             remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
             return Restart(found, remark)
@@ -174,11 +182,12 @@ def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequenc
     return f"{another.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
 
 
-def _from_optimum(flight: Flight, bench: Workbench, optimum: StageResult, name: str) -> StageResult | str:
+def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name: str) -> StageResult | str:
     """The certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
-    stored = _in_order_of(flight, optimum)
+    stored = _in_order_of(flights.flight(optimum.stage), optimum)
     if stored is None:
         return "which flies other equations, no start was made"
+    flight = flights.as_flown(optimum.stage, optimum)
     if other_way := _other_way(flight, optimum):
         return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)

@@ -76,7 +76,7 @@ def optimise(
         bench = Workbench(service, settings, progress, threads)
         remark = ""
         if start and not finished:
-            restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder.as_flown, bench)
+            restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder, bench)
             remark = restart.remark
             faster = "" if restart.result is None else ladder.faster_way(restart.result, bench)
             if restart.result is not None and faster:

@@ -211,19 +211,29 @@ def _rolled(roll: Roll, planned: float) -> dict[str, Interval]:
 
 
 def _place(waypoint: Waypoint, span: float) -> CrossingParameters[float]:
+    """The frame of a passage. That of a manoeuvre is its own, whatever was planned: where its course is free any frame
+    would do, and one flight must not be told in several."""
     element = waypoint.passage.element
-    centre = (0.0, 0.0) if isinstance(element, Manoeuvre) else (element.north, element.east)
-    tolerances = None if isinstance(element, Manoeuvre) else element.tolerances
-    exact = not isinstance(element, Manoeuvre) and element.passing is Passing.POINT
-    bank = waypoint.bank or 0.0
+    if isinstance(element, Manoeuvre):
+        return _frame(0.0, 0.0, axis=element.heading or 0.0, bank=element.bank or 0.0)
+    tolerances = element.tolerances
+    return dataclasses.replace(
+        _frame(element.north, element.east, axis=waypoint.axis, bank=waypoint.bank or 0.0),
+        bank_tan=math.tan(tolerances.bank) if tolerances.bank <= WIDE else 0.0,
+        crossing_tan=math.tan(tolerances.crossing),
+        half_span=0.0 if element.passing is Passing.POINT else span / 2,
+    )
+
+
+def _frame(north: float, east: float, *, axis: float, bank: float) -> CrossingParameters[float]:
     return CrossingParameters(
-        centre_north=centre[0],
-        centre_east=centre[1],
-        axis_north=math.cos(waypoint.axis),
-        axis_east=math.sin(waypoint.axis),
+        centre_north=north,
+        centre_east=east,
+        axis_north=math.cos(axis),
+        axis_east=math.sin(axis),
         bank_cos=math.cos(bank),
         bank_sin=math.sin(bank),
-        bank_tan=math.tan(tolerances.bank) if tolerances is not None and tolerances.bank <= WIDE else 0.0,
-        crossing_tan=math.tan(tolerances.crossing) if tolerances is not None else 0.0,
-        half_span=0.0 if exact else span / 2,
+        bank_tan=0.0,
+        crossing_tan=0.0,
+        half_span=0.0,
     )

@@ -8,7 +8,7 @@ from airrace_command import HALF_CUBAN, POINT_MASS, airrace
 FASTER = ("--set", "rules.n_z_max=9.5")
 
 
-def test_changed_run_ends_where_a_run_from_scratch_ends(tmp_path: Path) -> None:
+def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Path) -> None:
     plan = ("--guess", "plan", "--quiet", "--json")
     before = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, "--out", "RUN.h5", cwd=tmp_path)
     scratch = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, *FASTER, "--out", "SCRATCH.h5", cwd=tmp_path)
@@ -16,7 +16,7 @@ def test_changed_run_ends_where_a_run_from_scratch_ends(tmp_path: Path) -> None:
     changed = airrace("resume", "RUN.h5", *FASTER, "--out", "NEW.h5", "--quiet", "--json", cwd=tmp_path)
     assert (changed.code, changed.answer["certified"]) == (0, True)
     assert (tmp_path / "RUN.h5").read_bytes() == stored
-    assert changed.race_time == pytest.approx(scratch.race_time, abs=5e-3)
+    assert changed.race_time <= scratch.race_time + 5e-3
     compared = changed.answer["compared"]
     assert isinstance(compared, dict)
     difference = compared["race_time_s"]["difference"]

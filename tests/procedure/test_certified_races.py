@@ -79,7 +79,9 @@ def test_certificate_holds_when_measured_again_from_the_result_alone(name: str, 
     assert again.certified
     assert [item.name for item in again.items] == [item.name for item in result.certificate.items]
     for one, other in zip(again.items, result.certificate.items, strict=True):
-        assert one.value == pytest.approx(other.value, rel=1e-3, abs=1e-7)
+        # One number is solved for anew, from another start: on a coarse mesh an optimum is flat within a part of a ms.
+        solved_again = 3e-4 if one.name == "race_time_change" else 1e-7
+        assert one.value == pytest.approx(other.value, rel=1e-3, abs=solved_again)
 
 
 @every_race_and_guess

@@ -239,7 +239,7 @@ def test_what_cannot_be_studied_is_refused(modules: dict[str, ModuleType], capsy
 
 def test_a_job_is_flown_in_a_process_and_one_that_takes_too_long_is_stopped(modules: dict[str, ModuleType]) -> None:
     jobs = modules["jobs"]
-    flight = jobs.Job(COURSE, ("settings.guess=plan",), change="mirrored")
+    flight = jobs.Job(COURSE, ("settings.guess=plan", "settings.explore=off"), change="mirrored")
     flown = jobs.flown(flight, 300.0)
     assert (flown["outcome"], flown["message"]) == ("certified", "")
     assert flown["race_time_s"] == pytest.approx(8.634, abs=0.005)

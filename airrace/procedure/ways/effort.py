@@ -55,8 +55,9 @@ QUICK = Effort(
 )
 THOROUGH = Effort(
     radii=(
-        *(Radius(factor) for factor in (1.0, 0.85, 0.7, 0.55, 0.4, 0.3)),
-        *(Radius(factor, slower=True) for factor in (0.85, 0.7, 0.55, 0.4)),
+        *QUICK.radii,
+        *(Radius(factor) for factor in (0.85, 0.55, 0.3)),
+        *(Radius(factor, slower=True) for factor in (0.85, 0.7, 0.5, 0.4)),
     ),
     thinking=Radius(0.5),
     dearest=6.0,
