@@ -103,10 +103,12 @@ def sketched(service: SolverService, draught: Draught) -> Sketch | None:
     return found
 
 
-def attempted(service: SolverService, problem: Problem, iterate: Iterate, barrier: float) -> Solution | None:
-    """One solve within the budget; None if the solver did not come back."""
+def attempted(
+    service: SolverService, problem: Problem, iterate: Iterate, barrier: float, iterations: int = ITERATIONS
+) -> Solution | None:
+    """One solve within a budget of iterations; None if the solver did not come back."""
     try:
-        options = SolverOptions(TOLERANCE, ITERATIONS, barrier)
+        options = SolverOptions(TOLERANCE, iterations, barrier)
         return service.solve(problem, iterate, solver="fatrop", options=options)
     except Stalled:
         return None
