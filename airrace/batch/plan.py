@@ -7,6 +7,7 @@ from airrace.batch.executor import INVALID_INPUT
 from airrace.batch.job import Job
 from airrace.batch.record import Record
 from airrace.batch.sweep import Combination
+from airrace.batch.ways import Ways, ways_of
 from airrace.errors import Finding
 
 
@@ -21,6 +22,7 @@ class Result:
         wall: s, of the attempt that ended it.
         retries: why earlier attempts did not.
         findings: what is wrong with the inputs.
+        ways: which way round was flown; None where no other was tried.
     """
 
     code: int
@@ -29,11 +31,13 @@ class Result:
     wall: float = 0.0
     retries: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
+    ways: Ways | None = None
 
 
 def result_of(record: Record) -> Result:
     """What a record says."""
-    return Result(record.code, record.message, record.race_time, record.wall, record.retries, record.findings)
+    ways = ways_of(record.run)
+    return Result(record.code, record.message, record.race_time, record.wall, record.retries, record.findings, ways)
 
 
 def invalid(findings: tuple[Finding, ...]) -> Result:

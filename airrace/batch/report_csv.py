@@ -10,6 +10,7 @@ from airrace.batch.record import checkpoint_path
 
 COLUMNS = ("name", "course", "track", "aircraft")
 MEASURED = ("state", "code", "race_time_s", "behind_s", "behind_course_s", "wall_s", "kept", "retries", "message")
+WAYS = ("way", "ways_tried", "next_way", "next_way_behind_s")
 
 
 def csv_text(rows: Sequence[Row], folder: Path) -> str:
@@ -17,9 +18,9 @@ def csv_text(rows: Sequence[Row], folder: Path) -> str:
     keys = list(dict.fromkeys(key for row in rows for key, _ in row.step.swept))
     written = io.StringIO()
     writer = csv.writer(written)
-    writer.writerow([*COLUMNS, *keys, *MEASURED, "checkpoint"])
+    writer.writerow([*COLUMNS, *keys, *MEASURED, *WAYS, "checkpoint"])
     for row in rows:
-        step, result, swept = row.step, row.result, dict(row.step.swept)
+        step, result, swept, ways = row.step, row.result, dict(row.step.swept), row.result.ways
         writer.writerow(
             [
                 *(step.name, step.course, step.track, step.aircraft),
@@ -28,6 +29,7 @@ def csv_text(rows: Sequence[Row], folder: Path) -> str:
                 "yes" if step.action == "keep" else "no",
                 len(result.retries),
                 result.message,
+                *((None,) * len(WAYS) if ways is None else (ways.flown, ways.tried, ways.next, ways.behind)),
                 checkpoint_path(folder, step.name) if step.action != "refuse" else None,
             ]
         )

@@ -10,8 +10,8 @@ ROWS_MAX = 500
 
 
 def markdown_text(rows: Sequence[Row], summaries: Sequence[WindSummary]) -> str:
-    """A heading, the table, what is wrong, and the winds."""
-    return "\n".join([*_ranking(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
+    """A heading, the table, the ways round, what is wrong, and the winds."""
+    return "\n".join([*_ranking(rows), *_ways(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
 
 
 def _ranking(rows: Sequence[Row]) -> Iterator[str]:
@@ -29,6 +29,18 @@ def _ranking(rows: Sequence[Row]) -> Iterator[str]:
     if len(rows) > ROWS_MAX:
         yield ""
         yield f"and {len(rows) - ROWS_MAX} more"
+
+
+def _ways(rows: Sequence[Row]) -> Iterator[str]:
+    told = [(row, row.result.ways) for row in rows if row.result.ways is not None]
+    if not told:
+        return
+    yield ""
+    yield "| job | way round | ways tried | next best way | behind s |"
+    yield "|---|---|---:|---|---:|"
+    for row, ways in told[:ROWS_MAX]:
+        behind = "" if ways.behind is None else f"{ways.behind:+.3f}"
+        yield f"| {_cell(row.step.name)} | {_cell(ways.flown)} | {ways.tried} | {_cell(ways.next)} | {behind} |"
 
 
 def _troubles(rows: Sequence[Row]) -> Iterator[str]:

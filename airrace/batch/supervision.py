@@ -6,7 +6,7 @@ It never raises for what happens to a job, and keeps a few numbers of a finished
 import contextlib
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from airrace.batch.cache import Choice
@@ -24,7 +24,7 @@ from airrace.batch.executor import (
     Started,
 )
 from airrace.batch.job import Job
-from airrace.batch.plan import Plan, Result, Step
+from airrace.batch.plan import Plan, Result, Step, result_of
 from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record
 from airrace.errors import StorageError
 
@@ -172,6 +172,6 @@ class _Supervision:
                 record_path(folder, job.name).unlink(missing_ok=True)
             if code == DONE:
                 code, message = SYSTEM, str(error)
-        result = Result(code, message, record.race_time, ending.wall, attempts.reasons, ending.findings)
+        result = replace(result_of(record), code=code, message=message)
         self._results[job.name] = result
         self._watcher.ended(attempts.step, result)

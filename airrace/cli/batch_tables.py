@@ -15,11 +15,16 @@ MESSAGE_MAX = 90
 
 def ranking_table(rows: Sequence[Row]) -> Table:
     """All jobs, the fastest first."""
-    siblings = has_siblings(rows)
+    siblings, explored = has_siblings(rows), any(row.result.ways is not None for row in rows)
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
-    numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's best s",) if siblings else ()), "wall\ns")
+    numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's best s",) if siblings else ()))
+    numbers = (*numbers, *(("ways\ntried", "next way\nbehind s") if explored else ()), "wall\ns")
     cells = [
-        [row.step.name, row.state, *_times(row, siblings=siblings), _wall(row), _shortened(row.result.message)]
+        [
+            *(row.step.name, row.state, *_times(row, siblings=siblings)),
+            *(_ways(row) if explored else ()),
+            *(_wall(row), _shortened(row.result.message)),
+        ]
         for row in rows
     ]
     return _with_notes(f"{len(rows)} jobs: {told or 'none'}", numbers, cells)
@@ -63,6 +68,13 @@ def _times(row: Row, *, siblings: bool) -> list[str]:
         "-" if race_time is None else f"{race_time:.3f}",
         *("-" if one is None else f"{one:+.3f}" for one in values),
     ]
+
+
+def _ways(row: Row) -> tuple[str, str]:
+    ways = row.result.ways
+    if ways is None:
+        return "-", "-"
+    return str(ways.tried), "-" if ways.behind is None else f"{ways.behind:+.3f}"
 
 
 def _wall(row: Row) -> str:

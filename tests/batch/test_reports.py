@@ -18,7 +18,10 @@ from airrace.batch.report_csv import csv_text
 from airrace.batch.report_junit import fit, junit_text
 from airrace.batch.report_markdown import markdown_text
 from airrace.batch.supervision import Policy
+from airrace.batch.ways import Ways, ways_of
 from airrace.batch.wind import wind_summaries, wind_words
+from airrace.cli.batch_tables import ranking_table
+from airrace.cli.tables import rendered
 from airrace.errors import Finding
 
 FINDING = Finding("tracks/bad, a.yaml", 7, 3, "rules.n_z_mx", "unknown key `n_z_mx`;\ndid you mean `n_z_max`? 100 %")
@@ -83,6 +86,37 @@ def test_the_csv_has_a_column_for_every_swept_key() -> None:
     )
     table = list(csv.DictReader(io.StringIO(csv_text(rows, Path("out")))))
     assert [line["environment.wind.speed_kt"] for line in table] == ["5", ""]
+
+
+EXPLORED = rows_of(
+    (a_step("plain"), Result(0, "", 61.0)),
+    (a_step("bent"), Result(0, "", 60.0, ways=Ways("a | b: to the left", 7, "a -> b: over the top", 0.125))),
+)
+
+
+def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
+    table = list(csv.DictReader(io.StringIO(csv_text(EXPLORED, Path("out")))))
+    assert [line["way"] for line in table] == ["a | b: to the left", ""]
+    assert [line["ways_tried"] for line in table] == ["7", ""]
+    assert [line["next_way"] for line in table] == ["a -> b: over the top", ""]
+    assert [line["next_way_behind_s"] for line in table] == ["0.125", ""]
+    text = markdown_text(EXPLORED, ())
+    assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
+    assert "ways tried" not in markdown_text(ROWS, ())
+    shown = rendered(ranking_table(EXPLORED)).splitlines()
+    assert shown[-2].split()[:5] == ["bent", "certified", "60.000", "+0.000", "7"]
+    assert shown[-2].split()[5:] == ["+0.125", "0.0"]
+    assert shown[-1].split()[4:6] == ["-", "-"]
+    assert "next way" not in rendered(ranking_table(ROWS))
+
+
+def test_the_ways_of_a_run_are_those_of_the_stage_that_explored() -> None:
+    best, other = ({"way": way, "difference_s": late} for way, late in (("flat", 0.0), ("high", 0.5)))
+    silent = {"stage": "six-dof", "ways": []}
+    assert ways_of({"stages": [{"ways": [best, other]}, silent]}) == Ways("flat", 2, "high", 0.5)
+    assert ways_of({"stages": [{"ways": [best]}, silent]}) == Ways("flat", 1)
+    assert ways_of({"stages": [silent]}) is None
+    assert ways_of(None) is None
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,34 @@
+"""Which way round a job was flown, and which other way came next."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Ways:
+    """The ways round that a job has tried, in short.
+
+    Attributes:
+        flown: the way that was proved, in words.
+        tried: how many there were, this one among them.
+        next: the fastest of the others, in words; empty where there is none.
+        behind: s by which that one is behind on the rough mesh; None where there is none.
+    """
+
+    flown: str
+    tried: int
+    next: str = ""
+    behind: float | None = None
+
+
+# Any: JSON
+def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
+    """The ways of the stage that explored, from the object of `airrace optimize --json`; None where none did."""
+    told = [stage["ways"] for stage in (run or {}).get("stages", ()) if stage.get("ways")]
+    if not told:
+        return None
+    flown, *others = told[0]
+    if not others:
+        return Ways(flown["way"], 1)
+    return Ways(flown["way"], 1 + len(others), others[0]["way"], others[0]["difference_s"])
