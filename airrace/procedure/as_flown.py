@@ -17,7 +17,7 @@ from airrace.procedure.cruise import Cruise
 from airrace.procedure.plan import Plan, plan, stops_of
 from airrace.procedure.waypoints import STEEP, Waypoint, candidates
 from airrace.quantities import Quantity
-from airrace.track.course import Course, Passage
+from airrace.track.course import Course
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Array, Trajectory
 
@@ -48,7 +48,7 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
     row = {one.name: history for one, history in zip(states, state, strict=True)}
     q = np.stack([row[name] for name in ATTITUDE])
     stops = stops_of(course)
-    ways = {stop: (way_as_flown(course.passages[stop], q[:, first_node[stop]]),) for stop in stops}
+    ways = {stop: (way_as_flown(course, stop, q[:, first_node[stop]]),) for stop in stops}
     angle = {
         stop: turned(row["x"], row["y"], first_node[before], first_node[stop])
         for before, stop in itertools.pairwise(stops)
@@ -67,17 +67,19 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
     return Choices(ways, turns, rolls, edges)
 
 
-def way_as_flown(passage: Passage, q: Array) -> Waypoint:
+def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
     """The candidate of a passage that is nearest to how it was passed, with the course that was flown.
 
     Args:
-        passage: which one.
+        course: what was flown.
+        index: of the passage.
         q: attitude, shape (4,).
     """
     heading, _, _ = angles(rotation([float(one) for one in q]))
-    if isinstance(passage.element, Manoeuvre):
-        return max(candidates(passage), key=lambda one: abs(float(np.dot(q, one.q))))
-    nearest = min(candidates(passage), key=lambda one: abs(angle_between(heading, one.heading)))
+    known = candidates(course, index)
+    if isinstance(course.passages[index].element, Manoeuvre):
+        return max(known, key=lambda one: abs(float(np.dot(q, one.q))))
+    nearest = min(known, key=lambda one: abs(angle_between(heading, one.heading)))
     if abs(nearest.climb) > STEEP:
         return nearest
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))

@@ -31,7 +31,7 @@ class Choices:
 
     def candidates(self, course: Course, index: int) -> list[Waypoint]:
         """The ways in which a passage may still be planned."""
-        return list(self.ways[index]) if index in self.ways else candidates(course.passages[index])
+        return list(self.ways[index]) if index in self.ways else candidates(course, index)
 
     def roll(self, course: Course, index: int) -> Roll | None:
         """The roll on the leg that ends with a passage, to the chosen side."""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.frames import quaternion
-from airrace.track.course import Direction, Passage
+from airrace.track.course import Course, Direction, Passage
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 
-HEADINGS = 2.0 * math.pi / 36 * np.arange(36)
+COURSES = 2.0 * math.pi / 36 * np.arange(36)  # of a manoeuvre that leaves its own free, from the first passage's
 OFFSETS = math.radians(10.0) * np.arange(-6, 7)
 BESIDE_OFFSETS = math.radians(10.0) * np.arange(-8, 9)  # at a pylon, whose crossing angle may be larger
 BANKS = 2.0 * math.pi / 8 * np.arange(8)
@@ -56,15 +56,16 @@ def is_only_a_height(passage: Passage) -> bool:
     return asked == (None, None, None) and not element.north.bounded and not element.east.bounded
 
 
-def candidates(passage: Passage) -> list[Waypoint]:
-    """The ways in which a passage may be planned."""
+def candidates(course: Course, index: int) -> list[Waypoint]:
+    """The ways in which a passage of a course may be planned."""
+    passage = course.passages[index]
     match passage.element:
         case Gate():
             return _at_gate(passage, passage.element)
         case Pylon():
             return _at_pylon(passage, passage.element)
         case Manoeuvre():
-            return _in_manoeuvre(passage, passage.element)
+            return _in_manoeuvre(passage, passage.element, _first_heading(course))
 
 
 def _at_gate(passage: Passage, gate: Gate) -> list[Waypoint]:
@@ -92,12 +93,28 @@ def _at_pylon(passage: Passage, pylon: Pylon) -> list[Waypoint]:
     ]
 
 
-def _in_manoeuvre(passage: Passage, element: Manoeuvre) -> list[Waypoint]:
+def _first_heading(course: Course) -> float:
+    """A heading (rad) that turns with the course: that of its first element that has one; north without any."""
+    for passage in course.passages:
+        match passage.element:
+            case Gate(heading=heading):
+                return heading
+            case Pylon(side=side):
+                return side + math.pi / 2
+            case Manoeuvre(heading=heading) if heading is not None:
+                return heading
+            case Manoeuvre():
+                pass
+    return 0.0
+
+
+def _in_manoeuvre(passage: Passage, element: Manoeuvre, reference: float) -> list[Waypoint]:
     """The prescribed attitude at every course that is allowed; a position only where all of it is prescribed.
 
-    A roll may end at any bank; where the line is steep, bank and course are one.
+    Free courses are counted from a reference (rad). A roll may end at any bank; where the line is steep, bank and
+    course are one.
     """
-    headings = HEADINGS.tolist() if element.heading is None else [element.heading]
+    headings = (reference + COURSES).tolist() if element.heading is None else [element.heading]
     climb = element.climb or 0.0
     banks = [element.bank]
     if passage.roll is not None and element.bank is None and abs(climb) < STEEP:

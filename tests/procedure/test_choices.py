@@ -73,7 +73,7 @@ def test_plan_that_is_told_its_own_choices_is_the_same_plan(name: str) -> None:
 def test_plan_crosses_every_passage_along_the_axis_that_is_left_of_it(name: str) -> None:
     race = RACES[name]
     for index in stops_of(race.course):
-        for way in candidates(race.course.passages[index])[::13]:
+        for way in candidates(race.course, index)[::13]:
             made = planned(race, Choices(ways={index: (way,)}))
             assert made.waypoints[index].axis == way.axis
             assert made.waypoints[index].heading == way.heading
@@ -115,7 +115,7 @@ def test_choices_without_some_ways_are_free_there_and_kept_elsewhere() -> None:
     race = SHIPPED["rovinj_2014"]
     whole = choices_of(plan_of(race), race)
     freed = whole.without_ways(3)
-    assert freed.candidates(race.course, 3) == candidates(race.course.passages[3])
+    assert freed.candidates(race.course, 3) == candidates(race.course, 3)
     assert freed.candidates(race.course, 4) == [plan_of(race).waypoints[4]]
     assert len(whole.candidates(race.course, 3)) == 1
 

@@ -122,7 +122,7 @@ class Thinker:
         if not isinstance(passage.element, Gate | Pylon):
             return
         (own,) = self.choices.ways[stretch.last]
-        for axis, ways in _by_axis(candidates(passage)):
+        for axis, ways in _by_axis(candidates(self.course, stretch.last)):
             if abs(angle_between(axis, own.axis)) > 1e-6:
                 freed = self._freed(stretch.last)
                 chosen = dataclasses.replace(freed, ways={**freed.ways, stretch.last: tuple(ways)})
@@ -145,7 +145,7 @@ class Thinker:
         if not isinstance(passage.element, Manoeuvre) or passage.element.heading is not None:
             return
         (own,) = self.choices.ways[stretch.last]
-        ways = tuple(one for one in candidates(passage) if math.cos(one.heading - own.heading) < -0.1)
+        ways = tuple(one for one in candidates(self.course, stretch.last) if math.cos(one.heading - own.heading) < -0.1)
         if ways:
             freed = self._freed(stretch.last)
             chosen = dataclasses.replace(freed, ways={**freed.ways, stretch.last: ways})
