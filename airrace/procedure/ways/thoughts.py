@@ -90,7 +90,9 @@ class Thinker:
                 continue
             flown = shape(self.base, stretch)
             yield from self._other_hand(stretch, flown)
-            yield from self._other_crossing(stretch)
+            if stretch.number == 0:
+                yield from self._other_crossing(stretch, stretch.first)
+            yield from self._other_crossing(stretch, stretch.last)
             yield from self._other_sides(stretch)
             yield from self._other_course(stretch)
             if shapes:
@@ -116,16 +118,15 @@ class Thinker:
         chosen = dataclasses.replace(freed, turns={**freed.turns, stretch.last: side})
         yield from self._planned(stretch, chosen, "other hand")
 
-    def _other_crossing(self, stretch: Stretch) -> Iterator[Thought]:
-        """The passage at the end of the stretch crossed along another axis."""
-        passage = self.course.passages[stretch.last]
-        if not isinstance(passage.element, Gate | Pylon):
+    def _other_crossing(self, stretch: Stretch, index: int) -> Iterator[Thought]:
+        """The passage at an end of the stretch crossed along another axis."""
+        if not isinstance(self.course.passages[index].element, Gate | Pylon):
             return
-        (own,) = self.choices.ways[stretch.last]
-        for axis, ways in _by_axis(candidates(self.course, stretch.last)):
+        (own,) = self.choices.ways[index]
+        for axis, ways in _by_axis(candidates(self.course, index)):
             if abs(angle_between(axis, own.axis)) > 1e-6:
-                freed = self._freed(stretch.last)
-                chosen = dataclasses.replace(freed, ways={**freed.ways, stretch.last: tuple(ways)})
+                freed = self._freed(index)
+                chosen = dataclasses.replace(freed, ways={**freed.ways, index: tuple(ways)})
                 yield from self._planned(stretch, chosen, "other direction")
 
     def _other_sides(self, stretch: Stretch) -> Iterator[Thought]:

@@ -1,21 +1,27 @@
 """Windows: the rest of the flight stays as it is, and only another way round saves anything."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 from explored_races import OFF, QUICK, WOUND, optimum, wound
-from races import SMALL
+from races import EDGE_540, SMALL, course, level, prepared, pylon
+from races import planned as plan_of
 from transformations import mirrored
 from ways_bench import planned_sketch, workbench
 
+from airrace.environment.air import Air
+from airrace.procedure.choices import Choices
 from airrace.procedure.pieces import phase_piece
+from airrace.procedure.plan import plan
 from airrace.procedure.race import Race
+from airrace.procedure.waypoints import candidates
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import scaled
-from airrace.procedure.ways.sketch import Sketch
+from airrace.procedure.ways.sketch import Sketch, planned_draught, sketched
 from airrace.procedure.ways.thoughts import Thinker, Thought
-from airrace.procedure.ways.window import SPEED_REACH, Priced, Window, priced, spliced
+from airrace.procedure.ways.window import COLD_BARRIER, SPEED_REACH, Priced, Window, priced, spliced
 
 ATTITUDE = slice(4, 8)
 
@@ -104,6 +110,24 @@ def test_mirrored_flight_is_thought_of_likewise() -> None:
     own = [(one.stretch, one.kind) for one in thoughts(planned_sketch(WOUND), WOUND)]
     image = mirrored(WOUND)
     assert [(one.stretch, one.kind) for one in thoughts(planned_sketch(image), image)] == own
+
+
+def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> None:
+    """Begun backwards past a pylon, the flight is a turn of 180 degrees longer; its window says so."""
+    elements = (pylon("first", 0.0, 0.0, 90.0), level("second", 500.0, 0.0, 0.0), level("third", 900.0, 0.0, 0.0))
+    race = Race(course("from a pylon", *elements), EDGE_540, Air())
+    forward = plan_of(race)
+    backwards = [one for one in candidates(race.course, 0) if math.cos(one.axis - forward.waypoints[0].axis) < 0.0]
+    chosen = Choices(ways={0: tuple(backwards)})
+    flight = prepared(race)
+    wrong = dataclasses.replace(flight, plan=plan(race.course, flight.plan.cruise, chosen))
+    with workbench() as bench:
+        base = sketched(bench.service, planned_draught(wrong, wrong.plan, COLD_BARRIER))
+    assert base is not None
+    assert base.race_time > planned_sketch(race).race_time + 2.0
+    about_start = [one for one in thoughts(base, race) if one.kind == "other direction" and one.stretch.number == 0]
+    saved = [solved(one.window).saved for one in about_start]
+    assert max(saved) == pytest.approx(base.race_time - planned_sketch(race).race_time, abs=0.05)
 
 
 def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
