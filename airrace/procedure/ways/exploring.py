@@ -117,7 +117,8 @@ def _told(
         *(way for one in found.windows if (way := _told_window(one, best, course, places)) is not None),
     ]
     first, *others = ways
-    unique = {way.text: way for way in sorted(others, key=lambda way: -way.race_time)}
+    # Of those with the same words the fastest is told, and a flight optimised jointly before a price.
+    unique = {way.text: way for way in sorted(others, key=lambda way: (way.priced == "jointly", -way.race_time))}
     ranked = sorted(unique.values(), key=lambda way: way.race_time)
     loops = tuple(_loops(best, course, scaled(pace, effort.thinking), places))
     return Explored(

@@ -94,7 +94,8 @@ def sketched(service: SolverService, draught: Draught) -> Sketch | None:
         solution = attempted(service, problem, iterate, barrier)
         if solution is None or not solution.success:
             return found
-        found = _measured(draught.flight, problem, solution)
+        multipliers = solution.multipliers.constraints
+        found = Sketch(draught.flight, problem, solution.iterate, multipliers, deceit(problem, solution))
         counts = _counts(found)
         if counts == [len(phase) for phase in mesh]:
             return found
@@ -114,12 +115,12 @@ def attempted(
         return None
 
 
-def _measured(flight: Flight, problem: Problem, solution: Solution) -> Sketch:
-    multipliers = solution.multipliers.constraints
+def deceit(problem: Problem, solution: Solution) -> Array:
+    """What each phase of an optimum is too fast for its mesh alone, s; shape (n,), infinite where it cannot be told."""
     defect = estimated_defect(problem, solution.iterate)
-    errors = errors_in_objective(problem, defect, multipliers)
-    by_phase = np.add.reduceat(np.nan_to_num(errors, nan=math.inf), problem.first_node[:-1])
-    return Sketch(flight, problem, solution.iterate, multipliers, by_phase)
+    errors = errors_in_objective(problem, defect, solution.multipliers.constraints)
+    by_phase: Array = np.add.reduceat(np.nan_to_num(errors, nan=math.inf), problem.first_node[:-1])
+    return by_phase
 
 
 def _counts(sketch: Sketch) -> list[int]:

@@ -44,6 +44,7 @@ class Shape:
         steepest: largest magnitude of its climb angle, rad.
         height: largest height, m.
         rise: of that above the higher end, m.
+        gain: height of its end above its beginning, m.
         overhead: whether the aircraft is upside down at the top.
         seconds: its duration.
         length: of its track over ground, m.
@@ -53,6 +54,7 @@ class Shape:
     steepest: float
     height: float
     rise: float
+    gain: float
     overhead: bool
     seconds: float
     length: float
@@ -70,6 +72,7 @@ def shape(sketch: Sketch, stretch: Stretch) -> Shape:
         steepest=float(np.arcsin(np.clip(np.abs(R[2][0]), 0.0, 1.0)).max()),
         height=float(height.max()),
         rise=float(height.max() - max(height[0], height[-1])),
+        gain=float(height[-1] - height[0]),
         overhead=bool(R[2][2][int(height.argmax())] < 0.0),
         seconds=float(sketch.iterate.durations[stretch.first : stretch.last].sum()),
         length=float(np.hypot(*(np.diff(row[name][first : last + 1]) for name in ("x", "y"))).sum()),

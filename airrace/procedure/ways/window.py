@@ -4,6 +4,7 @@ A window begins and ends in the states of the flight around it; only the speed a
 the costates put on it. So a way is priced in tenths of a second, and what wins fits into the flight.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,7 +17,7 @@ from airrace.procedure.flight import Flight
 from airrace.procedure.homotopy import held
 from airrace.procedure.joint import COLD_BARRIER
 from airrace.procedure.pieces import joined, phase_piece
-from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, attempted, sketched
+from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, attempted, deceit, sketched
 from airrace.quantities import Interval
 
 ITERATIONS = (
@@ -50,7 +51,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Priced:
-    """A window solved: the flight's way through it, and the seconds that it saves."""
+    """A window solved: the flight's way through it, and the seconds that it saves, its errors of integration aside."""
 
     window: Window
     iterate: Iterate
@@ -66,10 +67,11 @@ def priced(service: SolverService, window: Window) -> Priced | None:
         return None
     base, found = window.base, solution.iterate
     speed = [one.name for one in problem.system.states].index(SPEED)
-    before = base.iterate.durations[window.first : window.last].sum()
+    before = (base.iterate.durations + base.errors)[window.first : window.last].sum()
+    after = found.durations.sum() + deceit(problem, solution).sum()
     last = base.problem.first_node[window.last]
-    saved = before - found.durations.sum() + weight * (base.iterate.state[speed, last] - found.state[speed, -1])
-    return Priced(window, found, problem, float(saved))
+    saved = before - after + weight * (base.iterate.state[speed, last] - found.state[speed, -1])
+    return Priced(window, found, problem, float(saved)) if math.isfinite(saved) else None
 
 
 def spliced(service: SolverService, flight: Flight, base: Sketch, wins: Sequence[Priced]) -> Sketch | None:

@@ -9,7 +9,7 @@ from airrace.track.course import Course
 
 NAMED = math.radians(100.0)  # a turn that is named in the description of a whole flight
 STRAIGHT = math.radians(15.0)
-FLAT = 15.0  # m above both ends
+FLAT = 15.0  # m above both ends, or between them
 STEEP = math.radians(60.0)
 
 
@@ -36,4 +36,8 @@ def shape_in_words(one: Shape) -> str:
     if one.rise > FLAT and one.steepest > STEEP and one.overhead:
         return f"over the top {side}, {round(one.height, -1):.0f} m high"
     turned = "straight" if abs(one.turn) < STRAIGHT else f"{degrees}{side}"
-    return f"{turned}, {round(one.height, -1):.0f} m high" if one.rise > FLAT else f"{turned}, flat"
+    if one.rise > FLAT:
+        return f"{turned}, {round(one.height, -1):.0f} m high"
+    if abs(one.gain) <= FLAT:
+        return f"{turned}, flat"
+    return f"{turned}, {'climbing' if one.gain > 0.0 else 'descending'} {round(abs(one.gain), -1):.0f} m"

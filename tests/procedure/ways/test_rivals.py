@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from airrace.procedure import ladder
 from airrace.procedure.joint import Start
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_EXPLORED, Outcome, Stage, StageResult
+from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Stage, StageResult, Way
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -114,14 +115,18 @@ def taking(seconds: float, *, certified: bool = True) -> StageResult:
 
 
 def first_stage(
-    monkeypatch: pytest.MonkeyPatch, chosen: Settings, found: int, *verdicts: StageResult
+    monkeypatch: pytest.MonkeyPatch,
+    chosen: Settings,
+    found: int,
+    *verdicts: StageResult,
+    explored: Explored = NOT_EXPLORED,
 ) -> tuple[StageResult, list[list[Start]], list[Start]]:
     """The point mass where exploring has found so many starts: the result, what was asked, and those starts."""
     sketch = planned_sketch(SMALL)
     starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(ladder, "optimise_jointly", answers)
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, NOT_EXPLORED))
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, explored))
     monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     with workbench(chosen) as bench:
         result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, bench)
@@ -144,6 +149,31 @@ def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified
     assert len(asked[2]) == 2  # the plan and the homotopy
     assert result.certified
     assert seconds(result) == pytest.approx(11.0)
+
+
+BEST_WAY = Explored(ways=(Way("flat", 9.0, 0.0, "jointly"),))
+
+
+def test_next_way_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_the_proof(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    verdicts = (taking(9.5), taking(9.05))
+    with caplog.at_level(logging.WARNING):
+        result, asked, found = first_stage(monkeypatch, QUICK, 3, *verdicts, explored=BEST_WAY)
+    assert asked == [[one] for one in found[:2]]
+    assert seconds(result) == pytest.approx(9.05)
+    assert not caplog.records
+
+
+def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), explored=BEST_WAY)
+    assert seconds(result) == pytest.approx(9.5)
+    (record,) = caplog.records
+    assert "9.00 s when flown roughly" in record.getMessage()
+    assert "takes 9.50 s" in record.getMessage()
 
 
 def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,16 @@ from airrace.procedure.ways.stretches import Shape, differing, same_way, shape, 
 from airrace.procedure.ways.words import flight_in_words, named, shape_in_words, way_in_words
 
 DEGREE = math.radians(1.0)
-FLAT = Shape(turn=180 * DEGREE, steepest=5 * DEGREE, height=22.0, rise=2.0, overhead=False, seconds=6.0, length=500.0)
+FLAT = Shape(
+    turn=180 * DEGREE,
+    steepest=5 * DEGREE,
+    height=22.0,
+    rise=2.0,
+    gain=0.0,
+    overhead=False,
+    seconds=6.0,
+    length=500.0,
+)
 OVER = dataclasses.replace(FLAT, steepest=88 * DEGREE, height=163.0, rise=143.0, overhead=True)
 
 
@@ -28,6 +37,8 @@ OVER = dataclasses.replace(FLAT, steepest=88 * DEGREE, height=163.0, rise=143.0,
         (FLAT, "180 degrees to the right, flat"),
         (dataclasses.replace(FLAT, turn=-180 * DEGREE), "180 degrees to the left, flat"),
         (dataclasses.replace(FLAT, turn=-3 * DEGREE), "straight, flat"),
+        (dataclasses.replace(FLAT, height=83.0, rise=1.0, gain=61.0), "180 degrees to the right, climbing 60 m"),
+        (dataclasses.replace(FLAT, turn=0.0, gain=-38.0), "straight, descending 40 m"),
         (dataclasses.replace(FLAT, height=83.0, rise=63.0), "180 degrees to the right, 80 m high"),
         (dataclasses.replace(FLAT, turn=3 * DEGREE, height=83.0, rise=63.0), "straight, 80 m high"),
         (OVER, "over the top to the right, 160 m high"),
