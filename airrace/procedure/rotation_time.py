@@ -8,11 +8,17 @@ from airrace.frames import product
 from airrace.procedure.cruise import Cruise
 from airrace.track.limits import Roll, Turning
 
+PUSHED = 3.0  # times as long as a pull: what a structure and a pilot bear downwards is about a third
+ROUNDING = 1e-6  # rad: differences of attitude that are less are none
+
 
 def rotation_vector(start: Sequence[float], end: Sequence[float]) -> tuple[float, float, float]:
-    """The shortest rotation from one attitude to another as a vector in the rotating frame, rad."""
+    """The shortest rotation from one attitude to another as a vector in the rotating frame, rad.
+
+    Of the two that are half a circle long it is the one that pulls.
+    """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
-    if w < 0.0:
+    if y < 0.0 if abs(w) < ROUNDING else w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
@@ -50,18 +56,23 @@ def roll_time(start: Sequence[float], end: Sequence[float], roll: Roll, pace: Cr
 
 def _least_roll(between: float, roll: Roll) -> float:
     """The smallest roll that turns far enough and ends at the angle `between` (rad)."""
-    full = 2.0 * math.pi
-    right = roll.angle + (between - roll.angle) % full
-    left = roll.angle + (-between - roll.angle) % full
+    right = roll.angle + _less_than_full(between - roll.angle)
+    left = roll.angle + _less_than_full(-between - roll.angle)
     match roll.turning:
         case Turning.RIGHT:
             return right
         case Turning.LEFT:
             return -left
         case Turning.EITHER:
-            return right if right <= left else -left
+            return right if right <= left + ROUNDING else -left
+
+
+def _less_than_full(angle: float) -> float:
+    """An angle in [0, 2 pi); what rounding has put just below a full circle is none."""
+    wrapped = angle % (2.0 * math.pi)
+    return 0.0 if wrapped > 2.0 * math.pi - ROUNDING else wrapped
 
 
 def _turning_time(pitch: float, yaw: float, pace: Cruise) -> float:
     pull = g0 * (pace.n - 1.0) / pace.V
-    return math.hypot(pitch, yaw) / pull * (1.0 if pitch >= -1e-9 else 3.0)
+    return math.hypot(pitch if pitch >= 0.0 else PUSHED * pitch, yaw) / pull

@@ -147,7 +147,7 @@ def on_side(pieces: Array, side: int) -> Array:
     signs = np.asarray(WORDS, dtype=float)
     with np.errstate(invalid="ignore"):  # a path that does not exist has infinite pieces
         turned = (np.moveaxis(pieces, (0, 1), (-2, -1)) * signs).sum(axis=-1)
-    return np.where(side * np.moveaxis(turned, -1, 0) > 0.0, total, np.inf)
+    return np.where(side * np.moveaxis(turned, -1, 0) > NO_TURN, total, np.inf)
 
 
 def shortest(start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0) -> DubinsPath:

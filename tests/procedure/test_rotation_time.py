@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
 from airrace.procedure.cruise import Cruise
-from airrace.procedure.rotation_time import rotated, rotation_time, rotation_vector
+from airrace.procedure.rotation_time import roll_time, rotated, rotation_time, rotation_vector
+from airrace.quantities import Interval
+from airrace.track.limits import Roll, Turning
 
 PACE = Cruise(V=80.0, n=5.0, p=3.0)
 attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
@@ -68,3 +70,40 @@ def test_pulling_up_takes_the_angle_over_the_rate_of_the_load_factor() -> None:
 def test_pushing_takes_three_times_as_long_as_pulling() -> None:
     level, up, down = (quaternion(0.0, climb, 0.0) for climb in (0.0, 0.8, -0.8))
     assert rotation_time(level, down, PACE) == pytest.approx(3.0 * rotation_time(level, up, PACE))
+
+
+every_heading = pytest.mark.parametrize("heading", range(360))
+
+
+@every_heading
+def test_half_a_loop_is_pulled_whatever_its_heading(heading: int) -> None:
+    chi = math.radians(heading)
+    _, pitch, _ = rotation_vector(quaternion(chi, 0.0, 0.0), quaternion(chi + math.pi, 0.0, math.pi))
+    assert pitch == pytest.approx(math.pi)
+
+
+@every_heading
+@pytest.mark.parametrize(("turning", "sign"), [(Turning.RIGHT, 1), (Turning.LEFT, -1)])
+@pytest.mark.parametrize("degrees", [180, 360])
+def test_roll_on_a_vertical_line_is_no_longer_than_asked_for(
+    heading: int, turning: Turning, sign: int, degrees: int
+) -> None:
+    begin, angle = quaternion(math.radians(heading), math.pi / 2, 0.0), math.radians(degrees)
+    end = product(begin, [math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0])
+    seconds, rolled = roll_time(begin, end, Roll(angle, Interval(), turning=turning), PACE)
+    assert rolled == pytest.approx(sign * angle)
+    assert seconds == pytest.approx(angle / PACE.p, abs=1e-5)
+
+
+@given(st.floats(0.1, 1.0), st.floats(-1e-3, 1e-3))
+def test_time_does_not_jump_where_a_pull_becomes_a_push(yaw: float, pitch: float) -> None:
+    start = quaternion(0.0, 0.0, 0.0)
+    level = rotation_time(start, rotated_by(start, (0.0, 0.0, yaw)), PACE)
+    tilted = rotation_time(start, rotated_by(start, (0.0, pitch, yaw)), PACE)
+    assert tilted == pytest.approx(level, rel=1e-3)
+
+
+def rotated_by(start: list[float], vector: tuple[float, float, float]) -> list[float]:
+    """The attitude after a rotation, rad."""
+    angle = math.hypot(*vector)
+    return product(start, [math.cos(angle / 2), *(math.sin(angle / 2) * one / angle for one in vector)])
