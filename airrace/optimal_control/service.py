@@ -7,6 +7,7 @@ at any moment. One process serves a whole run.
 import contextlib
 import pickle
 import subprocess
+import threading
 from collections.abc import Callable
 from types import TracebackType
 from typing import Self
@@ -33,6 +34,13 @@ class Stalled(Exception):
     """The solver has not finished an iteration for too long and was stopped."""
 
 
+class SolverEnded(SolverCrash):
+    """The solver process was ended on purpose."""
+
+    def __init__(self) -> None:
+        super().__init__("the solver process was ended")
+
+
 class SolverService:
     """A solver process; a context manager that leaves no process behind.
 
@@ -56,6 +64,9 @@ class SolverService:
         self._compiled = compiled
         self._stall_seconds = stall_seconds
         self._process: subprocess.Popen[bytes] | None = None
+        self._starter = 0  # the thread that has started the process, with which the process ends on Linux
+        self._ended = False
+        self._stopping = threading.Lock()
         self._preparing: list[tuple[System, RungeKutta]] = []
         self._start()
 
@@ -81,24 +92,31 @@ class SolverService:
         options: SolverOptions,
         multipliers: Multipliers | None = None,
         on_iteration: Callable[[IterationReport], None] | None = None,
+        threads: int | None = None,
+        stall_seconds: float | None = None,
     ) -> Solution:
         """Solve a problem in the solver process.
 
+        Args:
+            threads, stall_seconds: for this solve; None for those of the service.
+
         Raises:
             Stalled: no iteration was finished for `stall_seconds`; the process was restarted.
-            SolverCrash: the process died or could not work on the request.
+            SolverEnded: `end` was called, before the solve or meanwhile.
+            SolverCrash: the process died, or could not work on the request.
         """
         if self._process is None:
             self._start()
         self._finish_preparing(problem.system, problem.scheme)
-        request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, self._threads)
+        request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, threads or self._threads)
+        longest = stall_seconds or self._stall_seconds
         try:
             self._sender.send(request)
-            patience: float | None = self._stall_seconds
+            patience: float | None = longest
             while True:
                 reply = self._receive(patience)
                 # What is announced, such as compiling, takes the time it takes.
-                patience = None if isinstance(reply, Notice) else self._stall_seconds
+                patience = None if isinstance(reply, Notice) else longest
                 if isinstance(reply, Solution):
                     return reply
                 if isinstance(reply, WorkerFailure):
@@ -108,8 +126,11 @@ class SolverService:
                 elif on_iteration is not None:
                     on_iteration(reply)
         except (OSError, EOFError, pickle.UnpicklingError) as error:
-            status = self._process.wait() if self._process is not None else None
+            process = self._process
+            status = None if process is None else process.wait()
             self.stop()
+            if self._ended:
+                raise SolverEnded from error
             raise SolverCrash(f"the solver process died (status {status})") from error
         except BaseException:  # an interrupt leaves the process in mid-solve: it is of no more use
             self.stop()
@@ -127,24 +148,42 @@ class SolverService:
             self._on_notice(text)
 
     def stop(self) -> None:
-        """Kill the process, if there is one."""
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._replies.close()
-            with contextlib.suppress(BrokenPipeError):
-                self._sender.close()
-            self._process = None
+        """Kill the process, if there is one; the next solve starts another."""
+        with self._stopping:
+            if self._process is not None:
+                self._process.kill()
+                self._process.wait()
+                self._replies.close()
+                with contextlib.suppress(BrokenPipeError):
+                    self._sender.close()
+                self._process = None
+
+    def end(self) -> None:
+        """Kill the process, and start no other."""
+        self._ended = True
+        self.stop()
+
+    def stop_unless_started_here(self) -> None:
+        """Kill a process that another thread has started: it would die, at any moment, with that thread."""
+        if self._starter != threading.get_ident():
+            self.stop()
 
     def _start(self) -> None:
+        if self._ended:
+            raise SolverEnded
         worker = take()
-        self._process, self._replies = worker.process, worker.replies
-        assert self._process.stdin is not None  # `start` asks for it
-        self._sender = Sender(self._process.stdin)
+        with self._stopping:
+            self._process, self._replies = worker.process, worker.replies
+            assert self._process.stdin is not None  # `start` asks for it
+            self._sender = Sender(self._process.stdin)
+            self._starter = threading.get_ident()
+        if self._ended:  # meanwhile
+            self.stop()
+            raise SolverEnded
 
     def _receive(self, patience: float | None) -> Reply:
         """The next reply, waited for `patience` seconds at most."""
         if not self._replies.poll(patience):
-            raise Stalled(f"no iteration finished within {self._stall_seconds:g} s")
+            raise Stalled(f"no iteration finished within {patience:g} s")
         reply: Reply = self._replies.recv()
         return reply

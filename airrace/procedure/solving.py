@@ -13,6 +13,7 @@ from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
 from airrace.procedure.ways.crew import Crew
 
+CREW_MAX = 8  # solver processes: quick exploring rarely has more jobs than that at once
 POLISH = 1e-2  # of the solver's tolerance, where its solution is not good enough for the certificate
 
 
@@ -29,13 +30,13 @@ class Workbench:
     started: float = field(default_factory=time.perf_counter)
 
     def crew(self) -> Crew:
-        """The solver process, and as many others as there are threads, for solves that do not depend on each other."""
+        """The solver process, and others beside it, for solves that do not depend on each other."""
         solver = self.settings.solver
 
         def another() -> SolverService:
             return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
 
-        return Crew(self.service, self.threads, another)
+        return Crew(self.service, min(self.threads, CREW_MAX), another)
 
     def begin(self) -> None:
         """Start a new stage: forget the attempts of the one before."""

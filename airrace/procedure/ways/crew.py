@@ -13,7 +13,8 @@ Done = TypeVar("Done")
 
 
 class Crew:
-    """Solver processes that share a list of jobs; a context manager that ends those that it has started.
+    """Solver processes that share a list of jobs; a context manager that ends those that it has started, and after an
+    error all.
 
     What a job comes to does not depend on who does it, nor on how many there are.
 
@@ -24,10 +25,15 @@ class Crew:
     """
 
     def __init__(self, service: SolverService, size: int, make: Callable[[], SolverService]) -> None:
-        self._added = [make() for _ in range(size - 1)]
+        self._own, self._added = service, list[SolverService]()
+        try:
+            for _ in range(size - 1):
+                self._added.append(make())
+        except BaseException:
+            self._end_added()
+            raise
         self._free: queue.SimpleQueue[SolverService] = queue.SimpleQueue()
-        self._all = [service, *self._added]
-        for one in self._all:
+        for one in (service, *self._added):
             self._free.put(one)
         self._pool = ThreadPoolExecutor(size, thread_name_prefix="crew")
 
@@ -37,17 +43,19 @@ class Crew:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        ended = self._added if error is None else self._all  # an error may leave any of them in mid-solve
-        for service in ended:
-            service.stop()
-        self._pool.shutdown(cancel_futures=True)
+        self._pool.shutdown(wait=False, cancel_futures=True)  # first, or a process that is ended would be given a job
+        self._end_added()
+        if error is not None:  # which may leave any of them in mid-solve
+            self._own.end()
+        self._pool.shutdown()
+        self._own.stop_unless_started_here()
+
+    def _end_added(self) -> None:
+        for service in self._added:
+            service.end()
 
     def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
-        """Do all jobs; the results are in the order of the jobs.
-
-        Raises:
-            SolverCrash: a process died.
-        """
+        """Do all jobs; the results are in the order of the jobs, and an error is that of the first job that has one."""
         futures = [self._pool.submit(self._one, job, do) for job in jobs]
         return [future.result() for future in futures]
 

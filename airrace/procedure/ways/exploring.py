@@ -53,9 +53,6 @@ def explore(
         bench: what solves, and whom to tell.
         effort: how much is tried.
         starts: flights to begin with besides the plans, and what they are called.
-
-    Raises:
-        SolverCrash: a solver process died.
     """
     began = time.perf_counter()
     pace = flight.plan.cruise

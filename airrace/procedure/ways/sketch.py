@@ -4,6 +4,7 @@ What a coarse mesh gains by its own errors of integration is told in seconds by 
 it is much, or where a leg takes far longer than planned, the mesh is made finer there first.
 """
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,22 +12,26 @@ from functools import cached_property
 
 import numpy as np
 
+from airrace.errors import SolverCrash
 from airrace.optimal_control.hamiltonian import costates, errors_in_objective
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.replay import estimated_defect
-from airrace.optimal_control.service import SolverService, Stalled
+from airrace.optimal_control.service import SolverEnded, SolverService, Stalled
 from airrace.optimal_control.solvers import Solution, SolverOptions
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.plan import Plan
 from airrace.trajectory import Array
 
+logger = logging.getLogger(__name__)
+
 INTERVAL = 0.22  # s, about: half again as long as those of a first mesh
 FEWEST, MOST = 6, 120  # intervals in a phase
 STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
 TOLERANCE = 1e-5
+STALL_SECONDS = 20.0  # of which an iteration takes a thousandth
 ITERATIONS = 120  # those that converge take 30 to 60; one that is lost is not worth more
 AGAIN_BARRIER = 1e-3  # of a solve that starts from the same flight on another mesh
 TOO_FEW = 0.7  # of the intervals that a phase should have
@@ -107,11 +112,22 @@ def sketched(service: SolverService, draught: Draught) -> Sketch | None:
 def attempted(
     service: SolverService, problem: Problem, iterate: Iterate, barrier: float, iterations: int = ITERATIONS
 ) -> Solution | None:
-    """One solve within a budget of iterations; None if the solver did not come back."""
+    """One solve within a budget of iterations; None if the solver did not come back.
+
+    Whatever a guess does to the solver, the others are left.
+
+    Raises:
+        SolverEnded: nobody waits for the result any more.
+    """
     try:
         options = SolverOptions(TOLERANCE, iterations, barrier)
-        return service.solve(problem, iterate, solver="fatrop", options=options)
+        return service.solve(problem, iterate, solver="fatrop", options=options, threads=1, stall_seconds=STALL_SECONDS)
     except Stalled:
+        return None
+    except SolverEnded:
+        raise
+    except SolverCrash as error:
+        logger.warning("a way round that was tried is left out: %s", str(error).splitlines()[-1])
         return None
 
 
