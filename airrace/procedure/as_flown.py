@@ -8,6 +8,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Array, Trajectory
 
 TURN = math.radians(45.0)  # a flight that turns less has not chosen a side; forced to one, its plan might fly a circle
+LEVEL = 0.2  # a steeper step, by this share of its length over ground, has no course
+REVERSED = math.radians(150.0)  # from step to step: no turn to a side, but a line through the vertical
+POSITION = ("x", "y", "z")
 ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
@@ -46,11 +50,11 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
         first_node: node of every passage.
     """
     row = {one.name: history for one, history in zip(states, state, strict=True)}
-    q = np.stack([row[name] for name in ATTITUDE])
+    q, r = np.stack([row[name] for name in ATTITUDE]), np.stack([row[name] for name in POSITION])
     stops = stops_of(course)
     ways = {stop: (way_as_flown(course, stop, q[:, first_node[stop]]),) for stop in stops}
     angle = {
-        stop: turned(row["x"], row["y"], first_node[before], first_node[stop])
+        stop: track_turn(r[:, first_node[before] : first_node[stop] + 1]).angle
         for before, stop in itertools.pairwise(stops)
     }
     turns = {stop: 1 if one > 0.0 else -1 for stop, one in angle.items() if abs(one) > TURN}
@@ -76,20 +80,37 @@ def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
         q: attitude, shape (4,).
     """
     heading, _, _ = angles(rotation([float(one) for one in q]))
-    known = candidates(course, index)
-    if isinstance(course.passages[index].element, Manoeuvre):
-        return max(known, key=lambda one: abs(float(np.dot(q, one.q))))
+    passage, known = course.passages[index], candidates(course, index)
     nearest = min(known, key=lambda one: abs(angle_between(heading, one.heading)))
-    if abs(nearest.climb) > STEEP:
-        return nearest
+    if isinstance(passage.element, Manoeuvre):
+        banked = passage.roll is not None or passage.element.bank is not None
+        by_attitude = banked or abs(nearest.climb) > STEEP  # where it is steep, bank and course are one
+        return max(known, key=lambda one: abs(float(np.dot(q, one.q)))) if by_attitude else nearest
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
 
 
-def turned(x: Array, y: Array, first: int, last: int) -> float:
-    """The angle by which the track over ground turns between two nodes, rad, positive to the right."""
-    north, east = np.diff(x[first : last + 1]), np.diff(y[first : last + 1])
-    course = np.unwrap(np.arctan2(east, north))
-    return float(course[-1] - course[0])
+@dataclass(frozen=True)
+class TrackTurn:
+    """The angle by which a track over ground turns, rad, positive to the right.
+
+    Attributes:
+        angle: all of it.
+        aside: what of it is to a side; a track that reverses through the vertical turns to none.
+    """
+
+    angle: float
+    aside: float
+
+
+def track_turn(r: Array) -> TrackTurn:
+    """How a track turns, given as positions north, east and down (m), shape (3, n)."""
+    steps = np.diff(r)
+    steps = steps[:2, np.hypot(steps[0], steps[1]) > LEVEL * np.linalg.norm(steps, axis=0)]
+    (n, e), (n_next, e_next) = steps[:, :-1], steps[:, 1:]
+    angles = np.arctan2(n * e_next - e * n_next, n * n_next + e * e_next)
+    reversed_ = np.abs(angles) > REVERSED
+    aside = float(angles[~reversed_].sum())
+    return TrackTurn(aside + math.copysign(float(np.abs(angles[reversed_]).sum()), aside), aside)
 
 
 def _bank(q: Array) -> float:

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import logging
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
@@ -19,7 +20,7 @@ from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.effort import EFFORTS, Effort
-from airrace.procedure.ways.exploring import explore
+from airrace.procedure.ways.exploring import Exploration, explore
 from airrace.procedure.ways.sketch import Draught
 
 logger = logging.getLogger(__name__)
@@ -96,19 +97,22 @@ class Ladder:
         effort = EFFORTS.get(self._settings.explore)
         if effort is None:
             return optimise_jointly(bench, known)
-        found, explored = self._explored(effort.with_finalists(self._settings.climb), bench)
+        found = self._explored(effort.with_finalists(self._settings.climb), bench)
+        best = found.explored(0)
         results: list[StageResult] = []
-        for number, start in enumerate(found):
-            if number >= self._settings.climb and any(_kept(one, explored) for one in results):
+        for number, start in enumerate(found.starts):
+            if number >= self._settings.climb and any(_kept(one, best) for one in results):
                 break
             results.append(optimise_jointly(bench, [functools.partial(_made, start)]))  # all solvers, before the next
         if not any(one.certified for one in results):
             results.append(optimise_jointly(bench, known))
         result = _fastest(results)
+        winner = _winner(results)
+        explored = found.explored(winner) if winner < len(found.starts) else best
         for loop in explored.loops:
             logger.warning("the flight may hold a needless loop: %s", loop)
-        if result.certified and not _kept(result, explored):
-            rough, proved = explored.ways[0].race_time, result.trajectory.race_time
+        if result.certified and not _kept(result, best):
+            rough, proved = best.ways[0].race_time, result.trajectory.race_time
             logger.warning(
                 "the best way round took %.2f s when flown roughly but could not be proved; the certified flight, "
                 "another one, takes %.2f s",
@@ -117,13 +121,12 @@ class Ladder:
         # What was solved after the fastest is on the record of the stage as well.
         return dataclasses.replace(result, explored=explored, attempts=tuple(bench.attempts), timings=bench.timings())
 
-    def _explored(self, effort: Effort, bench: Workbench) -> tuple[Sequence[Start], Explored]:
+    def _explored(self, effort: Effort, bench: Workbench) -> Exploration:
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
         if pieces is None and effort.homotopy:
             pieces = fly_homotopy(self.flight(Stage.HOMOTOPY), bench)
         flown = [] if pieces is None else [("homotopy", _draught(flight, pieces))]
-        exploration = explore(flight, self._race.course, bench, effort, flown)
-        return exploration.starts, exploration.explored
+        return explore(flight, self._race.course, bench, effort, flown)
 
     def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
         """The homotopy and the plan, the one the user wants first."""
@@ -169,8 +172,15 @@ class Ladder:
 
 def _fastest(results: Sequence[StageResult]) -> StageResult:
     """The fastest of the certified results, the others its rivals; the first if none is certified."""
-    ranked = sorted((one for one in results if one.certified), key=lambda one: one.trajectory.race_time)
-    return dataclasses.replace(ranked[0], rivals=tuple(ranked[1:])) if ranked else results[0]
+    fastest = results[_winner(results)]
+    others = [one for one in results if one.certified and one is not fastest]
+    return dataclasses.replace(fastest, rivals=tuple(sorted(others, key=lambda one: one.trajectory.race_time)))
+
+
+def _winner(results: Sequence[StageResult]) -> int:
+    """The number of the fastest of the certified results; 0 if none is certified."""
+    times = [one.trajectory.race_time if one.certified else math.inf for one in results]
+    return times.index(min(times))
 
 
 def _kept(result: StageResult, explored: Explored) -> bool:

@@ -11,8 +11,8 @@ from races import planned as plan_of
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air
-from airrace.frames import angle_between
-from airrace.procedure.as_flown import plan_as_flown
+from airrace.frames import angle_between, quaternion
+from airrace.procedure.as_flown import plan_as_flown, track_turn, way_as_flown
 from airrace.procedure.choices import ANY, Choices
 from airrace.procedure.cruise import cruise
 from airrace.procedure.flight import Flight, mesh_of, stage_flight, trajectory
@@ -22,6 +22,7 @@ from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, MeshSettings, Settings
 from airrace.procedure.waypoints import candidates
+from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Trajectory
 
@@ -204,3 +205,47 @@ def test_plan_of_a_flight_that_hardly_turns_has_no_loops(race: Race) -> None:
     for leg in again.legs:
         assert leg.path is not None
         assert leg.path.turning < math.pi
+
+
+# read off a flight
+
+
+def noisy(track: np.ndarray, size: float) -> np.ndarray:
+    return track + np.random.default_rng(1).normal(0.0, size, track.shape)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-5])
+@pytest.mark.parametrize("course_of_it", [0.0, 53.0, 200.0])
+def test_half_a_loop_turns_the_track_by_half_a_circle_and_to_no_side(course_of_it: float, size: float) -> None:
+    angle = np.linspace(0.0, math.pi, 60)
+    ahead, chi = 100.0 * np.sin(angle), math.radians(course_of_it)
+    loop = np.stack([ahead * math.cos(chi), ahead * math.sin(chi), -100.0 * (1.0 - np.cos(angle))])
+    found = track_turn(noisy(loop, size))
+    assert abs(found.angle) == pytest.approx(math.pi, abs=1e-3)
+    assert found.aside == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-5])
+def test_vertical_line_turns_to_no_side(size: float) -> None:
+    """Level, straight up for 200 m, and on with another course: what turns is the difference of both courses."""
+    before = np.stack([np.linspace(0.0, 100.0, 20), np.zeros(20), np.zeros(20)])
+    up = np.stack([np.full(40, 100.0), np.zeros(40), -np.linspace(0.0, 200.0, 40)])
+    after = np.stack([100.0 + np.linspace(0.0, 50.0, 20), np.linspace(0.0, 50.0, 20), np.full(20, -200.0)])
+    found = track_turn(noisy(np.hstack([before, up[:, 1:], after[:, 1:]]), size))
+    assert found.angle == pytest.approx(math.radians(45.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("turns", [-540.0, -100.0, 30.0, 300.0])
+def test_level_turn_is_told_with_its_side(turns: float) -> None:
+    chi = np.radians(np.linspace(0.0, turns, 200))
+    found = track_turn(np.stack([np.cumsum(np.cos(chi)), np.cumsum(np.sin(chi)), np.zeros(200)]))
+    assert found.angle == pytest.approx(math.radians(turns), rel=0.01)
+    assert found.aside == found.angle
+
+
+@pytest.mark.parametrize("bank", [0.0, 90.0, 175.0, -120.0])
+def test_course_of_a_manoeuvre_is_read_off_whatever_the_bank(bank: float) -> None:
+    top = Manoeuvre("top", climb=math.radians(45.0), height=Interval(lower=100.0))
+    race = race_of(level("first", 0.0, 0.0, 0.0), top, level("last", 500.0, 0.0, 0.0))
+    q = np.array(quaternion(math.radians(40.0), math.radians(45.0), math.radians(bank)))
+    assert way_as_flown(race.course, 1, q).heading == pytest.approx(math.radians(40.0))

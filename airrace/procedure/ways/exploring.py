@@ -35,11 +35,11 @@ class Exploration:
 
     Attributes:
         starts: flights to be refined and proved, the best first; empty if nothing could be flown.
-        explored: what was tried, for people.
+        explored: what was tried, for people, seen from the start with that number, which was proved.
     """
 
     starts: tuple[Start, ...]
-    explored: Explored
+    explored: Callable[[int], Explored]
 
 
 def explore(
@@ -63,7 +63,13 @@ def explore(
         if finalists:
             watch(f"{len(finalists)} ways compared on a finer mesh")
         finals = _finals(crew, bench, finalists)
-    explored = _told(found, finals, course, pace, effort, time.perf_counter() - began)
+    seconds = time.perf_counter() - began
+
+    def explored(number: int) -> Explored:
+        if not finals:
+            return Explored((), 0, 0, found.lost, seconds, ())
+        return _told(found, finals[number], course, scaled(pace, effort.thinking), seconds)
+
     return Exploration(tuple(_start(one) for one in finals), explored)
 
 
@@ -100,13 +106,9 @@ def _start(sketch: Sketch) -> Start:
     return Start(sketch.flight, sketch.problem, sketch.iterate, FINAL_BARRIER)
 
 
-def _told(
-    found: Found, finals: Sequence[Sketch], course: Course, pace: Cruise, effort: Effort, seconds: float
-) -> Explored:
-    """What was tried, in words, the best first."""
-    if not finals:
-        return Explored((), 0, 0, found.lost, seconds, ())
-    best, places = finals[0], stretches(course)
+def _told(found: Found, best: Sketch, course: Course, pace: Cruise, seconds: float) -> Explored:
+    """What was tried, in words, the one that was proved first."""
+    places = stretches(course)
     led = [one for one in found.flights if not differing(best, one.sketch, places)]
     ways = [
         Way(flight_in_words(course, best, places), best.race_time, 0.0, "jointly"),
@@ -117,7 +119,7 @@ def _told(
     # Of those with the same words the fastest is told, and a flight optimised jointly before a price.
     unique = {way.text: way for way in sorted(others, key=lambda way: (way.priced == "jointly", -way.race_time))}
     ranked = sorted(unique.values(), key=lambda way: way.race_time)
-    loops = tuple(_loops(best, course, scaled(pace, effort.thinking), places))
+    loops = tuple(_loops(best, course, pace, places))
     return Explored(
         (first, *ranked[: MOST_WAYS - 1]), len(led), len(found.flights) - len(led), found.lost, seconds, loops
     )

@@ -48,8 +48,9 @@ class Found:
 
     Attributes:
         flights: solved jointly, by race time.
-        windows: priced in a window of the best flight of their time, in the order in which they were tried.
-        lost: how many starts led nowhere.
+        windows: priced in a window of the best flight of their time, in the order in which they were tried; without
+            those that were then flown jointly as well.
+        lost: how many flights that were to be solved jointly led nowhere.
     """
 
     flights: tuple[Tried, ...]
@@ -76,6 +77,7 @@ class Search:
         self._effort, self._crew, self._watch = effort, crew, watch
         self._flights: list[Tried] = []
         self._windows: list[TriedWindow] = []
+        self._joined: list[TriedWindow] = []
         self._lost = 0
 
     def run(self, starts: Sequence[tuple[str, Draught]]) -> Found:
@@ -95,14 +97,15 @@ class Search:
                 }
                 best = better
         flights = sorted(self._flights, key=lambda one: one.sketch.race_time)
-        return Found(tuple(flights), tuple(self._windows), self._lost)
+        windows = tuple(one for one in self._windows if not any(one is joined for joined in self._joined))
+        return Found(tuple(flights), windows, self._lost)
 
     @property
     def _best(self) -> Sketch:
         return min((one.sketch for one in self._flights), key=lambda one: one.race_time)
 
     def _planned_starts(self) -> list[tuple[str, Draught]]:
-        """Plans of different radius; those that are alike in every number are flown once."""
+        """Plans of different radius."""
         paces = [scaled(self._pace, one) for one in self._effort.radii]
         plans = [plan(self._course, pace) for pace in paces]
         return [
@@ -138,14 +141,16 @@ class Search:
         return self._combined(base, wins) if wins else None
 
     def _from_other_starts(self, base: Sketch, thinker: Thinker) -> list[Thought]:
-        """The ways of other flights where they differ from the best, each stretch of neighbours by itself."""
-        found: list[Thought] = []
+        """The ways of other flights where they differ from the best: neighbouring stretches together, each way once."""
+        known: list[tuple[Sketch, list[Stretch]]] = []
         for tried in self._flights:
-            if tried.sketch is base:
-                continue
-            apart = differing(base, tried.sketch, thinker.stretches)
-            found += [thinker.from_flight(tried.sketch, group) for group in _groups(apart)]
-        return found
+            for group in _groups(differing(base, tried.sketch, thinker.stretches)):
+                again = any(
+                    group == other_group and not differing(tried.sketch, other, group) for other, other_group in known
+                )
+                if not again:
+                    known.append((tried.sketch, group))
+        return [thinker.from_flight(sketch, group) for sketch, group in known]
 
     def _combined(self, base: Sketch, wins: Sequence[TriedWindow]) -> Sketch | None:
         """All wins that do not overlap, flown jointly; and the greatest of them alone, for they may not go together."""
@@ -160,8 +165,12 @@ class Search:
         flown = self._crew.work(jobs, lambda service, job: spliced(service, *job))
         found: list[Sketch] = []
         for group, sketch in zip(groups, flown, strict=True):
-            if sketch is not None and sketch.race_time < base.race_time - GAINED:
-                self._flights.append(Tried(", ".join(one.thought.kind for one in group), sketch))
+            if sketch is None:
+                self._lost += 1
+                continue
+            self._joined += group
+            self._flights.append(Tried(", ".join(one.thought.kind for one in group), sketch))
+            if sketch.race_time < base.race_time - GAINED:
                 found.append(sketch)
         return min(found, key=lambda one: one.race_time) if found else None
 

@@ -69,8 +69,13 @@ class Sketch:
 
     @property
     def race_time(self) -> float:
-        """With what its errors of integration are worth, s."""
-        return float(self.iterate.durations.sum() + self.errors.sum())
+        """With what its errors of integration are worth, s; large ones count against it, whatever their sign."""
+        return float(self.iterate.durations.sum() + self.doubt.sum())
+
+    @property
+    def doubt(self) -> Array:
+        """What is added to the duration of each phase, s; shape (n,)."""
+        return np.where(np.abs(self.errors) > DECEIVED, np.abs(self.errors), self.errors)
 
     @cached_property
     def costates(self) -> Array:
@@ -135,7 +140,7 @@ def deceit(problem: Problem, solution: Solution) -> Array:
     """What each phase of an optimum is too fast for its mesh alone, s; shape (n,), infinite where it cannot be told."""
     defect = estimated_defect(problem, solution.iterate)
     errors = errors_in_objective(problem, defect, solution.multipliers.constraints)
-    by_phase: Array = np.add.reduceat(np.nan_to_num(errors, nan=math.inf), problem.first_node[:-1])
+    by_phase: Array = np.add.reduceat(np.where(np.isfinite(errors), errors, math.inf), problem.first_node[:-1])
     return by_phase
 
 

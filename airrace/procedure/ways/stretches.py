@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.as_flown import ATTITUDE, turned
+from airrace.procedure.as_flown import ATTITUDE, POSITION, track_turn
 from airrace.procedure.pieces import phase_piece
 from airrace.procedure.plan import stops_of
 from airrace.procedure.ways.sketch import Sketch
@@ -41,6 +41,7 @@ class Shape:
 
     Attributes:
         turn: angle by which its track turns, rad, positive to the right.
+        aside: what of it is to a side; half a loop turns the track by half a circle, but to none.
         steepest: largest magnitude of its climb angle, rad.
         height: largest height, m.
         rise: of that above the higher end, m.
@@ -51,6 +52,7 @@ class Shape:
     """
 
     turn: float
+    aside: float
     steepest: float
     height: float
     rise: float
@@ -66,9 +68,11 @@ def shape(sketch: Sketch, stretch: Stretch) -> Shape:
     first, last = nodes[stretch.first], nodes[stretch.last]
     row = rows(sketch)
     height = -row["z"][first : last + 1]
+    turn = track_turn(np.stack([row[name][first : last + 1] for name in POSITION]))
     R = rotation([row[name][first : last + 1] for name in ATTITUDE])
     return Shape(
-        turn=turned(row["x"], row["y"], first, last),
+        turn=turn.angle,
+        aside=turn.aside,
         steepest=float(np.arcsin(np.clip(np.abs(R[2][0]), 0.0, 1.0)).max()),
         height=float(height.max()),
         rise=float(height.max() - max(height[0], height[-1])),

@@ -111,7 +111,7 @@ class Thinker:
 
     def _other_hand(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
         """Turned to the other side; where its ends are free to be crossed otherwise, they are."""
-        if abs(flown.turn) < TURN:
+        if abs(flown.turn) < TURN or not self._level(stretch):
             return
         side = -1 if flown.turn > 0.0 else 1
         freed = self._freed(stretch.first, stretch.last)
@@ -154,8 +154,7 @@ class Thinker:
 
     def _other_shapes(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
         """A long turn flat instead of high, or slanted and over the top instead of flat."""
-        level = all(self.own.legs[index].path is not None for index in range(stretch.first, stretch.last))
-        if abs(flown.turn) < LONG_TURN or not level:
+        if abs(flown.turn) < LONG_TURN or not self._level(stretch):
             return
         pieces = self._guesses(self.own, range(stretch.first, stretch.last))
         if flown.rise > HIGH:
@@ -164,6 +163,10 @@ class Thinker:
             raised = slanted([pieces[index] for index in sorted(pieces)], slant)
             by_phase = dict(zip(sorted(pieces), raised, strict=True))
             yield self._thought(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")
+
+    def _level(self, stretch: Stretch) -> bool:
+        """Whether all of a stretch is planned in a plane; of other legs a plan knows no side."""
+        return all(self.own.legs[index].path is not None for index in range(stretch.first, stretch.last))
 
     def _freed(self, *indices: int) -> Choices:
         """The flight's choices without those of some stops: their candidates, and the turns to and from them."""

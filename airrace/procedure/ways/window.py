@@ -67,7 +67,7 @@ def priced(service: SolverService, window: Window) -> Priced | None:
         return None
     base, found = window.base, solution.iterate
     speed = [one.name for one in problem.system.states].index(SPEED)
-    before = (base.iterate.durations + base.errors)[window.first : window.last].sum()
+    before = (base.iterate.durations + base.doubt)[window.first : window.last].sum()
     after = found.durations.sum() + deceit(problem, solution).sum()
     last = base.problem.first_node[window.last]
     saved = before - after + weight * (base.iterate.state[speed, last] - found.state[speed, -1])

@@ -9,6 +9,7 @@ from airrace.track.course import Course
 
 NAMED = math.radians(100.0)  # a turn that is named in the description of a whole flight
 STRAIGHT = math.radians(15.0)
+UPRIGHT = math.radians(5.0)  # a loop that turns no further aside leans to no side
 FLAT = 15.0  # m above both ends, or between them
 STEEP = math.radians(60.0)
 
@@ -31,10 +32,11 @@ def named(course: Course, stretch: Stretch) -> str:
 
 def shape_in_words(one: Shape) -> str:
     """How a stretch is taken."""
-    side = "to the right" if one.turn > 0.0 else "to the left"
+    side = f"to the {'right' if one.turn > 0.0 else 'left'}"
     degrees = f"{round(abs(math.degrees(one.turn)), -1):.0f} degrees "
     if one.rise > FLAT and one.steepest > STEEP and one.overhead:
-        return f"over the top {side}, {round(one.height, -1):.0f} m high"
+        leaning = f" {side}" if abs(one.aside) > UPRIGHT else ""
+        return f"over the top{leaning}, {round(one.height, -1):.0f} m high"
     turned = "straight" if abs(one.turn) < STRAIGHT else f"{degrees}{side}"
     if one.rise > FLAT:
         return f"{turned}, {round(one.height, -1):.0f} m high"

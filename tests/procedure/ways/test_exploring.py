@@ -20,6 +20,7 @@ from airrace.procedure.settings import Explore
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import THOROUGH, Effort, Radius
 from airrace.procedure.ways.exploring import Exploration, explore
+from airrace.procedure.ways.search import WORTH
 
 SAME = 5e-3  # s
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
@@ -98,9 +99,9 @@ def explored_with(effort: Effort, race: Race) -> Exploration:
 
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     wide = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),))
-    unimproved = explored_with(dataclasses.replace(wide, rounds=0), WOUND).explored
-    improved = explored_with(wide, WOUND).explored
-    tight = explored_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), WOUND).explored
+    unimproved = explored_with(dataclasses.replace(wide, rounds=0), WOUND).explored(0)
+    improved = explored_with(wide, WOUND).explored(0)
+    tight = explored_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), WOUND).explored(0)
     assert unimproved.ways[0].race_time > tight.ways[0].race_time + 5.0
     assert improved.ways[0].race_time == pytest.approx(tight.ways[0].race_time, abs=2e-2)
     assert improved.ways[0].text == tight.ways[0].text
@@ -109,7 +110,7 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
 def test_loop_that_is_left_is_told() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
     effort = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),), rounds=0)
-    told = " ".join(explored_with(effort, WOUND).explored.loops)
+    told = " ".join(explored_with(effort, WOUND).explored(0).loops)
     assert "left -> right" in told
     assert "where the gates ask for" in told
 
@@ -119,7 +120,7 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
 
     def looped(*arguments: object) -> Exploration:
         found = explore(*arguments)  # type: ignore[arg-type]
-        return dataclasses.replace(found, explored=dataclasses.replace(found.explored, loops=(loop,)))
+        return dataclasses.replace(found, explored=lambda one: dataclasses.replace(found.explored(one), loops=(loop,)))
 
     monkeypatch.setattr(ladder, "explore", looped)
     with workbench(QUICK) as bench, caplog.at_level(logging.WARNING):
@@ -146,6 +147,7 @@ def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> 
     for way in explored.ways:
         assert way.difference == pytest.approx(way.race_time - best.race_time, abs=1e-12)
         assert way.priced in ("jointly", "window")
+        assert way.difference > -WORTH, "a price that was not tried jointly"
     texts = [way.text for way in others]
     assert len(set(texts)) == len(texts)
     assert explored.led >= 1
@@ -175,7 +177,7 @@ def test_no_race_without_a_flight_has_starts() -> None:
     effort = dataclasses.replace(QUICK_EFFORT, radii=())
     found = explored_with(effort, SMALL)
     assert found.starts == ()
-    assert found.explored.ways == ()
+    assert found.explored(0).ways == ()
 
 
 @pytest.mark.slow

@@ -126,7 +126,7 @@ def first_stage(
     starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(ladder, "optimise_jointly", answers)
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, explored))
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: explored))
     monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     with workbench(chosen) as bench:
         result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, bench)
@@ -149,6 +149,17 @@ def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified
     assert len(asked[2]) == 2  # the plan and the homotopy
     assert result.certified
     assert seconds(result) == pytest.approx(11.0)
+
+
+def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    sketch = planned_sketch(SMALL)
+    starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
+    told = [Explored(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
+    monkeypatch.setattr(ladder, "optimise_jointly", Answers(taking(9.0, certified=False), taking(9.05)))
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, told.__getitem__))
+    with workbench(QUICK) as bench:
+        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, bench)
+    assert result.explored.ways[0].text == "second"
 
 
 BEST_WAY = Explored(ways=(Way("flat", 9.0, 0.0, "jointly"),))

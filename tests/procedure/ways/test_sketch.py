@@ -60,6 +60,14 @@ def test_errors_of_integration_on_a_coarse_mesh_are_told_in_seconds(monkeypatch:
     assert abs(coarse.race_time - true) < 0.5 * abs(raw - true)
 
 
+@pytest.mark.parametrize("error", [-0.5, 0.5])
+def test_large_errors_count_against_a_flight_whatever_their_sign(error: float) -> None:
+    own = planned_sketch(SMALL)
+    doubtful = dataclasses.replace(own, errors=own.errors + np.eye(len(own.errors))[0] * error)
+    raw = float(own.iterate.durations.sum())
+    assert doubtful.race_time == pytest.approx(raw + 0.5, abs=2 * sketch.DECEIVED)
+
+
 def test_mesh_that_deceives_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sketch, "INTERVAL", 0.5)
     monkeypatch.setattr(sketch, "FEWEST", 3)
