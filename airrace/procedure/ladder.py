@@ -80,7 +80,8 @@ class Ladder:
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)
-            result = _fastest([optimise_jointly(bench, list(self._handovers(stage, one, bench))) for one in climbing])
+            results = [optimise_jointly(bench, list(self._handovers(stage, one, bench))) for one in climbing]
+            result = _on_record(_fastest(results), bench)
         self.done[stage] = result
         return result
 
@@ -109,17 +110,8 @@ class Ladder:
         result = _fastest(results)
         winner = _winner(results)
         explored = found.explored(winner) if winner < len(found.starts) else best
-        for loop in explored.loops:
-            logger.warning("the flight may hold a needless loop: %s", loop)
-        if result.certified and not _kept(result, best):
-            rough, proved = best.ways[0].race_time, result.trajectory.race_time
-            logger.warning(
-                "the best way round took %.2f s when flown roughly but could not be proved; the certified flight, "
-                "another one, takes %.2f s",
-                *(rough, proved),
-            )
-        # What was solved after the fastest is on the record of the stage as well.
-        return dataclasses.replace(result, explored=explored, attempts=tuple(bench.attempts), timings=bench.timings())
+        _warn(result, explored, best)
+        return dataclasses.replace(_on_record(result, bench), explored=explored)
 
     def _explored(self, effort: Effort, bench: Workbench) -> Exploration:
         flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
@@ -146,10 +138,10 @@ class Ladder:
         """Of a higher fidelity: flown along the stage below, at rest in it, at rest in the point mass."""
         yield functools.partial(self._handed_over, stage, below, bench)
         yield functools.partial(self._at_rest, stage, below)
-        if (
-            below.stage is not Stage.POINT_MASS and Stage.POINT_MASS in self.done
-        ):  # a run started from another may lack it
-            yield functools.partial(self._at_rest, stage, self.done[Stage.POINT_MASS])
+        point_mass = self.done.get(Stage.POINT_MASS)  # a run started from another may lack it
+        is_rival = below is not self.done[below.stage]  # which goes another way than the point mass
+        if point_mass is not None and below is not point_mass and not is_rival:
+            yield functools.partial(self._at_rest, stage, point_mass)
 
     def _at_rest(self, stage: Stage, optimum: StageResult) -> Start:
         with interrupts_held_back():
@@ -181,6 +173,23 @@ def _winner(results: Sequence[StageResult]) -> int:
     """The number of the fastest of the certified results; 0 if none is certified."""
     times = [one.trajectory.race_time if one.certified else math.inf for one in results]
     return times.index(min(times))
+
+
+def _on_record(result: StageResult, bench: Workbench) -> StageResult:
+    """A result with all that was solved for its stage, before it and after it."""
+    return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
+
+
+def _warn(result: StageResult, explored: Explored, best: Explored) -> None:
+    """Say what a user should look at: loops that are left, and a better way that was lost on its way to the proof."""
+    for loop in explored.loops:
+        logger.warning("the flight may hold a needless loop: %s", loop)
+    if result.certified and not _kept(result, best):
+        logger.warning(
+            "the best way round took %.2f s when flown roughly but could not be proved; the certified flight, another "
+            "one, takes %.2f s",
+            *(best.ways[0].race_time, result.trajectory.race_time),
+        )
 
 
 def _kept(result: StageResult, explored: Explored) -> bool:

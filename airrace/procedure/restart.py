@@ -130,6 +130,13 @@ def overtaken(another: Another, optimum: StageResult, way: str) -> str:
     )
 
 
+def is_better(spare: StageResult, result: StageResult) -> bool:
+    """Whether the optimum that a start from another run has led to is better than what came from scratch instead."""
+    if not result.certified:
+        return True
+    return result.stage is spare.stage and spare.trajectory.race_time < result.trajectory.race_time
+
+
 def told(result: StageResult, remark: str) -> StageResult:
     """A result whose message begins with a remark; the result itself where there is none."""
     return replace(result, message="; ".join(text for text in (remark, result.message) if text)) if remark else result

@@ -10,7 +10,7 @@ from airrace.procedure.derived import derived_quantities
 from airrace.procedure.ladder import STAGES, Ladder, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.race import Race
-from airrace.procedure.restart import Another, overtaken, restarted, told
+from airrace.procedure.restart import Another, is_better, overtaken, restarted, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -74,27 +74,37 @@ def optimise(
     ) as service:
         load_in_background()
         bench = Workbench(service, settings, progress, threads)
-        remark = ""
+        remark, spare = "", None
         if start and not finished:
             restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder, bench)
             remark = restart.remark
             faster = "" if restart.result is None else ladder.faster_way(restart.result, bench)
             if restart.result is not None and faster:
-                remark = overtaken(another, restart.result, faster)
+                remark, spare = overtaken(another, restart.result, faster), restart.result
             elif restart.result is not None:
                 result, remark = told(restart.result, remark), ""
                 ladder.done[result.stage] = result
-                wanted = list(STAGES[STAGES.index(result.stage) + 1 : STAGES.index(until) + 1])
+                wanted = _above(result.stage, until)
                 progress.stage_finished(result)
                 yield result
-        for stage, *later in (wanted[number:] for number in range(len(wanted))):
+        while wanted:
+            stage, *wanted = wanted
             progress.stage_started(stage)
             if not remark:
                 bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
-            for following in later[:1]:
+            for following in wanted[:1]:
                 service.prepare(ladder.flight(following).model.system)
-            result, remark = told(ladder.climb(stage, bench), remark), ""
+            result = ladder.climb(stage, bench)
+            if spare is not None and is_better(spare, result):
+                result, remark = spare, f"{remark}, which led to nothing faster"
+                ladder.done[result.stage], wanted = result, _above(result.stage, until)
+            result, remark = told(result, remark), ""
             progress.stage_finished(result)
             yield result
             if result.outcome is not Outcome.SOLVED:
                 return
+
+
+def _above(stage: Stage, until: Stage) -> list[Stage]:
+    """The stages above one, up to the last."""
+    return list(STAGES[STAGES.index(stage) + 1 : STAGES.index(until) + 1])

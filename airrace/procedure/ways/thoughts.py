@@ -1,6 +1,7 @@
 """Thoughts: other ways to take a stretch of a flight, each with a guess through a window around it."""
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -148,7 +149,7 @@ class Thinker:
         (own,) = self.choices.ways[stretch.last]
         ways = tuple(one for one in candidates(self.course, stretch.last) if math.cos(one.heading - own.heading) < -0.1)
         if ways:
-            freed = self._freed(stretch.last)
+            freed = self._freed(*self._chain(stretch))
             chosen = dataclasses.replace(freed, ways={**freed.ways, stretch.last: ways})
             yield from self._planned(stretch, chosen, "other course")
 
@@ -163,6 +164,18 @@ class Thinker:
             raised = slanted([pieces[index] for index in sorted(pieces)], slant)
             by_phase = dict(zip(sorted(pieces), raised, strict=True))
             yield self._thought(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")
+
+    def _chain(self, stretch: Stretch) -> list[int]:
+        """The manoeuvre at the end of a stretch, and those beside it whose courses are as free: they go together."""
+
+        def free(index: int) -> bool:
+            element = self.course.passages[index].element
+            return isinstance(element, Manoeuvre) and element.heading is None
+
+        ends = [one.last for one in self.stretches]
+        before = itertools.takewhile(free, reversed(ends[: stretch.number]))
+        behind = itertools.takewhile(free, ends[stretch.number + 1 :])
+        return [stretch.last, *before, *behind]
 
     def _level(self, stretch: Stretch) -> bool:
         """Whether all of a stretch is planned in a plane; of other legs a plan knows no side."""

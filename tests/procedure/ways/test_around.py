@@ -1,12 +1,16 @@
 """A start from another run: a flight that goes the wrong way round is overtaken, a good one is not."""
 
+import dataclasses
+
+import pytest
 from explored_races import OFF, QUICK, WOUND, optimum
 from races import blown, prepared
 from ways_bench import workbench
 
 from airrace.procedure.flight import stage_flight
+from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import Settings
 from airrace.procedure.ways.around import faster_way
@@ -57,3 +61,19 @@ def test_without_exploring_a_start_is_taken_as_it_is() -> None:
     result = started(optimum(WOUND, OFF), OFF)
     assert result.message == ""
     assert result.trajectory.race_time > optimum(WOUND).trajectory.race_time + 5.0
+
+
+def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another way seems faster when flown roughly; from scratch it leads to nothing faster, or to nothing at all."""
+    good = started(optimum(WOUND), QUICK)
+    monkeypatch.setattr(Ladder, "faster_way", lambda *_: "left -> right, flat, saves about 0.03 s")
+    for scratch in (slower(good), dataclasses.replace(good, outcome=Outcome.NOT_CERTIFIED)):
+        monkeypatch.setattr(Ladder, "climb", lambda *_, found=scratch: found)
+        result = started(optimum(WOUND), QUICK)
+        assert result.trajectory.race_time == good.trajectory.race_time
+        assert result.message.endswith("so the start is from scratch, which led to nothing faster")
+
+
+def slower(result: StageResult) -> StageResult:
+    flown = dataclasses.replace(result.trajectory, durations=1.01 * result.trajectory.durations)
+    return dataclasses.replace(result, trajectory=flown)
