@@ -26,6 +26,7 @@ from airrace.cli.exit_codes import ExitCode
 from airrace.cli.live import watching
 from airrace.cli.summary import summarise
 from airrace.cli.tables import rendered, result_tables, stages_table
+from airrace.cli.ways_table import ways_table
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, StorageError, UsageError
 from airrace.procedure import run as procedure
@@ -138,7 +139,8 @@ def fly(
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         climbed = [stages_table(results)] if any(result.certified for result in results) else []
         answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.certified and one.message)
-        answer.texts.extend(rendered(table) for table in (*climbed, *result_tables(results[-1])))
+        ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
+        answer.texts.extend(rendered(table) for table in (*climbed, *ways, *result_tables(results[-1])))
         difference = None if start is None else comparison_table(start, results)
         answer.texts.extend(() if difference is None else [rendered(difference)])
 

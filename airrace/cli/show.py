@@ -21,6 +21,7 @@ def show(run_file: RunFile, as_json: AsJson = False) -> None:
         answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
         answer.texts.append(rendered(stages_table(results)) if results else "no stage is finished yet")
         answer.texts.extend(f"{result.stage.value}: {result.message}" for result in results if result.message)
+        answer.texts.extend(f"a needless loop: {loop}" for result in results for loop in result.explored.loops)
         for result in results:
             meshes = [mesh_table(result)] if len(result.mesh.why) else []
             answer.texts.extend(rendered(table) for table in [*result_tables(result), *meshes])

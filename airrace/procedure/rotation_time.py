@@ -8,17 +8,17 @@ from airrace.frames import product
 from airrace.procedure.cruise import Cruise
 from airrace.track.limits import Roll, Turning
 
-PUSHED = 3.0  # times as long as a pull: what a structure and a pilot bear downwards is about a third
+PUSHED = 3.0  # times as long as a pull: what an aircraft and its pilot bear downwards is about a third
 ROUNDING = 1e-6  # rad: differences of attitude that are less are none
 
 
 def rotation_vector(start: Sequence[float], end: Sequence[float]) -> tuple[float, float, float]:
     """The shortest rotation from one attitude to another as a vector in the rotating frame, rad.
 
-    Of the two that are half a circle long it is the one that pulls.
+    Of two that are half a circle long it is the one that pulls, and where none does the one that rolls to the right.
     """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
-    if y < 0.0 if abs(w) < ROUNDING else w < 0.0:
+    if next((one for one in (w, y, x) if abs(one) > ROUNDING), z) < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
@@ -75,4 +75,6 @@ def _less_than_full(angle: float) -> float:
 
 def _turning_time(pitch: float, yaw: float, pace: Cruise) -> float:
     pull = g0 * (pace.n - 1.0) / pace.V
-    return math.hypot(pitch if pitch >= 0.0 else PUSHED * pitch, yaw) / pull
+    angle = math.hypot(pitch, yaw)
+    pushed = max(0.0, -pitch / angle) if angle > ROUNDING else 0.0
+    return angle / pull * (1.0 + (PUSHED - 1.0) * pushed)

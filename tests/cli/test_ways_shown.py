@@ -143,6 +143,21 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
         assert "+0.125" in told
 
 
+def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def optimise(*_: Any, **__: Any) -> Iterator[StageResult]:
+        yield contested(explored(loops=(LOOP,)))
+        yield stage_result(Stage.TRANSFER_FUNCTION)
+
+    monkeypatch.setattr(procedure, "optimise", optimise)
+    flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")
+    assert (flown.code, shown.code) == (0, 0)
+    for told in (flown.out, shown.out):
+        assert told.count("ways round: 3 tried in 4.5 s") == 1
+    assert f"a needless loop: {LOOP}" in shown.out
+
+
 def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> None:
     flown = Ran("optimize", TRACK, "--json").answer["stages"][-1]
     shown = Ran("show", "rovinj_2014.h5", "--json").answer["stages"][-1]

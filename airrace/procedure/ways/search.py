@@ -23,6 +23,9 @@ from airrace.procedure.ways.window import Priced, priced, spliced
 from airrace.track.course import Course
 
 WORTH = 0.003  # s: what a window has to save to be flown jointly
+HOPELESS = 2.0
+"""s: a way that was so much slower in its window, or led nowhere, is not tried again around a better flight. On Air
+Race X, where flights around it became a second faster, ways changed their price by up to 0.7 s."""
 GAINED = 0.0005  # s: what a joint flight has to gain to be the better one
 
 
@@ -78,6 +81,7 @@ class Search:
         self._flights: list[Tried] = []
         self._windows: list[TriedWindow] = []
         self._joined: list[TriedWindow] = []
+        self._hopeless: set[tuple[int, str]] = set()
         self._lost = 0
 
     def run(self, starts: Sequence[tuple[str, Draught]]) -> Found:
@@ -131,14 +135,23 @@ class Search:
             first: whether the ways of the other starts are to be tried as well.
         """
         thinker = Thinker(base, self._course, scaled(self._pace, self._effort.thinking))
-        thoughts = [one for one in thinker.thoughts(changed) if one.dearer <= self._effort.dearest]
+        thoughts = [one for one in thinker.thoughts(changed) if self._is_worth_while(one)]
         if first:
             thoughts += self._from_other_starts(base, thinker)
         found = self._crew.work([one.window for one in thoughts], priced)
+        self._hopeless |= {
+            (one.stretch.number, one.kind)
+            for one, win in zip(thoughts, found, strict=True)
+            if win is None or win.saved < -HOPELESS
+        }
         tried = [TriedWindow(one, win) for one, win in zip(thoughts, found, strict=True) if win is not None]
         self._windows += tried
         wins = sorted((one for one in tried if one.found.saved > WORTH), key=lambda one: -one.found.saved)
         return self._combined(base, wins) if wins else None
+
+    def _is_worth_while(self, thought: Thought) -> bool:
+        """Whether a way is neither far too long in its plan nor was far too slow when it was tried before."""
+        return thought.dearer <= self._effort.dearest and (thought.stretch.number, thought.kind) not in self._hopeless
 
     def _from_other_starts(self, base: Sketch, thinker: Thinker) -> list[Thought]:
         """The ways of other flights where they differ from the best: neighbouring stretches together, each way once."""
