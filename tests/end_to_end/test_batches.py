@@ -13,7 +13,8 @@ from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, 
 FAST = (*POINT_MASS, "--set", "settings.guess=plan")
 WINDS = ("--sweep", "environment.wind.speed_kt=0,10", "--set", "environment.wind.from_deg=270")
 # Takes a few seconds: time enough to be killed in the middle.
-ONE_LAP = ("--set", "course.laps=1", "--set", "settings.solver.compile_kernels=false")
+ALONE = ("course.laps=1", "settings.explore=off")
+ONE_LAP = tuple(word for setting in ALONE for word in ("--set", setting))
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 
 

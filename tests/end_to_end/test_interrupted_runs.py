@@ -3,13 +3,16 @@
 import os
 import signal
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from airrace_command import POINT_MASS, SIXTEEN, Ran, airrace, children, gone, start, wait_for
 
-# One lap takes a few seconds without compiled kernels: time enough to be stopped in the middle of the joint solve.
-ONE_LAP = ("--set", "course.laps=1", "--set", "settings.solver.compile_kernels=false")
+# One lap takes a few seconds: time enough to be stopped in the middle of the joint solve.
+ALONE = ("course.laps=1", "settings.explore=off")
+ONE_LAP = tuple(word for setting in ALONE for word in ("--set", setting))
+EXPLORING = ("--set", "settings.guess=plan", "--set", "course.laps=1", "--threads", "2")
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 
 
@@ -22,14 +25,14 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Ran:
 
 
 def interrupted(
-    folder: Path, text: str, number: signal.Signals, *, after: float = 0.1
+    folder: Path, text: str, number: signal.Signals, *, after: float = 0.1, how: Sequence[str] = ONE_LAP
 ) -> tuple[int, str, float, list[int]]:
     """Start a run and stop it a moment after it has said `text`.
 
     Returns:
         Exit code, stdout, seconds from the signal to the end, and the processes it had started.
     """
-    with start("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", "--out", "run.h5", cwd=folder) as running:
+    with start("optimize", SIXTEEN, *POINT_MASS, *how, "--json", "--out", "run.h5", cwd=folder) as running:
         wait_for(running, text)
         time.sleep(after)
         started = children(running.pid)
@@ -92,6 +95,18 @@ def test_run_stopped_before_anything_is_finished_can_be_taken_up(tmp_path: Path)
     steps = planned.answer["steps"]
     assert isinstance(steps, list)
     assert [(step["stage"], step["action"]) for step in steps] == [("homotopy", "run"), ("point-mass", "run")]
+
+
+@linux_only
+@pytest.mark.parametrize(("text", "after"), [("starts, flown roughly", 0.5), ("other ways round, 1", 0.2)])
+def test_run_stopped_while_it_explores_ends_at_once_with_all_its_solvers(
+    text: str, after: float, tmp_path: Path
+) -> None:
+    code, out, seconds, started = interrupted(tmp_path, text, signal.SIGINT, after=after, how=EXPLORING)
+    assert (code, Ran(code, out, "").stages) == (130, [])
+    assert seconds < 5.0
+    assert len(started) == 2
+    assert all(gone(process) for process in started)
 
 
 @linux_only
