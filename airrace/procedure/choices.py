@@ -22,12 +22,14 @@ class Choices:
         turns: the side to which the path turns on its way to this passage: 1 to the right, -1 to the left.
         rolls: the side of the roll on the leg that ends with this passage.
         edges: the wing that points down at a knife edge that may be flown on either.
+        last: whether of equally short plans the last is taken instead of the first; a mirror exchanges the two.
     """
 
     ways: Mapping[int, tuple[Waypoint, ...]] = field(default_factory=dict[int, tuple[Waypoint, ...]])
     turns: Mapping[int, int] = field(default_factory=dict[int, int])
     rolls: Mapping[int, int] = field(default_factory=dict[int, int])
     edges: Mapping[int, int] = field(default_factory=dict[int, int])
+    last: bool = False
 
     def candidates(self, course: Course, index: int) -> list[Waypoint]:
         """The ways in which a passage may still be planned."""
@@ -48,3 +50,6 @@ class Choices:
 
 ANY = Choices()
 """Everything is left to the plan."""
+
+TWIN = Choices(last=True)
+"""Everything is left to the plan, which decides ties the other way."""

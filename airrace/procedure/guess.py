@@ -13,7 +13,7 @@ from airrace.optimal_control.problem import Iterate
 from airrace.procedure.attitudes import align_quaternions
 from airrace.procedure.cruise import Cruise
 from airrace.procedure.plan import Leg, Plan
-from airrace.procedure.rotation_time import roll_time, rotation_time, rotation_vector, turned
+from airrace.procedure.rotation_time import roll_time, rotation_time, turned
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.waypoints import Waypoint
 from airrace.track.gates import Manoeuvre
@@ -160,7 +160,7 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
     """From one attitude to the next by the shortest rotation at constant rates; starts at the origin."""
     a, b, pace = plan.waypoints[index], plan.waypoints[index + 1], plan.cruise
     duration = leg_seconds(plan)[index]
-    whole = _turn(a, b)
+    whole = plan.turn(a, b)
     roll, pitch, _ = (angle / duration for angle in whole)
     q = np.array([turned(a.q, whole, float(part)) for part in share]).T
     R = rotation(list(q))
@@ -182,12 +182,6 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
         n_y=np.zeros_like(share),
         p_Kbar=np.full_like(share, roll),
     )
-
-
-def _turn(a: Waypoint, b: Waypoint) -> tuple[float, float, float]:
-    """The rotation from one waypoint to the next, rad; a roll turns further than the shortest way."""
-    roll, pitch, yaw = rotation_vector(a.q, b.q)
-    return (b.rolled or roll, pitch, yaw)
 
 
 def _join_positions(plan: Plan, histories: list[History]) -> None:

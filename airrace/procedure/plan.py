@@ -17,11 +17,11 @@ import numpy as np
 from airrace.frames import angles, rotation
 from airrace.procedure.choices import ANY, Choices
 from airrace.procedure.cruise import Cruise
-from airrace.procedure.rotation_time import roll_time, rotated, rotation_time
+from airrace.procedure.rotation_time import roll_time, rotation_time, rotation_vector, turned
 from airrace.procedure.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
-from airrace.track.dubins import DubinsPath, lengths, on_side, shortest
+from airrace.track.dubins import DubinsPath, least, lengths, on_side, shortest
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.track.limits import Roll
 from airrace.trajectory import Array
@@ -41,6 +41,7 @@ class Plan:
     Attributes:
         seconds: planned race time.
         counting: whether the flight counts its rolls, see `roll_counter.py`.
+        last: how ties were decided, and are to be decided on the way, see `Choices`.
     """
 
     waypoints: tuple[Waypoint, ...]
@@ -48,6 +49,11 @@ class Plan:
     cruise: Cruise
     seconds: float
     counting: bool
+    last: bool = False
+
+    def turn(self, a: Waypoint, b: Waypoint) -> tuple[float, float, float]:
+        """The rotation that leads from one waypoint to the next, rad; a roll turns further than the shortest way."""
+        return _turn(a, b, last=self.last)
 
 
 @dataclass(frozen=True)
@@ -75,16 +81,16 @@ def plan(course: Course, pace: Cruise, choices: Choices = ANY) -> Plan:
         _Stop(index, choices.candidates(course, index), choices.turns.get(index, 0), choices.roll(course, index))
         for index in stops_of(course)
     ]
-    chosen, seconds = _shortest(stops, pace)
+    chosen, seconds = _shortest(stops, pace, last=choices.last)
     waypoints, legs = [chosen[0]], list[Leg]()
     for (a, b), stop in zip(itertools.pairwise(chosen), stops[1:], strict=True):
         first, after = len(waypoints) - 1, stop.index
-        leg, arrived = _leg(a, b, stop, pace)
+        leg, arrived = _leg(a, b, stop, pace, last=choices.last)
         heights = course.passages[first + 1 : after]
-        waypoints += [*_on_the_way(a, arrived, heights, leg), arrived]
+        waypoints += [*_on_the_way(a, arrived, heights, leg, last=choices.last), arrived]
         legs += _pieces(leg, len(heights) + 1)
     banked = _with_knife_edges(waypoints, legs, choices.edges)
-    return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls)
+    return Plan(tuple(banked), tuple(legs), pace, seconds, course.has_rolls, choices.last)
 
 
 def stops_of(course: Course) -> list[int]:
@@ -93,15 +99,15 @@ def stops_of(course: Course) -> list[int]:
     return [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
 
 
-def _shortest(stops: Sequence[_Stop], pace: Cruise) -> tuple[list[Waypoint], float]:
+def _shortest(stops: Sequence[_Stop], pace: Cruise, *, last: bool) -> tuple[list[Waypoint], float]:
     """One of the candidates at every stop, and the planned time, s."""
     total = np.zeros(len(stops[0].ways))
     choices: list[np.ndarray] = []
     for here, there in itertools.pairwise(stops):
         seconds = total[:, None] + _leg_seconds(here.ways, there, pace)
-        choices.append(seconds.argmin(axis=0))
+        choices.append(least(seconds, last=last))
         total = seconds.min(axis=0)
-    index = int(total.argmin())
+    index = int(least(total, last=last))
     chosen = [index]
     for choice in reversed(choices):
         index = int(choice[index])
@@ -132,16 +138,16 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
     return np.array([[rotation_time(a.q, b.q, pace) for b in there] for a in here])
 
 
-def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise) -> tuple[Leg, Waypoint]:
+def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise, *, last: bool) -> tuple[Leg, Waypoint]:
     """The leg from a to b, and b as it is reached."""
     if _level(a, b):
         assert a.position is not None
         assert b.position is not None
         start, end = np.array(a.position[:2]), np.array(b.position[:2])
-        return Leg(shortest(start, a.heading, end, b.heading, pace.radius, stop.side)), b
+        return Leg(shortest(start, a.heading, end, b.heading, pace.radius, stop.side, last=last)), b
     if stop.roll is None:
         return Leg(None), b
-    return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace)[1])
+    return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace, last=last)[1])
 
 
 def _pieces(leg: Leg, count: int) -> list[Leg]:
@@ -152,14 +158,19 @@ def _pieces(leg: Leg, count: int) -> list[Leg]:
     return [Leg(leg.path.part(begin, end)) for begin, end in itertools.pairwise(edges.tolist())]
 
 
-def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg) -> list[Waypoint]:
+def _turn(a: Waypoint, b: Waypoint, *, last: bool) -> tuple[float, float, float]:
+    roll, pitch, yaw = rotation_vector(a.q, b.q, a.rolled or (1.0 if last else 0.0))
+    return (b.rolled or roll, pitch, yaw)
+
+
+def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg, *, last: bool) -> list[Waypoint]:
     """Waypoints of passages that ask for a height alone, evenly between a and b."""
     waypoints: list[Waypoint] = []
     for number, passage in enumerate(heights, start=1):
         element, share = passage.element, number / (len(heights) + 1)
         assert isinstance(element, Manoeuvre)  # nothing else asks for a height alone
         if leg.path is None:
-            heading, climb, _ = angles(rotation(rotated(a.q, b.q, share)))
+            heading, climb, _ = angles(rotation(turned(a.q, _turn(a, b, last=last), share)))
             waypoints.append(Waypoint(passage, None, heading, climb, None, heading, free=True))
             continue
         assert a.position is not None

@@ -12,13 +12,15 @@ PUSHED = 3.0  # times as long as a pull: what an aircraft and its pilot bear dow
 ROUNDING = 1e-6  # rad: differences of attitude that are less are none
 
 
-def rotation_vector(start: Sequence[float], end: Sequence[float]) -> tuple[float, float, float]:
+def rotation_vector(start: Sequence[float], end: Sequence[float], rolled: float = 0.0) -> tuple[float, float, float]:
     """The shortest rotation from one attitude to another as a vector in the rotating frame, rad.
 
-    Of two that are half a circle long it is the one that pulls, and where none does the one that rolls to the right.
+    Of two that are half a circle long it is the one that pulls; where none does, the one that rolls back where the
+    aircraft has rolled before (`rolled`, rad, positive to the right), else to the right.
     """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
-    if next((one for one in (w, y, x) if abs(one) > ROUNDING), z) < 0.0:
+    back = -x if rolled > 0.0 else x
+    if next((one for one in (w, y, back) if abs(one) > ROUNDING), z) < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
@@ -47,14 +49,19 @@ def rotation_time(start: Sequence[float], end: Sequence[float], pace: Cruise) ->
     return abs(roll) / pace.p + _turning_time(pitch, yaw, pace)
 
 
-def roll_time(start: Sequence[float], end: Sequence[float], roll: Roll, pace: Cruise) -> tuple[float, float]:
-    """Seconds, and the signed angle (rad, positive to the right), of a roll that leads from one attitude to another."""
+def roll_time(
+    start: Sequence[float], end: Sequence[float], roll: Roll, pace: Cruise, *, last: bool = False
+) -> tuple[float, float]:
+    """Seconds, and the signed angle (rad, positive to the right), of a roll that leads from one attitude to another.
+
+    Where both sides are equally far it is to the right, or to the left where the last of equal choices is asked for.
+    """
     between, pitch, yaw = rotation_vector(start, end)
-    angle = _least_roll(between, roll)
+    angle = _least_roll(between, roll, last=last)
     return abs(angle) / pace.p + _turning_time(pitch, yaw, pace), angle
 
 
-def _least_roll(between: float, roll: Roll) -> float:
+def _least_roll(between: float, roll: Roll, *, last: bool) -> float:
     """The smallest roll that turns far enough and ends at the angle `between` (rad)."""
     right = roll.angle + _less_than_full(between - roll.angle)
     left = roll.angle + _less_than_full(-between - roll.angle)
@@ -64,7 +71,7 @@ def _least_roll(between: float, roll: Roll) -> float:
         case Turning.LEFT:
             return -left
         case Turning.EITHER:
-            return right if right <= left + ROUNDING else -left
+            return right if right - left <= (-ROUNDING if last else ROUNDING) else -left
 
 
 def _less_than_full(angle: float) -> float:

@@ -16,6 +16,7 @@ WORDS: tuple[tuple[int, int, int], ...] = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (
 
 _TURN = 2.0 * np.pi
 NO_TURN = 1e-9  # rad
+ROUNDED = 9  # decimals beyond which two lengths are the same
 
 
 @dataclass(frozen=True)
@@ -150,10 +151,21 @@ def on_side(pieces: Array, side: int) -> Array:
     return np.where(side * np.moveaxis(turned, -1, 0) > NO_TURN, total, np.inf)
 
 
-def shortest(start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0) -> DubinsPath:
-    """The shortest path; of those to one side where `side` is 1 (right) or -1 (left). Shapes (2,) and scalars."""
+def least(values: Array, *, last: bool = False) -> Array:
+    """Where each column is least; where several values are, but for rounding, the first of them, or the last."""
+    rounded = np.round(values, ROUNDED)
+    return len(rounded) - 1 - rounded[::-1].argmin(axis=0) if last else rounded.argmin(axis=0)
+
+
+def shortest(
+    start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0, *, last: bool = False
+) -> DubinsPath:
+    """The shortest path; of those to one side where `side` is 1 (right) or -1 (left). Shapes (2,) and scalars.
+
+    Of equally short ones the first in the order of `WORDS` is taken, or the last.
+    """
     pieces = lengths(start, np.asarray(heading), end, np.asarray(end_heading), radius)
-    word = int(np.argmin(on_side(pieces, side)))
+    word = int(least(on_side(pieces, side), last=last))
     first, second, third = (float(piece) * radius for piece in pieces[word])
     signs = WORDS[word]
     curvatures = (signs[0] / radius, signs[1] / radius, signs[2] / radius)

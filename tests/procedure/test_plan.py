@@ -14,7 +14,9 @@ from transformations import mirrored, rotated
 from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between
-from airrace.procedure.plan import Plan
+from airrace.procedure.choices import ANY, TWIN
+from airrace.procedure.cruise import cruise
+from airrace.procedure.plan import Plan, plan
 from airrace.procedure.race import Race
 from airrace.track.course import Direction
 from airrace.track.gates import Gate, Manoeuvre, Pylon
@@ -125,6 +127,20 @@ def test_plan_does_not_depend_on_the_direction_of_north(name: str, angle: float)
     race = RACES[name] if name in RACES else load_inputs(ROOT / "tracks" / f"{name}.yaml").race
     assert plan_of(rotated(race, angle * DEGREE)).seconds == pytest.approx(plan_of(race).seconds, rel=1e-6)
     assert plan_of(mirrored(race)).seconds == pytest.approx(plan_of(race).seconds, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", [*RACES, "air_race_x_2024"])
+def test_twin_of_a_plan_is_the_mirror_image_of_the_plan_of_the_mirrored_course(name: str) -> None:
+    """So whatever is planned of a course is planned of its image, too, though not in the same order."""
+    race = RACES[name] if name in RACES else load_inputs(ROOT / "tracks" / f"{name}.yaml").race
+    image = mirrored(race)
+    twin, other = (
+        plan(one.course, cruise(one.aircraft, one.course.rules), how) for one, how in ((race, TWIN), (image, ANY))
+    )
+    assert twin.seconds == pytest.approx(plan_of(race).seconds, rel=1e-9)
+    for a, b in zip(twin.waypoints, other.waypoints, strict=True):
+        assert angle_between(a.heading, -b.heading) == pytest.approx(0.0, abs=1e-9)
+        assert a.rolled == pytest.approx(-b.rolled, abs=1e-9)
 
 
 def exhaustive_seconds(race: Race) -> float:

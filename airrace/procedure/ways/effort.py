@@ -23,6 +23,7 @@ class Effort:
 
     Attributes:
         radii: of the plans that are flown as a whole.
+        twins: of how many of these plans the twin is flown, too, that decides ties the other way, if there are any.
         thinking: radius at which other ways through a stretch are planned.
         dearest: s, by which the plan of a way through a stretch may take longer than that of the flight.
         rounds: how often the best flight is improved, at most.
@@ -32,6 +33,7 @@ class Effort:
     """
 
     radii: tuple[Radius, ...]
+    twins: int
     thinking: Radius
     dearest: float
     rounds: int
@@ -46,6 +48,7 @@ class Effort:
 
 QUICK = Effort(
     radii=(Radius(1.0), Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
+    twins=1,
     thinking=Radius(0.5),
     dearest=2.0,
     rounds=3,
@@ -59,6 +62,7 @@ THOROUGH = Effort(
         *(Radius(factor) for factor in (0.85, 0.55, 0.3)),
         *(Radius(factor, slower=True) for factor in (0.85, 0.7, 0.5, 0.4)),
     ),
+    twins=11,
     thinking=Radius(0.5),
     dearest=6.0,
     rounds=8,

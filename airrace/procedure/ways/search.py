@@ -9,7 +9,10 @@ import dataclasses
 from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 
+import numpy as np
+
 from airrace.procedure.as_flown import choices_as_flown
+from airrace.procedure.choices import ANY, TWIN
 from airrace.procedure.cruise import Cruise
 from airrace.procedure.flight import Flight
 from airrace.procedure.joint import COLD_BARRIER
@@ -109,13 +112,18 @@ class Search:
         return min((one.sketch for one in self._flights), key=lambda one: one.race_time)
 
     def _planned_starts(self) -> list[tuple[str, Draught]]:
-        """Plans of different radius."""
-        paces = [scaled(self._pace, one) for one in self._effort.radii]
-        plans = [plan(self._course, pace) for pace in paces]
-        return [
-            (f"plan with turns of {pace.radius:.0f} m", planned_draught(self._flight, one, COLD_BARRIER))
-            for pace, one in zip(paces, plans, strict=True)
-        ]
+        """Plans of different radius, and twins of some of them."""
+        found: list[tuple[str, Draught]] = []
+        for number, radius in enumerate(self._effort.radii):
+            pace = scaled(self._pace, radius)
+            text = f"plan with turns of {pace.radius:.0f} m"
+            own, twin = (
+                planned_draught(self._flight, plan(self._course, pace, ties), COLD_BARRIER) for ties in (ANY, TWIN)
+            )
+            found.append((text, own))
+            if number < self._effort.twins and not np.array_equal(own.guess.state, twin.guess.state):
+                found.append((f"{text}, its twin", twin))
+        return found
 
     def _fly_all(self, starts: Sequence[tuple[str, Draught]]) -> None:
         self._watch(f"{len(starts)} starts, flown roughly")
