@@ -104,7 +104,7 @@ def test_long_run_without_a_compiler_is_certified(track: str, guess: str, tmp_pa
     assert (ran.code, ran.answer["certified"]) == (0, True)
 
 
-@pytest.mark.parametrize("track", ["rovinj_2014", "sixteen_phases"])
+@pytest.mark.parametrize("track", ["rovinj_2014", pytest.param("sixteen_phases", marks=pytest.mark.slow)])
 def test_long_run_is_certified(track: str, tmp_path: Path) -> None:
     path = ROOT / "tracks" / f"{track}.yaml"
     ran = airrace("optimize", path, "--guess", "plan", "--until", "point-mass", "--json", "--quiet", cwd=tmp_path)

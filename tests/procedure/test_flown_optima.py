@@ -114,7 +114,9 @@ def test_wind_along_the_plane_does_not_tilt_it(origin: float, guess: GuessKind) 
 
 
 @every_guess
-@pytest.mark.parametrize("name", ["four_gates", "half_cuban_eight", "rovinj_2014"])
+@pytest.mark.parametrize(
+    "name", ["four_gates", "half_cuban_eight", pytest.param("rovinj_2014", marks=pytest.mark.slow)]
+)
 def test_energy_gained_is_the_work_of_thrust_less_drag(name: str, guess: GuessKind) -> None:
     """In still air `d/dt (V^2/2 + g0 h) = (T - D) V / m`; the forces are written out here once more."""
     flight, result = prepared(RACES[name]), optimum(RACES[name], settings(guess))

@@ -81,6 +81,7 @@ def test_a_flat_turn_costs_the_whole_aircraft_time() -> None:
 # laps are optimised jointly
 
 
+@pytest.mark.slow
 def test_two_laps_flown_jointly_are_faster_than_one_lap_with_matched_ends_flown_twice() -> None:
     """A lap that ends as it begins can be flown any number of times: here as a race of four laps passes the line.
 
