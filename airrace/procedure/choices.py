@@ -5,7 +5,7 @@ to which side the path turns between two passages, to which side a roll or a kni
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from airrace.procedure.waypoints import Waypoint, candidates
@@ -46,6 +46,21 @@ class Choices:
         """These choices but for the ways in which some passages are crossed."""
         left = {index: ways for index, ways in self.ways.items() if index not in indices}
         return dataclasses.replace(self, ways=left)
+
+    def as_planned(self, waypoints: Sequence[Waypoint], inside: Collection[int]) -> "Choices":
+        """These choices, but at some passages those that a plan has made; turns are left as they are."""
+
+        def side(angle: float | None) -> int:
+            return 1 if (angle or 0.0) > 0.0 else -1
+
+        return dataclasses.replace(
+            self,
+            ways={index: (waypoints[index],) if index in inside else ways for index, ways in self.ways.items()},
+            rolls={
+                index: side(waypoints[index].rolled) if index in inside else own for index, own in self.rolls.items()
+            },
+            edges={index: side(waypoints[index].bank) if index in inside else own for index, own in self.edges.items()},
+        )
 
 
 ANY = Choices()

@@ -15,7 +15,7 @@ from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
 from airrace.procedure.race import Race
-from airrace.procedure.result import Explored, Stage, StageResult
+from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.around import faster_way
@@ -55,6 +55,7 @@ class Ladder:
         self._race = race
         self._settings = settings
         self._flights: dict[Stage, Flight] = {}
+        self._pieces: StageResult | None = None
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
@@ -114,10 +115,9 @@ class Ladder:
         return dataclasses.replace(_on_record(result, bench), explored=explored)
 
     def _explored(self, effort: Effort, bench: Workbench) -> Exploration:
-        flight, pieces = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
-        if pieces is None and effort.homotopy:
-            pieces = fly_homotopy(self.flight(Stage.HOMOTOPY), bench)
-        flown = [] if pieces is None else [("homotopy", _draught(flight, pieces))]
+        flight, wanted = self.flight(Stage.POINT_MASS), effort.homotopy or Stage.HOMOTOPY in self.done
+        pieces = [self._homotopy(bench)] if wanted else []
+        flown = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
         return explore(flight, self._race.course, bench, effort, flown)
 
     def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
@@ -129,10 +129,16 @@ class Ladder:
             return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
         def pieced() -> Start:
-            pieces = (flown or fly_homotopy(self.flight(Stage.HOMOTOPY), bench)).trajectory
+            pieces = self._homotopy(bench).trajectory
             return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
 
         return (pieced, planned) if flown else (planned, pieced)
+
+    def _homotopy(self, bench: Workbench) -> StageResult:
+        """The pieces of the homotopy, flown once."""
+        if self._pieces is None:
+            self._pieces = self.done.get(Stage.HOMOTOPY) or fly_homotopy(self.flight(Stage.HOMOTOPY), bench)
+        return self._pieces
 
     def _handovers(self, stage: Stage, below: StageResult, bench: Workbench) -> Iterator[Callable[[], Start]]:
         """Of a higher fidelity: flown along the stage below, at rest in it, at rest in the point mass."""

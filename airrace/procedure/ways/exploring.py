@@ -25,8 +25,8 @@ from airrace.track.course import Course
 FINAL_BARRIER = 1e-4  # of the solve that goes on from a sketch
 CLOSE = 0.4  # s: what is further behind the best is not compared again
 MOST_WAYS = 40  # that are told of
-NEEDLESS_TURN = math.radians(150.0)  # more than the gates ask for
-NEEDLESS_LENGTH = 2.0  # times the length of the plan
+NEEDLESS_TURN = math.radians(150.0)  # more than the gates ask for; the loops of wrong ways round are a circle or more
+NEEDLESS_LENGTH, SPARE_LENGTH = 2.0, 200.0  # times the length of the plan, and m besides: short legs swing out
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _loops(best: Sketch, course: Course, pace: Cruise, places: Sequence[Stretch]
         asked = sum(path.turning for path in known)
         flown = shape(best, stretch)
         length = sum(path.length for path in known)
-        if abs(flown.turn) > asked + NEEDLESS_TURN or flown.length > NEEDLESS_LENGTH * length + 200.0:
+        if abs(flown.turn) > asked + NEEDLESS_TURN or flown.length > NEEDLESS_LENGTH * length + SPARE_LENGTH:
             told.append(
                 f"{named(course, stretch)}: turns {abs(math.degrees(flown.turn)):.0f} degrees on {flown.length:.0f} m, "
                 f"where the gates ask for {math.degrees(asked):.0f} degrees on {length:.0f} m"

@@ -202,28 +202,8 @@ class Search:
         choices = choices_as_flown(self._course, names, base.iterate.state, problem.first_node)
         for one in group:
             window = one.found.window
-            inside = set(window.phases) | {window.last}
-            chosen = {
-                index: (way,)
-                for index, way in enumerate(window.flight.plan.waypoints)
-                if index in inside and index in choices.ways
-            }
-            edges = {
-                index: 1 if (window.flight.plan.waypoints[index].bank or 0.0) > 0.0 else -1
-                for index in choices.edges
-                if index in inside
-            }
-            rolls = {
-                index: 1 if window.flight.plan.waypoints[index].rolled > 0.0 else -1
-                for index in choices.rolls
-                if index in inside
-            }
-            choices = dataclasses.replace(
-                choices,
-                ways={**choices.ways, **chosen},
-                edges={**choices.edges, **edges},
-                rolls={**choices.rolls, **rolls},
-            )
+            choices = choices.as_planned(window.flight.plan.waypoints, {*window.phases, window.last})
+        # Turns are left to the plan: what a window found may turn less than the plan that it was thought of with.
         planned = plan(self._course, self._pace, dataclasses.replace(choices, turns={}))
         return dataclasses.replace(self._flight, plan=planned), base, [one.found for one in group]
 

@@ -28,7 +28,7 @@ from airrace.trajectory import Array
 logger = logging.getLogger(__name__)
 
 INTERVAL = 0.22  # s, about: half again as long as those of a first mesh
-FEWEST, MOST = 6, 120  # intervals in a phase
+FEWEST, MOST = 8, 120  # intervals in a phase
 STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
 TOLERANCE = 1e-5
 STALL_SECONDS = 20.0  # of which an iteration takes a thousandth

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from airrace.dynamics.point_mass import PointMassState
+from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import quaternion
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.attitudes import align_quaternions
 from airrace.trajectory import Array
 
+ROLL_RATE = 2.0  # rad/s, at most in the guess: where a path is all but straight its bank jumps
 SHORTEST_CHORD = 30.0  # m: where the ends are nearer to one another, the turn is tilted about its first course
 
 
@@ -21,7 +22,7 @@ def slanted(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
     The deviation from the line between the ends is raised; attitude, load factor and roll rate are those with which the
     path is flown without sideslip.
     """
-    rows = PointMassState.names()
+    rows, rates = PointMassState.names(), PointMassControl.names()
     seconds = [float(piece.durations[0]) for piece in pieces]
     times = [
         np.linspace(0.0, T, piece.control.shape[1] + 1) + before
@@ -37,8 +38,8 @@ def slanted(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
     for piece, first, last in zip(pieces, ends, ends[1:], strict=False):
         x, steps = raised[:, first : last + 1], np.diff(time[first : last + 1])
         control = piece.control.copy()
-        for row, name in enumerate(("n_z", "n_y", "p_Kbar")):
-            control[row] = np.diff(x[rows.index(name)]) / steps
+        for name in ("n_z", "n_y", "p_Kbar"):
+            control[rates.index(f"{name}_dot")] = np.diff(x[rows.index(name)]) / steps
         found.append(Iterate(piece.durations, x, control))
     return found
 
@@ -73,7 +74,7 @@ def _fly(state: Array, time: Array, rows: Sequence[str]) -> None:
     bank = np.unwrap([math.atan2(one[2], -two[2]) for one, two in zip(right.T, up.T, strict=True)])
     state[rows.index("V_K")] = speed
     state[rows.index("n_z")] = np.linalg.norm(lift, axis=0) / g0
-    state[rows.index("p_Kbar")] = np.clip(np.gradient(bank, time), -2.0, 2.0)
+    state[rows.index("p_Kbar")] = np.clip(np.gradient(bank, time), -ROLL_RATE, ROLL_RATE)
 
 
 def _attitude(ahead: Array, right: Array, up: Array) -> list[float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
 from airrace.procedure.as_flown import ATTITUDE, POSITION, track_turn
@@ -110,8 +111,14 @@ def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
 def sampled(iterate: Iterate, fractions: tuple[float, ...]) -> tuple[Array, Array]:
     """Positions (3, n) and attitudes (4, n) of one phase, point mass, at equal shares of its duration."""
     old, new = np.concatenate([[0.0], np.cumsum(fractions)]), np.linspace(0.0, 1.0, SAMPLES)
-    values: Array = np.array([np.interp(new, old, row) for row in iterate.state[:8]], dtype=np.float64)
-    return values[:3], values[4:8] / np.linalg.norm(values[4:8], axis=0)
+    history = dict(zip(PointMassState.names(), iterate.state, strict=False))  # counters of rolls come behind
+
+    def at(names: Sequence[str]) -> Array:
+        values: list[Array] = [np.interp(new, old, history[name]) for name in names]
+        return np.stack(values)
+
+    q = at(ATTITUDE)
+    return at(POSITION), q / np.linalg.norm(q, axis=0)
 
 
 def _piece(sketch: Sketch, index: int) -> tuple[Array, Array]:

@@ -158,6 +158,7 @@ class Thinker:
         if abs(flown.turn) < LONG_TURN or not self._level(stretch):
             return
         pieces = self._guesses(self.own, range(stretch.first, stretch.last))
+        # The plan stays, and so nothing is dearer.
         if flown.rise > HIGH:
             yield self._thought(stretch, stretch, self.own, pieces, 0.0, "flat")
         for slant in SLANTS:
@@ -256,7 +257,7 @@ def _by_axis(ways: Sequence[Waypoint]) -> list[tuple[float, list[Waypoint]]]:
 
 
 def _mixed(own: Choices, theirs: Choices, stops: set[int]) -> Choices:
-    """One's own choices, but another flight's at some stops."""
+    """One's own choices, but another flight's at some stops, and the turns with which it gets there."""
     return Choices(
         ways={index: (theirs if index in stops else own).ways[index] for index in own.ways},
         turns={
