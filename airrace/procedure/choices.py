@@ -5,7 +5,7 @@ to which side the path turns between two passages, to which side a roll or a kni
 """
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from airrace.procedure.waypoints import Waypoint, candidates
@@ -47,19 +47,21 @@ class Choices:
         left = {index: ways for index, ways in self.ways.items() if index not in indices}
         return dataclasses.replace(self, ways=left)
 
-    def as_planned(self, waypoints: Sequence[Waypoint], inside: Collection[int]) -> "Choices":
-        """These choices, but at some passages those that a plan has made; turns are left as they are."""
+    def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "Choices":
+        """These choices, but at some passages those that a plan has made; turns are left to the next plan.
+
+        What was flown since may turn less than that plan did, which forced a side.
+        """
 
         def side(angle: float | None) -> int:
             return 1 if (angle or 0.0) > 0.0 else -1
 
         return dataclasses.replace(
             self,
-            ways={index: (waypoints[index],) if index in inside else ways for index, ways in self.ways.items()},
-            rolls={
-                index: side(waypoints[index].rolled) if index in inside else own for index, own in self.rolls.items()
-            },
-            edges={index: side(waypoints[index].bank) if index in inside else own for index, own in self.edges.items()},
+            ways={index: (waypoints[index],) if index in waypoints else ways for index, ways in self.ways.items()},
+            turns={},
+            rolls={i: side(waypoints[i].rolled) if i in waypoints else own for i, own in self.rolls.items()},
+            edges={i: side(waypoints[i].bank) if i in waypoints else own for i, own in self.edges.items()},
         )
 
 

@@ -55,10 +55,9 @@ def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course:
     if not wins:
         return ""
     best = max(wins, key=lambda one: one.found.saved)
-    stretch, window = best.thought.stretch, best.found.window
-    shown = replace(base, problem=best.found.problem, iterate=best.found.iterate)
-    inside = replace(stretch, first=stretch.first - window.first, last=stretch.last - window.first)
-    return f"{named(course, stretch)} {shape_in_words(shape(shown, inside))} saves about {best.found.saved:.2f} s"
+    ((inside, stretch),) = best.found.inside([best.thought.stretch])
+    way = shape_in_words(shape(best.found.shown, inside))
+    return f"{named(course, stretch)} {way} saves about {best.found.saved:.2f} s"
 
 
 def _draught(point_mass: Flight, source: Flight, optimum: StageResult) -> Draught:

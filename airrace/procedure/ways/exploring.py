@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.service import SolverService
@@ -133,14 +133,11 @@ def _told_flight(tried: Tried, best: Sketch, course: Course, places: Sequence[St
 
 def _told_window(tried: TriedWindow, best: Sketch, course: Course, places: Sequence[Stretch]) -> Way | None:
     """A way through a window; None if it is the best flight's own."""
-    window = tried.found.window
-    shown = replace(window.base, problem=tried.found.problem, iterate=tried.found.iterate)
-    inside = [one for one in places if window.first <= one.first and one.last <= window.last]
-    moved = [replace(one, first=one.first - window.first, last=one.last - window.first) for one in inside]
-    apart = [(one, place) for one, place in zip(moved, inside, strict=True) if not same_way(shown, one, best, place)]
+    shown = tried.found.shown
+    apart = [(one, place) for one, place in tried.found.inside(places) if not same_way(shown, one, best, place)]
     if not apart:
         return None
-    race_time = window.base.race_time - tried.found.saved
+    race_time = tried.found.window.base.race_time - tried.found.saved
     text = "; ".join(f"{named(course, place)}: {shape_in_words(shape(shown, one))}" for one, place in apart)
     return Way(text, race_time, race_time - best.race_time, "window")
 

@@ -20,7 +20,7 @@ from airrace.procedure.plan import plan
 from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import Effort, scaled
 from airrace.procedure.ways.sketch import Draught, Sketch, planned_draught, sketched
-from airrace.procedure.ways.stretches import Stretch, differing, stretches
+from airrace.procedure.ways.stretches import Stretch, differing, neighbours, stretches
 from airrace.procedure.ways.thoughts import Thinker, Thought
 from airrace.procedure.ways.window import Priced, priced, spliced
 from airrace.track.course import Course
@@ -146,6 +146,12 @@ class Search:
         thoughts = [one for one in thinker.thoughts(changed) if self._is_worth_while(one)]
         if first:
             thoughts += self._from_other_starts(base, thinker)
+        wins = self._won(thoughts)
+        wins += self._won([again for win in wins for again in thinker.in_other_laps(win.found, win.thought.kind)])
+        return self._combined(base, sorted(wins, key=lambda one: -one.found.saved)) if wins else None
+
+    def _won(self, thoughts: Sequence[Thought]) -> list[TriedWindow]:
+        """The windows that save time, of all that are solved."""
         found = self._crew.work([one.window for one in thoughts], priced)
         self._hopeless |= {
             (one.stretch.number, one.kind)
@@ -154,8 +160,7 @@ class Search:
         }
         tried = [TriedWindow(one, win) for one, win in zip(thoughts, found, strict=True) if win is not None]
         self._windows += tried
-        wins = sorted((one for one in tried if one.found.saved > WORTH), key=lambda one: -one.found.saved)
-        return self._combined(base, wins) if wins else None
+        return [one for one in tried if one.found.saved > WORTH]
 
     def _is_worth_while(self, thought: Thought) -> bool:
         """Whether a way is neither far too long in its plan nor was far too slow when it was tried before."""
@@ -165,7 +170,7 @@ class Search:
         """The ways of other flights where they differ from the best: neighbouring stretches together, each way once."""
         known: list[tuple[Sketch, list[Stretch]]] = []
         for tried in self._flights:
-            for group in _groups(differing(base, tried.sketch, thinker.stretches)):
+            for group in neighbours(differing(base, tried.sketch, thinker.stretches)):
                 again = any(
                     group == other_group and not differing(tried.sketch, other, group) for other, other_group in known
                 )
@@ -202,18 +207,7 @@ class Search:
         choices = choices_as_flown(self._course, names, base.iterate.state, problem.first_node)
         for one in group:
             window = one.found.window
-            choices = choices.as_planned(window.flight.plan.waypoints, {*window.phases, window.last})
-        # Turns are left to the plan: what a window found may turn less than the plan that it was thought of with.
-        planned = plan(self._course, self._pace, dataclasses.replace(choices, turns={}))
+            waypoints = window.flight.plan.waypoints
+            choices = choices.as_planned({index: waypoints[index] for index in (*window.phases, window.last)})
+        planned = plan(self._course, self._pace, choices)
         return dataclasses.replace(self._flight, plan=planned), base, [one.found for one in group]
-
-
-def _groups(apart: Sequence[Stretch]) -> list[list[Stretch]]:
-    """Neighbouring stretches together."""
-    groups: list[list[Stretch]] = []
-    for stretch in apart:
-        if groups and groups[-1][-1].number == stretch.number - 1:
-            groups[-1].append(stretch)
-        else:
-            groups.append([stretch])
-    return groups

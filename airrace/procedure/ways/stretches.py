@@ -95,6 +95,17 @@ def differing(one: Sketch, other: Sketch, all_stretches: Sequence[Stretch]) -> l
     return [stretch for stretch in all_stretches if not same_way(one, stretch, other, stretch)]
 
 
+def neighbours(some: Sequence[Stretch]) -> list[list[Stretch]]:
+    """Stretches in order, those that follow one another together."""
+    groups: list[list[Stretch]] = []
+    for stretch in some:
+        if groups and groups[-1][-1].number == stretch.number - 1:
+            groups[-1].append(stretch)
+        else:
+            groups.append([stretch])
+    return groups
+
+
 def same_way(one: Sketch, stretch: Stretch, other: Sketch, counterpart: Stretch) -> bool:
     """Whether two flights take a stretch alike, which may begin at other phases of them."""
     pairs = zip(range(stretch.first, stretch.last), range(counterpart.first, counterpart.last), strict=True)

@@ -18,8 +18,8 @@ from airrace.procedure.plan import Plan, plan
 from airrace.procedure.waypoints import Waypoint, candidates
 from airrace.procedure.ways.sketch import Sketch, intervals
 from airrace.procedure.ways.slanting import slanted
-from airrace.procedure.ways.stretches import Shape, Stretch, shape, stretches
-from airrace.procedure.ways.window import Window
+from airrace.procedure.ways.stretches import Shape, Stretch, neighbours, same_way, shape, stretches
+from airrace.procedure.ways.window import Priced, Window
 from airrace.track.course import Course
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.limits import Turning
@@ -109,6 +109,46 @@ class Thinker:
         mixed = plan(self.course, self.pace, _mixed(self.choices, theirs, stops))
         pieces = {index: phase_piece(other.iterate, problem, index) for index in phases}
         return self._thought(first, last, mixed, pieces, 0.0, "from another start")
+
+    def in_other_laps(self, won: Priced, kind: str) -> Iterator[Thought]:
+        """What has won in a window, in the other laps: wherever the same passages follow one another."""
+        own = {place.number: one for one, place in won.inside(self.stretches)}
+        changed = {number for number, one in own.items() if not self._flies(won, one, self.stretches[number])}
+        for later in range(1 - len(self.stretches), len(self.stretches)):
+            inside = [self.stretches[number] for number in own if 0 <= number + later < len(self.stretches)]
+            alike = [one for one in inside if self._same_place(one, self.stretches[one.number + later])]
+            for group in neighbours(alike) if later else ():
+                numbers = changed.intersection(one.number for one in group)
+                places = range(min(numbers, default=0), max(numbers, default=-1) + 1)
+                if not all(self._flies(won, own[number], self.stretches[number + later]) for number in places):
+                    yield self._again(won, places, later, f"{kind} in another lap")
+
+    def _flies(self, won: Priced, one: Stretch, place: Stretch) -> bool:
+        """Whether the flight itself takes a stretch as a window takes one of its own."""
+        return same_way(won.shown, one, self.base, place)
+
+    def _same_place(self, one: Stretch, other: Stretch) -> bool:
+        """Whether two stretches lead past the same elements, in the same directions and with the same rolls."""
+        here, there = (self.course.passages[place.first : place.last + 1] for place in (one, other))
+        same = len(here) == len(there) and all(
+            (a.element, a.direction) == (b.element, b.direction) for a, b in zip(here, there, strict=True)
+        )
+        return same and [one.roll for one in here[1:]] == [one.roll for one in there[1:]]
+
+    def _again(self, won: Priced, numbers: range, later: int, kind: str) -> Thought:
+        """What has won on some stretches, on others that lead past the same elements, so many stretches later."""
+        first, last = self.stretches[numbers[0]], self.stretches[numbers[-1]]
+        places = self.stretches[numbers[0] + later], self.stretches[numbers[-1] + later]
+        shift, waypoints = places[0].first - first.first, won.window.flight.plan.waypoints
+        moved = {
+            index + shift: dataclasses.replace(waypoints[index], passage=self.course.passages[index + shift])
+            for index in range(first.first, last.last + 1)
+        }
+        pieces = {
+            index + shift: phase_piece(won.iterate, won.problem, index - won.window.first)
+            for index in range(first.first, last.last)
+        }
+        return self._thought(*places, plan(self.course, self.pace, self.choices.as_planned(moved)), pieces, 0.0, kind)
 
     def _other_hand(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
         """Turned to the other side; where its ends are free to be crossed otherwise, they are."""

@@ -18,6 +18,7 @@ from airrace.procedure.homotopy import held
 from airrace.procedure.joint import COLD_BARRIER
 from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, attempted, deceit, sketched
+from airrace.procedure.ways.stretches import Stretch
 from airrace.quantities import Interval
 
 ITERATIONS = (
@@ -57,6 +58,17 @@ class Priced:
     iterate: Iterate
     problem: Problem
     saved: float
+
+    @property
+    def shown(self) -> Sketch:
+        """The window as a flight of its own."""
+        return replace(self.window.base, problem=self.problem, iterate=self.iterate)
+
+    def inside(self, places: Sequence[Stretch]) -> list[tuple[Stretch, Stretch]]:
+        """The stretches that lie in the window, as they are numbered in it and as they are numbered in the race."""
+        first, last = self.window.first, self.window.last
+        within = [one for one in places if first <= one.first and one.last <= last]
+        return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
 def priced(service: SolverService, window: Window) -> Priced | None:

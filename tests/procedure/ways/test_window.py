@@ -22,6 +22,7 @@ from airrace.procedure.ways.effort import scaled
 from airrace.procedure.ways.sketch import Sketch, planned_draught, sketched
 from airrace.procedure.ways.thoughts import Thinker, Thought
 from airrace.procedure.ways.window import COLD_BARRIER, SPEED_REACH, Priced, Window, priced, spliced
+from airrace.quantities import Interval
 
 ATTITUDE = slice(4, 8)
 
@@ -32,9 +33,13 @@ def own_window(base: Sketch, first: int, last: int) -> Window:
     return Window(base, first, last, base.flight, pieces)
 
 
-def solved(window: Window) -> Priced:
+def solved_or_none(window: Window) -> Priced | None:
     with workbench() as bench:
-        found = priced(bench.service, window)
+        return priced(bench.service, window)
+
+
+def solved(window: Window) -> Priced:
+    found = solved_or_none(window)
     assert found is not None
     return found
 
@@ -128,6 +133,26 @@ def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> No
     about_start = [one for one in thoughts(base, race) if one.kind == "other direction" and one.stretch.number == 0]
     saved = [solved(one.window).saved for one in about_start]
     assert max(saved) == pytest.approx(base.race_time - planned_sketch(race).race_time, abs=0.05)
+
+
+def twice(race: Race) -> Race:
+    """The same elements flown twice."""
+    passages = race.course.passages
+    again = [dataclasses.replace(one, name=f"2:{one.name}", lap=2, speed=Interval()) for one in passages]
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=(*passages, *again)))
+
+
+def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
+    race = twice(WOUND)
+    base = planned_sketch(race)
+    thinker = Thinker(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+    about = [one for one in thinker.thoughts(set(range(len(base.problem.phases)))) if one.stretch.number == 1]
+    best = max((solved_or_none(one.window) for one in about), key=lambda one: 0.0 if one is None else one.saved)
+    assert best is not None
+    assert best.saved > 3.0
+    (again,) = thinker.in_other_laps(best, "unwound")
+    assert (again.stretch.number, again.kind) == (4, "unwound in another lap")
+    assert solved(again.window).saved == pytest.approx(best.saved, rel=0.2)
 
 
 def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
