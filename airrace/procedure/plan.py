@@ -159,7 +159,7 @@ def _pieces(leg: Leg, count: int) -> list[Leg]:
 
 
 def _turn(a: Waypoint, b: Waypoint, *, last: bool) -> tuple[float, float, float]:
-    roll, pitch, yaw = rotation_vector(a.q, b.q, a.rolled or (1.0 if last else 0.0))
+    roll, pitch, yaw = rotation_vector(a.q, b.q, a.rolled, last=last)
     return (b.rolled or roll, pitch, yaw)
 
 

@@ -12,15 +12,18 @@ PUSHED = 3.0  # times as long as a pull: what an aircraft and its pilot bear dow
 ROUNDING = 1e-6  # rad: differences of attitude that are less are none
 
 
-def rotation_vector(start: Sequence[float], end: Sequence[float], rolled: float = 0.0) -> tuple[float, float, float]:
+def rotation_vector(
+    start: Sequence[float], end: Sequence[float], rolled: float = 0.0, *, last: bool = False
+) -> tuple[float, float, float]:
     """The shortest rotation from one attitude to another as a vector in the rotating frame, rad.
 
-    Of two that are half a circle long it is the one that pulls; where none does, the one that rolls back where the
-    aircraft has rolled before (`rolled`, rad, positive to the right), else to the right.
+    Of two that are half a circle long it is the one that pulls; where neither does, the one that rolls back where the
+    aircraft has rolled before (`rolled`, rad, positive to the right). Else either will do, and rounding decides, which
+    a mirror does not change; the other one is the last.
     """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
-    back = -x if rolled > 0.0 else x
-    if next((one for one in (w, y, back) if abs(one) > ROUNDING), z) < 0.0:
+    either = -1.0 if (w < 0.0) is not last else 1.0
+    if next((one for one in (w, y, -x * rolled) if abs(one) > ROUNDING), either) < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0

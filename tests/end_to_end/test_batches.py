@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, gone, start
 
-FAST = (*POINT_MASS, "--set", "settings.guess=plan")
+FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
 WINDS = ("--sweep", "environment.wind.speed_kt=0,10", "--set", "environment.wind.from_deg=270")
 # Takes a few seconds: time enough to be killed in the middle.
 ALONE = ("course.laps=1", "settings.explore=off")
@@ -97,7 +97,7 @@ def test_a_damaged_checkpoint_is_noticed_and_flown_again(tmp_path: Path) -> None
 
 
 def test_a_further_stage_is_flown_on_top_of_those_that_are_finished(tmp_path: Path) -> None:
-    plan = ("--set", "settings.guess=plan")
+    plan = ("--set", "settings.guess=plan", "--set", "settings.explore=off")
     assert airrace("batch", HALF_CUBAN, "--until", "point-mass", *plan, cwd=tmp_path).code == 0
     ran = airrace("batch", HALF_CUBAN, "--until", "transfer-function", *plan, "--json", cwd=tmp_path)
     assert ran.code == 0

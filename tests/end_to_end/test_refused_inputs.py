@@ -105,7 +105,7 @@ def test_missing_track_is_named(tmp_path: Path) -> None:
 
 
 def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path: Path) -> None:
-    limit = ("--set", "rules.ceiling_m=100")
+    limit = ("--set", "rules.ceiling_m=100", "--explore", "off")
     ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", *limit, "--json", cwd=tmp_path)
     assert ran.code == 4
     assert ran.answer["certified"] is False

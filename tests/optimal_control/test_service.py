@@ -136,7 +136,7 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
         first = worker_of(before)
         started = time.monotonic()
         with pytest.raises(Stalled, match="no iteration finished within 4 s"):
-            solve(service, on_iteration=lambda _: os.kill(first, signal.SIGSTOP))
+            solve(service, rest_to_rest(2000), on_iteration=lambda _: os.kill(first, signal.SIGSTOP))
         assert time.monotonic() - started < 8.0
         assert gone(first)
         assert solve(service).success

@@ -21,6 +21,8 @@ QUICK = ("half_cuban_eight", "four_gates")
 LONG = ("rovinj_2014", "sixteen_phases")
 REPRESENTATIVES = {("rovinj_2014", GuessKind.PLAN, 90), ("sixteen_phases", GuessKind.HOMOTOPY, 270)}
 
+SLOWEST = ("rovinj_2014", GuessKind.HOMOTOPY)
+
 
 def windy_cases() -> list[object]:
     """All races, guesses and directions; of the long races all but the representatives are slow."""
@@ -35,7 +37,9 @@ def windy_cases() -> list[object]:
 every_race_and_guess = pytest.mark.parametrize(
     ("name", "guess"),
     [
-        pytest.param(name, guess, id=f"{name}-{guess.value}")
+        pytest.param(
+            name, guess, marks=[pytest.mark.slow] if (name, guess) == SLOWEST else [], id=f"{name}-{guess.value}"
+        )
         for name, guess in itertools.product((*QUICK, *LONG), GUESSES)
     ],
 )

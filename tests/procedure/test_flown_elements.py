@@ -116,6 +116,7 @@ def test_crowd_may_be_flown_over_where_its_distance_is_one_in_space() -> None:
 # figures
 
 
+@pytest.mark.slow
 def test_high_turn_of_air_race_x_reaches_its_height_only_because_it_must() -> None:
     race = load_inputs(ROOT / "tracks" / "air_race_x_2024.yaml").race
     names = [passage.name for passage in race.course.passages]

@@ -151,7 +151,7 @@ def excess_power(state: PointMassState[Array]) -> Array:
 # laps
 
 
-@every_guess
+@pytest.mark.parametrize("guess", [GuessKind.PLAN, pytest.param(GuessKind.HOMOTOPY, marks=pytest.mark.slow)])
 def test_two_laps_are_flown_as_one_race(guess: GuessKind) -> None:
     one, two = optimum(laps(1), settings(guess)), optimum(laps(2), settings(guess))
     assert one.certified

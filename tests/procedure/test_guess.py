@@ -10,10 +10,7 @@ from transformations import mirrored
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.choices import TWIN
-from airrace.procedure.cruise import cruise
 from airrace.procedure.guess import COUNT_STEP, first_mesh, guess, leg_seconds
-from airrace.procedure.plan import plan as plan_of
 from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 
@@ -127,10 +124,9 @@ def test_load_factor_bends_the_path_as_much_as_it_turns(name: str) -> None:
 
 @every_race
 def test_mirrored_course_has_the_mirrored_guess(name: str) -> None:
-    """Ties are decided the other way in a mirror, by the twin of the plan."""
-    made, seen = guessed(name), mirrored(RACES[name])
-    twin = plan_of(seen.course, cruise(seen.aircraft, seen.course.rules), TWIN)
-    image = guess(twin, first_mesh(twin, MESH))
+    made = guessed(name)
+    plan = planned(mirrored(RACES[name]))
+    image = guess(plan, first_mesh(plan, MESH))
     assert np.allclose(image.durations, made.durations, rtol=1e-12)
     assert np.allclose(in_mirror(image.state, PointMassState.names(), MIRRORED_STATES), made.state, atol=1e-6)
     assert np.allclose(in_mirror(image.control, PointMassControl.names(), MIRRORED_CONTROLS), made.control, atol=1e-5)
