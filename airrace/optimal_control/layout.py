@@ -21,6 +21,8 @@ from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
 
+WHOLE = 1e-6  # by which the fractions of a phase may miss 1: what rounding leaves of thousands of them is far less
+
 
 @dataclass(frozen=True)
 class Row:
@@ -61,11 +63,25 @@ class Layout:
     problem: Problem
 
     def __post_init__(self) -> None:
-        """Refuse bounds of what does not exist: a misspelt name would silently drop a condition."""
-        system = self.problem.system
+        """Refuse bounds and weights of what does not exist, which would silently be dropped, and impossible meshes.
+
+        Raises:
+            ValueError: a name is misspelt, fractions of a phase are no shares of it, or its duration may be negative.
+        """
+        system, objective = self.problem.system, self.problem.objective
         along = {quantity.name for quantity in (*system.states, *system.controls, *system.path)}
         at_ends = {quantity.name for quantity in system.states}
+        if unknown := objective.terminal.keys() - at_ends:
+            raise ValueError(f"the objective weighs unknown states: {', '.join(sorted(unknown))}")
+        if unknown := objective.regularisation.keys() - {quantity.name for quantity in system.controls}:
+            raise ValueError(f"the objective regularises unknown controls: {', '.join(sorted(unknown))}")
         for phase in self.problem.phases:
+            if min(phase.fractions, default=0.0) <= 0.0 or abs(sum(phase.fractions) - 1.0) > WHOLE:
+                raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")
+            if phase.duration.lower < 0.0 or phase.duration.upper < phase.duration.lower:
+                raise ValueError(
+                    f"phase {phase.name!r} may not last {phase.duration.lower} to {phase.duration.upper} s"
+                )
             if unknown := phase.bounds.keys() - along:
                 raise ValueError(f"phase {phase.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
             for watch in phase.watches:
