@@ -155,8 +155,7 @@ def changed(**values: object) -> Problem:
         (changed(fractions=(0.5, 0.4)), "do not add up to 1"),
         (changed(fractions=(1.5, -0.5)), "are not positive"),
         (changed(fractions=()), "do not add up to 1"),
-        (changed(duration=Interval(-1.0, 1.0)), "may not last -1.0 to 1.0 s"),
-        (changed(duration=Interval(2.0, 1.0)), "may not last 2.0 to 1.0 s"),
+        (changed(duration=Interval(-1.0, 1.0)), "may not last -1.0 s"),
     ],
 )
 def test_what_would_silently_mean_something_else_is_refused(problem: Problem, words: str) -> None:
