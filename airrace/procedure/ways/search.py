@@ -32,7 +32,7 @@ Race X, where flights around it became a second faster, ways changed their price
 GAINED = 0.0005  # s: what a joint flight has to gain to be the better one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tried:
     """A way round that was solved jointly: what it began with, and the flight."""
 
@@ -40,7 +40,7 @@ class Tried:
     sketch: Sketch
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TriedWindow:
     """A way through a stretch that was solved in its window: which, in what, and what it saves there."""
 
@@ -48,7 +48,7 @@ class TriedWindow:
     found: Priced
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """All that was tried, the best first.
 

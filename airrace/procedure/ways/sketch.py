@@ -39,7 +39,7 @@ DECEIVED = 0.01  # s, by which a phase may be too fast for its mesh alone
 SKETCHES = 3  # meshes at most
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Draught:
     """A flight to be sketched: how it is planned, and a guess on a mesh."""
 
@@ -49,7 +49,7 @@ class Draught:
     barrier: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sketch:
     """A rough optimum.
 

@@ -46,7 +46,7 @@ SLANTS = (math.radians(50.0), math.radians(85.0))
 """Angles by which a long turn is tilted: slanted, and all but upright."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Thought:
     """Another way to take a stretch.
 

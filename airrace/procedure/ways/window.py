@@ -29,7 +29,7 @@ COUNTERS = ("Phi", "gain")  # of rolls: they begin anew where they matter
 SPEED = "V_K"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Window:
     """Phases `first ... last - 1` of a flight, to be flown another way.
 
@@ -50,7 +50,7 @@ class Window:
         return range(self.first, self.last)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Priced:
     """A window solved: the flight's way through it, and the seconds that it saves, its errors of integration aside."""
 

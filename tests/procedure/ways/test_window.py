@@ -19,7 +19,9 @@ from airrace.procedure.race import Race
 from airrace.procedure.waypoints import candidates
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import scaled
+from airrace.procedure.ways.search import TriedWindow
 from airrace.procedure.ways.sketch import Sketch, planned_draught, sketched
+from airrace.procedure.ways.stretches import Stretch
 from airrace.procedure.ways.thoughts import Thinker, Thought
 from airrace.procedure.ways.window import COLD_BARRIER, SPEED_REACH, Priced, Window, priced, spliced
 from airrace.quantities import Interval
@@ -133,6 +135,18 @@ def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> No
     about_start = [one for one in thoughts(base, race) if one.kind == "other direction" and one.stretch.number == 0]
     saved = [solved(one.window).saved for one in about_start]
     assert max(saved) == pytest.approx(base.race_time - planned_sketch(race).race_time, abs=0.05)
+
+
+def test_ways_are_told_apart_whatever_they_hold() -> None:
+    """Two ways through the same window differ in nothing but the numbers of their flights."""
+    base = planned_sketch(WOUND)
+    window = own_window(base, 0, 3)
+    one, other = (
+        TriedWindow(Thought(Stretch(1, 1, 2), again, 0.0, "a way"), Priced(again, base.iterate, base.problem, 0.1))
+        for again in (window, dataclasses.replace(window))
+    )
+    assert one in [one]
+    assert other not in [one]
 
 
 def twice(race: Race) -> Race:
