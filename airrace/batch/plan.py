@@ -41,7 +41,7 @@ def result_of(record: Record) -> Result:
 
 
 def invalid(findings: tuple[Finding, ...]) -> Result:
-    """Of a job whose inputs are not valid."""
+    """The result of a job whose inputs are not valid."""
     number = len(findings)
     message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
     return Result(INVALID_INPUT, message, findings=findings)

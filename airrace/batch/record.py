@@ -33,7 +33,7 @@ class FileMark:
 
     @classmethod
     def of(cls, path: Path) -> Self | None:
-        """Of a file as it is now; None where there is none."""
+        """The mark of a file as it is now; None where there is none."""
         try:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256")
@@ -83,7 +83,7 @@ class Record:
 
     @property
     def race_time(self) -> float | None:
-        """Of its last stage, s; None where that found no flight."""
+        """The race time of its last stage, s; None where that found no flight."""
         return None if self.run is None else self.run["race_time_s"]
 
 
