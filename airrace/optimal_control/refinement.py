@@ -16,17 +16,19 @@ Mesh = list[Fractions]
 Marks = NDArray[np.bool_]
 
 
-def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay, parts: Indices) -> tuple[Mesh, Iterate]:
+def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay | None, parts: Indices) -> tuple[Mesh, Iterate]:
     """Cut every interval into so many equal parts; `parts` has shape (N,).
 
     Returns:
-        The new mesh, and the iterate on it: the new nodes lie on the replayed flight.
+        The new mesh, and the iterate on it: the new nodes lie on the replayed flight, or without one straight between
+        those that there were.
     """
     counts = iter(parts.tolist())
     finer = [tuple(fraction / n for fraction in phase for n in [next(counts)] for _ in range(n)) for phase in mesh]
     parent = np.repeat(np.arange(len(parts)), parts)
     share = _numbers_within(parts) / parts[parent]
-    state = np.hstack([_between(flown, parent, share), iterate.state[:, -1:]])
+    between = _straight(iterate, parent, share) if flown is None else _between(flown, parent, share)
+    state = np.hstack([between, iterate.state[:, -1:]])
     state[:, :-1][:, share == 0.0] = iterate.state[:, :-1]
     return finer, Iterate(iterate.durations, state, iterate.control[:, parent])
 
@@ -100,3 +102,8 @@ def _between(flown: Replay, interval: Indices, share: Array) -> Array:
     before = np.minimum(place.astype(np.int64), SAMPLES - 1)
     weight = place - before
     return flown.state[:, interval, before] * (1.0 - weight) + flown.state[:, interval, before + 1] * weight
+
+
+def _straight(iterate: Iterate, interval: Indices, share: Array) -> Array:
+    """States at shares of intervals, straight between their nodes; shape (n_x, n)."""
+    return iterate.state[:, interval] * (1.0 - share) + iterate.state[:, interval + 1] * share

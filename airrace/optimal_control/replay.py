@@ -69,25 +69,18 @@ def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
 
     It takes a tenth of the time, and shares code with what it measures: enough to compare flights, not to certify one.
     """
-    system = problem.system
-    mapped = system.rates.map(problem.intervals)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], problem.intervals, axis=1)
-    scheme = dataclasses.replace(problem.scheme, steps=SHORTER * problem.scheme.steps)
-    steps = interval_durations(problem, iterate.durations)
+    return (_stepped(problem, iterate, SHORTER) - iterate.state[:, 1:]) / _scale(problem)
 
-    def rates(x: Array, u: Array, p: Array) -> Array:
-        return np.asarray(mapped(x, u, p))
 
-    ends: Array = scheme.advance(rates, iterate.state[:, :-1], iterate.control, p, steps)
-    scale = np.array([quantity.scale for quantity in system.states])[:, None]
-    return (ends - iterate.state[:, 1:]) / scale
+def estimated_error(problem: Problem, iterate: Iterate) -> Array:
+    """About the scheme's own error in every interval, even if the nodes do not join; scaled, shape (n_x, N)."""
+    return (_stepped(problem, iterate, SHORTER) - _stepped(problem, iterate, 1)) / _scale(problem)
 
 
 def replay_phases(problem: Problem, iterate: Iterate) -> Array:
     """How far each phase ends from its last node when it is flown in one go from its first; shape (n_x, n phases)."""
-    system = problem.system
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
-    scale = np.array([quantity.scale for quantity in system.states])[:, None]
+    scale = _scale(problem)
     steps = interval_durations(problem, iterate.durations)
     x = iterate.state[:, first] / scale
     for number in range(int((ends - first).max())):
@@ -97,10 +90,28 @@ def replay_phases(problem: Problem, iterate: Iterate) -> Array:
     return x * scale - iterate.state[:, ends]
 
 
+def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
+    """The ends of all intervals by the shooting scheme, with so many steps in the place of one; shape (n_x, N)."""
+    mapped = problem.system.rates.map(problem.intervals)
+    p = np.repeat(np.asarray(problem.parameters)[:, None], problem.intervals, axis=1)
+    scheme = dataclasses.replace(problem.scheme, steps=shorter * problem.scheme.steps)
+    steps = interval_durations(problem, iterate.durations)
+
+    def rates(x: Array, u: Array, p: Array) -> Array:
+        return np.asarray(mapped(x, u, p))
+
+    return scheme.advance(rates, iterate.state[:, :-1], iterate.control, p, steps)
+
+
+def _scale(problem: Problem) -> Array:
+    """Of the states, shape (n_x, 1)."""
+    return np.array([quantity.scale for quantity in problem.system.states])[:, None]
+
+
 def _across(problem: Problem, x: Array, control: Array, steps: Array) -> Array:
     """Scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
     system, (n_x, count) = problem.system, x.shape
-    scale = np.array([quantity.scale for quantity in system.states])[:, None]
+    scale = _scale(problem)
     rates = system.rates.map(count)
     p = np.repeat(np.asarray(problem.parameters)[:, None], count, axis=1)
 
