@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.fatrop_solver import FatropSolver
-from airrace.optimal_control.fatrop_stages import Bounds
+from airrace.optimal_control.fatrop.solver import FatropSolver
+from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout

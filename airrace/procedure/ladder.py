@@ -6,7 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
+from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.procedure.as_flown import plan_as_flown
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.optimal_control.fatrop_functions import Functions
-from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
-from airrace.optimal_control.fatrop_library import (
+from airrace.optimal_control.fatrop.functions import Functions
+from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
+from airrace.optimal_control.fatrop.library import (
     EVALUATED,
     OUTPUT,
     Callback,
@@ -20,8 +20,8 @@ from airrace.optimal_control.fatrop_library import (
     fatrop,
     interface,
 )
-from airrace.optimal_control.fatrop_matrices import Destination, MatrixFamily, destination
-from airrace.optimal_control.fatrop_stages import Bounds, Rows, Stages
+from airrace.optimal_control.fatrop.matrices import Destination, MatrixFamily, destination
+from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.transcription import NonlinearProgram
 from airrace.trajectory import Array
