@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RungeKutta
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 from airrace.quantities import Interval
 from airrace.system import Observation, System
 from airrace.trajectory import Array

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from airrace.optimal_control.integration import integrate
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
 
 

@@ -14,7 +14,6 @@ from typing import Self
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control import kernels
-from airrace.optimal_control.integrators import RungeKutta
 from airrace.optimal_control.messages import (
     COMPILING,
     IterationReport,
@@ -25,6 +24,7 @@ from airrace.optimal_control.messages import (
     WorkerFailure,
 )
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.optimal_control.spawn import take
 from airrace.system import System

@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatterns, derivatives, step_patterns
 from airrace.system import System
 

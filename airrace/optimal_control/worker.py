@@ -15,10 +15,10 @@ import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 
-from airrace.optimal_control.integrators import RungeKutta
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import COMPILING, IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 

@@ -7,14 +7,14 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from statement import KnownAnswer, corners, exactly, textbook_system
 
-from airrace.optimal_control import integrators
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control import runge_kutta
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import SolverOptions
 from airrace.quantities import T, Vector, quantity, vector
 
-SCHEMES = tuple(scheme for scheme in vars(integrators).values() if isinstance(scheme, RungeKutta))
+SCHEMES = tuple(scheme for scheme in vars(runge_kutta).values() if isinstance(scheme, RungeKutta))
 MESHES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 ROUNDING = 2e-12  # below it, errors are those of the reference and of the solver
 

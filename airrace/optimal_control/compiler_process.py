@@ -1,7 +1,7 @@
-"""A process that compiles the kernels of one system, `python -m airrace.optimal_control.prepare`.
+"""A process that compiles the kernels of one system, `python -m airrace.optimal_control.compiler_process`.
 
-`preparation.py` starts it and hands over system and scheme, pickled, as standard input. Ended early, it takes its
-compilers and temporary files along.
+`background_compilation.py` starts it and hands over system and scheme, pickled, as standard input. Ended early, it
+takes its compilers and temporary files along.
 """
 
 import ctypes
