@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.validity import require_valid
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation
 from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
-
-WHOLE = 1e-6  # by which the fractions of a phase may miss 1: what rounding leaves of thousands of them is far less
 
 
 @dataclass(frozen=True)
@@ -63,32 +62,12 @@ class Layout:
     problem: Problem
 
     def __post_init__(self) -> None:
-        """Refuse bounds and weights of what does not exist, which would silently be dropped, and impossible meshes.
+        """Refuse a problem that does not say what it seems to say.
 
         Raises:
-            ValueError: a name is misspelt, fractions of a phase are no shares of it, or its duration may be negative.
+            ValueError: see `require_valid`.
         """
-        system, objective = self.problem.system, self.problem.objective
-        along = {quantity.name for quantity in (*system.states, *system.controls, *system.path)}
-        at_ends = {quantity.name for quantity in system.states}
-        if unknown := objective.terminal.keys() - at_ends:
-            raise ValueError(f"the objective weighs unknown states: {', '.join(sorted(unknown))}")
-        if unknown := objective.regularisation.keys() - {quantity.name for quantity in system.controls}:
-            raise ValueError(f"the objective regularises unknown controls: {', '.join(sorted(unknown))}")
-        for phase in self.problem.phases:
-            if min(phase.fractions, default=0.0) <= 0.0 or abs(sum(phase.fractions) - 1.0) > WHOLE:
-                raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")
-            if phase.duration.lower < 0.0:
-                raise ValueError(f"phase {phase.name!r} may not last {phase.duration.lower} s")
-            if unknown := phase.bounds.keys() - along:
-                raise ValueError(f"phase {phase.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
-            for watch in phase.watches:
-                if unknown := watch.bounds.keys() - {quantity.name for quantity in watch.observation.quantities}:
-                    raise ValueError(f"watch {watch.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
-        for _, boundary in self.boundaries:
-            seen = boundary.observation.quantities if boundary.observation is not None else ()
-            if unknown := boundary.bounds.keys() - at_ends - {quantity.name for quantity in seen}:
-                raise ValueError(f"boundary {boundary.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
+        require_valid(self.problem)
 
     @cached_property
     def n_x(self) -> int:
