@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
-from airrace.quantities import Interval
+from airrace.quantities import Interval, Vector
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
@@ -146,6 +146,11 @@ class Iterate:
 def uniform(intervals: int) -> tuple[float, ...]:
     """Fractions of a mesh of equal intervals."""
     return (1.0 / intervals,) * intervals
+
+
+def corners(*states: Vector[float]) -> Array:
+    """The states at the start and at the end of each phase as `interpolated` takes them; shape (n_x, n + 1)."""
+    return np.array([state.join() for state in states], dtype=float).T
 
 
 def interpolated(problem: Problem, durations: ArrayLike, state: ArrayLike, control: ArrayLike) -> Iterate:
