@@ -1,7 +1,8 @@
 """The problem language: what is to be optimised, with no word of how.
 
 A problem is a `System` flown through phases. Each phase has a mesh, limits along its path, a range for its duration and
-conditions at its end; the first also has conditions at its start. States are continuous from phase to phase.
+conditions at its end; the first also has conditions at its start. States are continuous from phase to phase, unless a
+phase ends in a jump: a rocket that drops a stage.
 
 A page of Python states a textbook problem (see tests/validation). A free constant (a parameter to be found) is a state
 whose rate is zero; a periodic condition ties a state to such a constant through an `Observation`.
@@ -73,6 +74,10 @@ class Phase:
         end: conditions at the end of the phase.
         bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
         watches: what else holds along it.
+        jump: what is added to states, by name and in their units, between the end of this phase and the beginning of
+            the next: `{"m": -6840.0}` for a stage of 6840 kg that is dropped. Conditions at the end of this phase are
+            asked of the states before it, those of the next phase of the states after it; path quantities are asked at
+            the beginning of the next phase, not at the end of this one. The last phase has none.
     """
 
     name: str
@@ -81,6 +86,7 @@ class Phase:
     end: Boundary = field(default_factory=Boundary)
     bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
     watches: tuple[Watch, ...] = ()
+    jump: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass(frozen=True)
@@ -121,6 +127,26 @@ class Problem:
             nodes.append(nodes[-1] + len(phase.fractions))
         return nodes
 
+    @property
+    def jumps(self) -> Array:
+        """What is added to every state at the end of every phase; shape (n_x, n)."""
+        names = [quantity.name for quantity in self.system.states]
+        return np.array([[phase.jump.get(name, 0.0) for phase in self.phases] for name in names]).reshape(
+            len(names), len(self.phases)
+        )
+
+    def arrivals(self, state: Array) -> Array:
+        """The states in which the intervals end, before any jump; shape (n_x, N).
+
+        Args:
+            state: at the nodes, as an `Iterate` has them: after the jump, where a phase ends in one; (n_x, N + 1).
+        """
+        if not any(phase.jump for phase in self.phases):
+            return state[:, 1:]
+        before = state[:, 1:].copy()
+        before[:, np.array(self.first_node[1:]) - 1] -= self.jumps
+        return before
+
     def phase_of(self, interval: int) -> Phase:
         """The phase that an interval belongs to."""
         return self.phases[bisect.bisect_right(self.first_node, interval) - 1]
@@ -136,7 +162,14 @@ class Problem:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Values of all unknowns: `durations` (n,), `state` (n_x, N + 1) at the nodes, `control` (n_u, N)."""
+    """Values of all unknowns.
+
+    Attributes:
+        durations: of the phases, s; shape (n,).
+        state: at the nodes, in SI; where a phase ends in a jump, the state after it, in which the next interval begins
+            (`Problem.arrivals` has those before it). Shape (n_x, N + 1).
+        control: held on the intervals; shape (n_u, N).
+    """
 
     durations: Array
     state: Array
@@ -158,13 +191,19 @@ def interpolated(problem: Problem, durations: ArrayLike, state: ArrayLike, contr
 
     Args:
         durations: of the phases, s; shape (n,).
-        state: at the start and at the end of each phase; shape (n_x, n + 1).
+        state: at the start and at the end of each phase, there before any jump; shape (n_x, n + 1).
         control: held throughout; shape (n_u,).
     """
-    corners = np.asarray(state, dtype=float)
-    columns = [corners[:, :1]]
+    at_corners, jumps = np.asarray(state, dtype=float), problem.jumps
+    begin = at_corners[:, :1]
+    columns = [begin]
     for index, phase in enumerate(problem.phases):
-        share = np.cumsum(phase.fractions)
-        columns.append(corners[:, index : index + 1] * (1 - share) + corners[:, index + 1 : index + 2] * share)
+        share, end = np.cumsum(phase.fractions), at_corners[:, index + 1 : index + 2]
+        columns.append(begin * (1 - share) + end * share)
+        if phase.jump:
+            begin = end + jumps[:, index : index + 1]
+            columns[-1][:, -1:] = begin
+        else:
+            begin = end
     held = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
     return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), held)

@@ -26,7 +26,7 @@ class Replay:
     Attributes:
         state: on a grid `SAMPLES` times finer than the mesh; shape (n_x, N, SAMPLES + 1), both ends included.
         path: path quantities on that grid; shape (n_c, N, SAMPLES + 1).
-        defect: end of each replayed interval minus the next node, in scaled units; shape (n_x, N).
+        defect: end of each replayed interval minus the next node, before any jump, in scaled units; shape (n_x, N).
     """
 
     state: Array
@@ -59,7 +59,7 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     grid = np.linspace(0.0, 1.0, SAMPLES + 1)
     histories = integrate(side_by_side, start, grid, relative=max(tolerance, 1e-13), absolute=tolerance)
     state = histories.reshape(n_x, intervals, SAMPLES + 1)
-    defect = state[:, :, -1] - iterate.state[:, 1:] / scale[:, None]
+    defect = state[:, :, -1] - problem.arrivals(iterate.state) / scale[:, None]
     state = state * scale[:, None, None]
     return Replay(state, _path_values(problem, state, iterate.control), defect)
 
@@ -80,11 +80,15 @@ def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
 
     ends: Array = scheme.advance(rates, iterate.state[:, :-1], iterate.control, p, steps)
     scale = np.array([quantity.scale for quantity in system.states])[:, None]
-    return (ends - iterate.state[:, 1:]) / scale
+    return (ends - problem.arrivals(iterate.state)) / scale
 
 
 def replay_phases(problem: Problem, iterate: Iterate) -> Array:
-    """How far each phase ends from its last node when it is flown in one go from its first; shape (n_x, n phases)."""
+    """How far each phase ends from its last node, before any jump, when it is flown in one go from its first.
+
+    Returns:
+        In the states' units, shape (n_x, n phases).
+    """
     system = problem.system
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
     scale = np.array([quantity.scale for quantity in system.states])[:, None]
@@ -94,7 +98,7 @@ def replay_phases(problem: Problem, iterate: Iterate) -> Array:
         flying = np.flatnonzero(first + number < ends)
         interval = first[flying] + number
         x[:, flying] = _across(problem, x[:, flying], iterate.control[:, interval], steps[interval])
-    return x * scale - iterate.state[:, ends]
+    return x * scale - problem.arrivals(iterate.state)[:, ends - 1]
 
 
 def _across(problem: Problem, x: Array, control: Array, steps: Array) -> Array:

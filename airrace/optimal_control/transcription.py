@@ -7,14 +7,14 @@ length and evaluated by a few mapped calls whatever the number of phases. Sparse
 nonzero of the Jacobian (of the Hessian) is a weighted sum of kernel outputs, and the weights carry the scaling.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
-from airrace.optimal_control.layout import Indices, Layout, Row
+from airrace.optimal_control.layout import Indices, Layout, Row, Sighting
 from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
@@ -55,6 +55,7 @@ class _Calls:
         shared: `shared`, shape (n_shared,).
         rows: places of c among the constraints, the number of constraints where not constrained; shape (calls, n_c).
         weights: factors from c to the scaled constraints; shape (calls, n_c).
+        jumps: what is taken off the unknowns before they become y, shape (n_y, calls); None for nothing.
     """
 
     kernel: Kernel
@@ -63,6 +64,7 @@ class _Calls:
     shared: ca.MX
     rows: Indices
     weights: Array
+    jumps: ca.MX | None = None
 
 
 def transcribe(layout: Layout, kernels: Kernels, threads: int = 1) -> NonlinearProgram:
@@ -154,7 +156,20 @@ class _Transcription:
         count, first = len(observation.parameters), len(layout.problem.parameters) + layout.intervals
         places = np.concatenate([first + sighting.offset + np.arange(count) for sighting in sightings])
         own = ca.reshape(self.p[places.tolist()], count, len(members))
-        return _Calls(kernel, inputs, own, ca.MX(0, 1), rows, weights)
+        return _Calls(kernel, inputs, own, ca.MX(0, 1), rows, weights, self._unseen_jumps(sightings))
+
+    def _unseen_jumps(self, sightings: Sequence[Sighting]) -> ca.MX | None:
+        """What has to be taken off the states at these nodes, shape (n_x, sightings); None if none of them jumps."""
+        layout = self.layout
+        if all(sighting.jump is None for sighting in sightings):
+            return None
+        padded = ca.vertcat(self.p, ca.MX.zeros(1))
+        nothing = np.full(layout.n_x, len(layout.parameter_values()))
+        places = [
+            nothing if one.jump is None else layout.jump_offset + one.jump * layout.n_x + np.arange(layout.n_x)
+            for one in sightings
+        ]
+        return ca.reshape(padded[np.concatenate(places).tolist()], layout.n_x, len(sightings))
 
     def _rows(self, kernel: Kernel, calls: int, call_of: Callable[[Row], int | None]) -> tuple[Indices, Array]:
         """Places and weights of the outputs that are constrained."""
@@ -171,6 +186,8 @@ class _Transcription:
         """The outputs of a kernel function over all its calls, as columns of nonzeros."""
         count, n_y = calls.inputs.shape
         y = ca.reshape(self.unscaled[calls.inputs.ravel().tolist()], n_y, count)
+        if calls.jumps is not None:
+            y -= calls.jumps
         how = "thread" if self.threads > 1 and count >= MAP_IN_THREADS else "serial"
         mapped = function.map(count, how, self.threads) if how == "thread" else function.map(count)
         outputs = mapped(y, calls.own, ca.repmat(calls.shared, 1, count), *multipliers)
@@ -212,7 +229,10 @@ class _Transcription:
         return ca.dot(ca.mtimes(ca.DM(weights).T, controls**2).T, durations * self.fractions)
 
     def _constraints(self, values: list[ca.MX]) -> ca.MX:
-        """g: the gaps `x_next - F(x, u, T)` and `T_next - T`, the rows along the path and at the boundaries."""
+        """g: the gaps `x_next - F(x, u, T)` and `T_next - T`, the rows along the path and at the boundaries.
+
+        The gap at the end of a phase is bounded to that phase's jump, all others to zero.
+        """
         layout = self.layout
         g = Scatter(layout.constraints, 1)
         for calls, value in zip(self.calls, values, strict=True):

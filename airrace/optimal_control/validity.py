@@ -26,7 +26,7 @@ def require_valid(problem: Problem) -> None:
 
     Raises:
         ValueError: a name is misspelt or means two things, numbers are missing or too many, the fractions of a phase
-            are no shares of it, a duration may be negative, or a weight is no number.
+            are no shares of it, a duration may be negative, a weight or a jump is no number, or a jump leads nowhere.
     """
     if not problem.phases:
         raise ValueError("the problem has no phases")
@@ -34,6 +34,8 @@ def require_valid(problem: Problem) -> None:
     _check_objective(problem)
     for phase in problem.phases:
         _check_phase(problem, phase)
+    if problem.phases[-1].jump:
+        raise ValueError(f"no phase follows the jump at the end of phase {problem.phases[-1].name!r}")
     _check_boundary(problem, problem.start)
 
 
@@ -66,6 +68,10 @@ def _check_phase(problem: Problem, phase: Phase) -> None:
         raise ValueError(f"phase {phase.name!r} may not last {phase.duration.lower} s")
     along = (*system.states, *system.controls, *system.path)
     _require_known(f"phase {phase.name!r} bounds unknown quantities", phase.bounds, along)
+    _require_known(f"the jump at the end of phase {phase.name!r} changes unknown states", phase.jump, system.states)
+    for name, change in phase.jump.items():
+        if not math.isfinite(change):
+            raise ValueError(f"the jump at the end of phase {phase.name!r} changes {name} by {change}")
     for watch in phase.watches:
         _check_watch(watch)
     _check_boundary(problem, phase.end)

@@ -102,10 +102,10 @@ class Workshop:
         """Everything the prepared functions depend on: two problems with equal keys share them."""
         problem = request.problem
         rows = [(row.node, row.source, row.component) for row in layout.flat_rows]
-        observed = [(self._number(one.observation), one.offset) for one in layout.sightings]
+        observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.sightings]
         parts = (self._number(problem.system), problem.scheme, problem.objective, problem.time_scale)
         solving = (request.solver, request.options, request.compiled, request.threads)
-        return repr((parts, layout.first_node.tolist(), rows, observed, solving))
+        return repr((parts, layout.first_node.tolist(), len(layout.jump_at), rows, observed, solving))
 
 
 def die_with_parent() -> None:

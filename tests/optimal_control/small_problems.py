@@ -82,6 +82,15 @@ def rich_problem() -> Problem:
     )
 
 
+def staged_problem() -> Problem:
+    """The rich problem with a jump at the end of each of its phases but the last, of some states only."""
+    problem = rich_problem()
+    first, second, third = problem.phases
+    end = replace(second.end, bounds={**second.end.bounds, "b": Interval(-1.5, 1.5)})
+    phases = (replace(first, jump={"a": -0.3, "c": 0.2}), replace(second, end=end, jump={"b": 0.4}), third)
+    return replace(problem, phases=phases)
+
+
 def _modest(states: int, controls: int, path: int) -> Problem:
     """Two phases of a system with few states, controls and path quantities, without observations."""
     x, u, p = ca.SX.sym("x", states), ca.SX.sym("u", controls), ca.SX.sym("p", 0)
@@ -101,6 +110,7 @@ def _modest(states: int, controls: int, path: int) -> Problem:
 
 PROBLEMS: Mapping[str, Problem] = {
     "everything": rich_problem(),
+    "jumps": staged_problem(),
     "one of each": _modest(states=1, controls=1, path=1),
     "no controls": _modest(states=2, controls=0, path=1),
     "no path quantities": _modest(states=2, controls=2, path=0),
