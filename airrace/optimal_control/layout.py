@@ -295,14 +295,19 @@ class Layout:
         return lower, upper
 
     def parameter_values(self) -> Array:
-        """Parameters of the nonlinear program: the system's, the fractions, those of all sightings, the jumps."""
+        """Parameters of the nonlinear program.
+
+        They are the system's, the fractions, those of all sightings, the jumps, those of the objective's observation.
+        """
         jumps = [self.problem.jumps[:, self._phase_before(node)] for node in self.jump_at]
-        return np.concatenate([self.problem.parameters, self.fractions, *self._sightings[1], *jumps])
+        parts = [self.problem.parameters, self.fractions, *self._sightings[1], *jumps, self.problem.objective.values]
+        return np.concatenate(parts)
 
     @property
     def jump_offset(self) -> int:
         """Place of the first jump among the parameters of the nonlinear program."""
-        return len(self.parameter_values()) - self.n_x * len(self.jump_at)
+        jumps = self.n_x * len(self.jump_at)
+        return len(self.parameter_values()) - len(self.problem.objective.values) - jumps
 
     def _phase_before(self, node: int) -> int:
         """The phase that ends at a node or goes on through it; not for the first node."""

@@ -91,11 +91,26 @@ class Phase:
 
 @dataclass(frozen=True)
 class Objective:
-    """Minimised: `time * t_f + sum terminal_i x_i(t_f) + integral of sum regularisation_j (u_j / scale_j)^2 dt`."""
+    """What is minimised: the time, a cost of the final state, and what it takes to move the controls.
+
+        time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (u_j / scale_j)^2 dt
+
+    The c_i are states, or what an observation sees of the final state, which may be any smooth function of it. A cost
+    that is integrated along the flight is a state of its own, whose rate is the integrand.
+
+    Attributes:
+        time: weight of the final time t_f, per s.
+        terminal: weights by name: of states, or of the observation's quantities, per unit of these.
+        regularisation: weights of controls by name, per s.
+        observation: what is observed of the final state; None if only states are weighed.
+        values: the observation's parameters (n_b,).
+    """
 
     time: float = 1.0
     terminal: Mapping[str, float] = field(default_factory=dict[str, float])
     regularisation: Mapping[str, float] = field(default_factory=dict[str, float])
+    observation: Observation | None = None
+    values: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -156,7 +171,7 @@ class Problem:
         """All observations, each once."""
         boundaries = [self.start, *(phase.end for phase in self.phases)]
         watches = [watch for phase in self.phases for watch in phase.watches]
-        seen = [one.observation for one in (*boundaries, *watches) if one.observation is not None]
+        seen = [one.observation for one in (*boundaries, *watches, self.objective) if one.observation is not None]
         return list({id(one): one for one in seen}.values())
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from airrace.optimal_control.final_cost import final_cost
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Indices, Layout, Row, Sighting
 from airrace.optimal_control.scatter import Scatter
@@ -91,6 +92,8 @@ class _Transcription:
         self.system_parameters = self.p[: len(layout.problem.parameters)]
         first = len(layout.problem.parameters)
         self.fractions = self.p[first : first + layout.intervals]
+        final = len(layout.parameter_values()) - len(layout.problem.objective.values)
+        self.final = final_cost(layout.problem, self.unscaled[layout.state_index[-1].tolist()], self.p[final:])
         self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._sightings()]
 
     def program(self) -> NonlinearProgram:
@@ -211,12 +214,23 @@ class _Transcription:
             linear[layout.state_index[-1, component]] += objective.terminal.get(quantity.name, 0.0)
         linear *= layout.scale
         f, gradient = ca.dot(ca.DM(linear), self.w), ca.MX(ca.DM(linear))
+        if self.final is not None:
+            f += self.final.value()
+            gradient += ca.densify(self._at_the_end(self.final.gradient()))
         weights = self._regularisation_weights()
         if weights.any():
             penalty = self._penalty(weights)
             f += penalty
             gradient += ca.gradient(penalty, self.w)
         return f, gradient
+
+    def _at_the_end(self, gradient: ca.MX) -> ca.MX:
+        """A gradient in the final state, shape (n_x,), as one in the unknowns, shape (n_w,)."""
+        places = self.layout.state_index[-1]
+        column = Scatter(self.layout.unknowns, 1)
+        column.draw_from(gradient)
+        column.add(places, np.zeros_like(places), self.layout.scale[places], np.arange(len(places)))
+        return column.matrix()
 
     def _regularisation_weights(self) -> Array:
         objective = self.layout.problem.objective
@@ -294,6 +308,12 @@ class _Transcription:
             within = np.flatnonzero(layout.stage_of_unknown[rows] == layout.stage_of_unknown[columns])
             rows, columns = rows[within], columns[within]
             matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], within)
+        if self.final is not None:
+            curvature = self.final.hessian(self.lam_f)
+            row, column = _pattern(curvature.sparsity())
+            rows, columns = layout.state_index[-1][row], layout.state_index[-1][column]
+            matrix.draw_from(ca.vec(curvature.nz[:]))
+            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
         weights = self._regularisation_weights()
         if weights.any():
             self._penalty_hessian(matrix, weights)

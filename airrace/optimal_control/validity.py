@@ -49,7 +49,12 @@ def _check_system(problem: Problem) -> None:
 
 def _check_objective(problem: Problem) -> None:
     system, objective = problem.system, problem.objective
-    _require_known("the objective weighs unknown states", objective.terminal, system.states)
+    seen = _seen(objective.observation)
+    _require_known("the objective weighs unknown states", objective.terminal, (*system.states, *seen))
+    if both := {one.name for one in system.states} & {one.name for one in seen}:
+        raise ValueError(f"the objective may mean a state or what is observed: {', '.join(sorted(both))}")
+    parameters = objective.observation.parameters if objective.observation is not None else ()
+    _require_count("the objective", parameters, objective.values)
     _require_known("the objective regularises unknown controls", objective.regularisation, system.controls)
     for name, weight in {"time": objective.time, **objective.terminal, **objective.regularisation}.items():
         if not math.isfinite(weight):

@@ -13,6 +13,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
@@ -103,7 +104,12 @@ class Workshop:
         problem = request.problem
         rows = [(row.node, row.source, row.component) for row in layout.flat_rows]
         observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.sightings]
-        parts = (self._number(problem.system), problem.scheme, problem.objective, problem.time_scale)
+        observed_last = problem.objective.observation
+        cost = (
+            replace(problem.objective, observation=None, values=()),
+            None if observed_last is None else self._number(observed_last),
+        )
+        parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
         solving = (request.solver, request.options, request.compiled, request.threads)
         return repr((parts, layout.first_node.tolist(), len(layout.jump_at), rows, observed, solving))
 

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from small_problems import PROBLEMS, random_iterate, random_point, rich_problem, staged_problem
+from small_problems import PROBLEMS, ended_problem, random_iterate, random_point, rich_problem, staged_problem
 
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
@@ -144,6 +144,18 @@ def test_objective_is_time_terminal_values_and_regularisation() -> None:
     b, c = iterate.state[1:, -1]
     expected = 0.8 * iterate.durations.sum() - 0.3 * b + 0.2 * c + lengths @ (0.05 * s**2 + 0.4 * t**2)
     assert float(program.nlp(layout.pack(iterate), layout.parameter_values())[0]) == pytest.approx(expected, abs=1e-13)
+
+
+def test_objective_takes_what_is_observed_of_the_final_state() -> None:
+    problem = ended_problem()
+    layout, program = program_of(problem)
+    iterate = random_iterate(problem, seed=6)
+    a, b, c = iterate.state[:, -1]
+    w, p = layout.pack(iterate), layout.parameter_values()
+    plain, same = program_of(staged_problem())
+    without = float(same.nlp(plain.pack(iterate), plain.parameter_values())[0])
+    effort, swing = np.exp(0.3 * a) * b - 0.7 * c**2, np.sin(a * c)
+    assert float(program.nlp(w, p)[0]) == pytest.approx(without + 0.6 * effort - 0.4 * swing, abs=1e-13)
 
 
 def test_threads_change_nothing() -> None:

@@ -4,14 +4,14 @@ import math
 from dataclasses import replace
 
 import pytest
-from small_problems import PROBLEMS, rich_problem
+from small_problems import PROBLEMS, ended_problem, rich_problem
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Objective, Problem, uniform
 from airrace.optimal_control.validity import WHOLE, require_valid
 from airrace.quantities import Interval
 
-RICH = rich_problem()
+RICH, ENDED = rich_problem(), ended_problem()
 
 
 def with_phase(**values: object) -> Problem:
@@ -31,6 +31,15 @@ def twice() -> Problem:
     return replace(RICH, system=replace(RICH.system, path=(load, replace(height, name="a"))))
 
 
+def doubtful() -> Problem:
+    """A cost of the final state that has the name of a state."""
+    observation = ENDED.objective.observation
+    assert observation is not None
+    effort, *others = observation.quantities
+    renamed = replace(observation, quantities=(replace(effort, name="a"), *others))
+    return replace(ENDED, objective=replace(ENDED.objective, terminal={}, observation=renamed))
+
+
 WRONG = [
     (replace(RICH, objective=Objective(terminal={"heigth": 1.0})), "weighs unknown states: heigth"),
     (replace(RICH, objective=Objective(regularisation={"x": 1.0})), "regularises unknown controls: x"),
@@ -38,6 +47,10 @@ WRONG = [
     (replace(RICH, objective=Objective(terminal={"b": math.nan})), "weighs b by nan"),
     (replace(RICH, objective=Objective(time=math.inf)), "weighs time by inf"),
     (replace(RICH, objective=Objective(regularisation={"s": -0.1})), "must not be negative"),
+    (replace(ENDED, objective=replace(ENDED.objective, values=())), "the objective declares 1 parameters, and 0"),
+    (replace(RICH, objective=Objective(values=(1.0,))), "the objective declares 0 parameters, and 1"),
+    (replace(ENDED, objective=replace(ENDED.objective, terminal={"efort": 1.0})), "weighs unknown states: efort"),
+    (doubtful(), "may mean a state or what is observed: a"),
     (with_phase(bounds={"nothing": Interval(0.0, 1.0)}), "phase 'one' bounds unknown quantities: nothing"),
     (with_phase(fractions=(0.5, 0.4)), "do not add up to 1"),
     (with_phase(fractions=(1.5, -0.5)), "are not positive"),
