@@ -7,6 +7,7 @@ import double_integrator
 import dynamic_soaring
 import hang_glider
 import level_turn
+import lofted_rocket
 import numpy as np
 import reorientation
 import sliding_mass
@@ -25,6 +26,7 @@ PROBLEMS = (
     dynamic_soaring,
     terminal_bunt,
     reorientation,
+    lofted_rocket,
 )
 
 
