@@ -29,6 +29,13 @@ from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.optimal_control.spawn import take
 from airrace.system import System
 
+STALL_SECONDS = 120.0
+"""How long a solver may be at one iteration before it is taken to hang, s.
+
+An iteration that hangs never ends. Of those that end, the slowest of the problems with known answers takes 0.5 s (that
+of the soaring glider on 800 intervals, without compiled kernels), and those of a whole six-dof race with compiled ones
+less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration."""
+
 
 class Stalled(Exception):
     """The solver has not finished an iteration for too long and was stopped."""
@@ -56,7 +63,7 @@ class SolverService:
         *,
         threads: int = 1,
         compiled: bool = True,
-        stall_seconds: float = 120.0,
+        stall_seconds: float = STALL_SECONDS,
         on_notice: Callable[[str], None] | None = None,
     ) -> None:
         self._on_notice = on_notice

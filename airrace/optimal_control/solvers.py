@@ -273,11 +273,3 @@ class PreparedProblem:
         if not all(np.isfinite(np.asarray(one)).all() for one in values):
             return "the guess has no finite objective and constraints"
         return ""
-
-
-def solve(
-    layout: Layout, kernels: Kernels, guess: Iterate, *, solver: str = "fatrop", options: SolverOptions | None = None
-) -> Solution:
-    """Prepare and solve a problem here and now, in this process."""
-    prepared = PreparedProblem(layout, kernels, SOLVERS[solver], options or SolverOptions(), threads=1)
-    return prepared.solve(layout, guess)

@@ -17,7 +17,8 @@ from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, c
 from airrace.optimal_control.refinement import divide, resampled
 from airrace.optimal_control.replay import estimated_defect, interval_durations, replay, replay_phases
 from airrace.optimal_control.sampling import sample
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions, solve
+from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
 from airrace.optimal_control.worker import Workshop
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
@@ -208,8 +209,7 @@ def least_time(load: float) -> float:
 
 
 def optimum(problem: Problem, guess: Iterate, solver: str = "fatrop") -> Solution:
-    kernels = build_kernels(SLED, problem.scheme, compiled=False)
-    solution = solve(Layout(problem), kernels, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
+    solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
     assert solution.success, solution.status
     return solution
 

@@ -3,15 +3,12 @@
 Every problem is a module with a function `known_answers()`; `textbook.py` has all of them.
 """
 
-import contextlib
-import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from airrace.optimal_control.kernels import build_kernels
-from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import Solution, SolverOptions, solve
+from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers import Solution, SolverOptions
 from airrace.quantities import Interval
 
 exactly = Interval.exactly
@@ -51,10 +48,8 @@ class KnownAnswer:
     options: SolverOptions = field(default_factory=lambda: SolverOptions(tolerance=1e-9))
 
     def solve(self, solver: str = "fatrop") -> Solution:
-        """The optimum by a solver, without compiled kernels and without a word."""
-        kernels = build_kernels(self.problem.system, self.problem.scheme, compiled=False)
-        with contextlib.redirect_stdout(io.StringIO()):
-            return solve(Layout(self.problem), kernels, self.guess, solver=solver, options=self.options)
+        """The optimum by a solver, without compiled kernels."""
+        return solve(self.problem, self.guess, solver=solver, options=self.options)
 
 
 def least_time(published: float, tolerance: float) -> Value:

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import delta_iii
 import double_integrator
 import dynamic_soaring
 import hang_glider
+import heated_shuttle
 import level_turn
 import lofted_rocket
 import numpy as np
@@ -27,6 +29,8 @@ PROBLEMS = (
     terminal_bunt,
     reorientation,
     lofted_rocket,
+    heated_shuttle,
+    delta_iii,
 )
 
 
