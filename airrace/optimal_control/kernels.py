@@ -29,8 +29,11 @@ from airrace.system import Observation, System
 
 logger = logging.getLogger(__name__)
 
-DRIVER_FLAGS = ("-O3",)  # loops over sensitivities: a third faster than with -O2
+DRIVER_FLAGS = ("-O3",)
+"""Flags for the driver's loops over sensitivities, which then run a third faster than with -O2."""
+
 FORMAT = 3
+"""Number of the form of the generated code; it changes with that, so that no cached library of another form is used."""
 
 
 @dataclass(frozen=True)

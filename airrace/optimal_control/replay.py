@@ -14,9 +14,28 @@ from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
 
 SAMPLES = 10
+"""Number of equal parts into which a replayed interval is sampled.
+
+Of what a quantity exceeds its values at the nodes by between them, samples at tenths miss 1.2 % at most, at fifths 7 %
+and at twentieths 0.3 %. This was measured against 200 samples on the optima of the hang glider and the heated
+shuttle."""
+
 RELATIVE_TOLERANCE = 1e-10
-SHORTER = 4  # steps in the place of one, to estimate the error of that
-PHASE_TOLERANCE = 1e-7  # scaled, of each interval where hundreds follow each other: millimetres at the end
+"""Tolerance of the replay from node to node, as a fraction of a state or of its scale.
+
+On the same optima the defects of all intervals are then known to 1e-10 of the scales, four orders below what a
+certificate allows; a tolerance of 1e-8 leaves errors of 6e-9 and takes hardly less time."""
+
+SHORTER = 4
+"""Number of steps in the place of one with which the shooting scheme estimates its own defect.
+
+On the same optima the estimate is right within 0.1 % of the largest defect; with two steps it is right within 2.5 %."""
+
+PHASE_TOLERANCE = 1e-7
+"""Tolerance of the replay from phase to phase, for each of the intervals that follow each other, as the one above.
+
+The shuttle's 120 intervals end within 5e-8 of the states' scales of where a tolerance of 1e-11 leads, which is 5 mm at
+a scale of 100 km; 1e-6 leaves eight times as much and takes little less time."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,14 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """`tolerance` on the scaled KKT conditions; `barrier` is the first value of the barrier parameter."""
+    """What a solver is told.
+
+    Attributes:
+        tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
+        iterations_max: number of iterations after which a solve has failed.
+        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
+            that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
+    """
 
     tolerance: float = 1e-7
     iterations_max: int = 500

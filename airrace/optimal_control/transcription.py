@@ -19,7 +19,12 @@ from airrace.optimal_control.layout import Indices, Layout, Row, Sighting
 from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
-MAP_IN_THREADS = 64  # fewer calls than this are not worth a thread
+MAP_IN_THREADS = 64
+"""Number of calls of a kernel from which on they are spread over threads.
+
+Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
+a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
+step. For fewer calls little of the gain would be left."""
 
 
 @dataclass(frozen=True)

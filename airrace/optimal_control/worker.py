@@ -23,7 +23,13 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
-PREPARED_INTERVALS = 600  # of all problems kept ready together
+PREPARED_INTERVALS = 600
+"""Number of intervals of all problems together that are kept ready for the next request.
+
+A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
+(six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy."""
+
+
 _ITERATION = re.compile(r"^\s*(\d+)r?\s+([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
 _PR_SET_PDEATHSIG = 1
 
