@@ -152,8 +152,9 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
     worst = {tolerance.name: (0.0, "") for tolerance in tolerances}
     kind = {unit: tolerance.name for tolerance in tolerances for unit in tolerance.units}
     boundaries = [problem.start, *(phase.end for phase in problem.phases)]
-    for node, boundary in zip(problem.first_node, boundaries, strict=True):
-        values = observed(problem, boundary, iterate.state[:, node])
+    seen = np.hstack([iterate.state[:, :1], problem.arrivals(iterate.state)[:, np.array(problem.first_node[1:]) - 1]])
+    for x, boundary in zip(seen.T, boundaries, strict=True):
+        values = observed(problem, boundary, x)
         for quantity, bounds, value in values:
             violation = float(outside(np.asarray(value), bounds.lower, bounds.upper))
             if np.isnan(violation) or violation >= worst[kind[quantity.unit]][0]:  # NaN is the worst, and stays it

@@ -7,7 +7,8 @@ control held and the equations free of time, the Hamiltonian
 
 is one constant within an interval, and it jumps where moving the node between two intervals would save time. So
 along an optimum in minimum time H is minus the weight of time, and how far it is from that says where a mesh is too
-coarse for the controls (Betts, Practical Methods for Optimal Control, 2010, on the adjoints of discretised problems).
+coarse for the controls. A jump of the states between two phases is the same for every flight, so neither p nor H jumps
+with it (Betts, Practical Methods for Optimal Control, 2010, on the adjoints of discretised problems).
 """
 
 import numpy as np
@@ -33,7 +34,8 @@ def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Arra
     """
     system, intervals = problem.system, problem.intervals
     parameters = np.repeat(np.asarray(problem.parameters)[:, None], intervals, axis=1)
-    slopes = np.asarray(system.rates.map(intervals)(iterate.state[:, 1:], iterate.control, parameters))
+    ends = problem.arrivals(iterate.state)
+    slopes = np.asarray(system.rates.map(intervals)(ends, iterate.control, parameters))
     scale = np.array([quantity.scale for quantity in system.controls])[:, None]
     weight = np.array([problem.objective.regularisation.get(quantity.name, 0.0) for quantity in system.controls])
     regularisation = weight @ (iterate.control / scale) ** 2

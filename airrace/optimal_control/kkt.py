@@ -8,7 +8,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.transcription import NonlinearProgram
 from airrace.trajectory import Array
 
-MULTIPLIER_SCALE = 100.0  # as IPOPT's s_max: multipliers beyond it relax the dual conditions in proportion
+MULTIPLIER_SCALE = 100.0
+"""Mean size of the scaled multipliers beyond which the dual conditions are relaxed in proportion.
+
+It is IPOPT's `s_max` [Wächter & Biegler 2006, (6)], so that the error means the same here as there."""
 
 
 @dataclass(frozen=True)

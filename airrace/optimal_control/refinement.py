@@ -51,8 +51,16 @@ def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[
     return coarser, Iterate(iterate.durations, iterate.state[:, kept], held)
 
 
-def resampled(mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int]) -> tuple[Mesh, Iterate]:
+def resampled(
+    mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int], *, jumps: Array | None = None
+) -> tuple[Mesh, Iterate]:
     """Equal intervals, so many in each phase; a phase that has as many intervals as wanted keeps its own.
+
+    Args:
+        mesh: fractions of every phase.
+        iterate: on that mesh.
+        counts: wanted numbers of intervals.
+        jumps: of the states at the ends of the phases, as `Problem.jumps` has them; None for none.
 
     Returns:
         The new mesh, and the iterate on it: states straight between the nodes, mean controls.
@@ -61,8 +69,10 @@ def resampled(mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int]
     fractions: Mesh = []
     state: list[Array] = []
     control: list[Array] = []
-    for phase, count, first, last in zip(mesh, counts, first_node, first_node[1:], strict=False):
+    for index, (phase, count, first, last) in enumerate(zip(mesh, counts, first_node, first_node[1:], strict=False)):
         x, u = iterate.state[:, first : last + 1], iterate.control[:, first:last]
+        if jumps is not None:
+            x = np.hstack([x[:, :-1], x[:, -1:] - jumps[:, index : index + 1]])
         if len(phase) != count:
             old, new = np.concatenate([[0.0], np.cumsum(phase)]), np.linspace(0.0, 1.0, count + 1)
             added = np.hstack([np.zeros((len(u), 1)), np.cumsum(u * np.asarray(phase), axis=1)])

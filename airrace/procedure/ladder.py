@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
+from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.procedure.as_flown import plan_as_flown
 from airrace.procedure.choices import ANY, TWIN, Choices
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight

@@ -13,9 +13,9 @@ import pytest
 from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.optimal_control.fatrop_functions import Functions
-from airrace.optimal_control.fatrop_solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
-from airrace.optimal_control.fatrop_stages import Bounds
+from airrace.optimal_control.fatrop.functions import Functions
+from airrace.optimal_control.fatrop.solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
+from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform

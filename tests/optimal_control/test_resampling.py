@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from known_flights import FREQUENCY, exact, flight, node_times, problem
 from scipy.linalg import expm
 
-from airrace.optimal_control.integrators import RK4
 from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.replay import estimated_defect, estimated_error, interval_durations, replay
+from airrace.optimal_control.runge_kutta import RK4
 
 STATED, FLOWN = problem(), flight(problem())
 OWN = [len(phase.fractions) for phase in STATED.phases]

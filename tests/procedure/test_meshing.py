@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from airrace.optimal_control.audit import Audit
-from airrace.optimal_control.integrators import RK4
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.replay import replay
+from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.certification import Evidence
 from airrace.procedure.meshing import CALM, PARTS_MAX, Draft, Solved, adapted, halved, mended, provided, reconsidered
 from airrace.procedure.result import Why

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.fatrop_matrices import MatrixFamily
+from airrace.optimal_control.fatrop.matrices import MatrixFamily
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.trajectory import Array
 
