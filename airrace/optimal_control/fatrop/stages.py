@@ -25,7 +25,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Bounds:
-    """Of the scaled unknowns, each (n_w,), and constraints, each (n_g,)."""
+    """Bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
 
     lower: Array
     upper: Array
