@@ -64,7 +64,8 @@ def least_cost(b: float) -> float:
     return S * (X - b) ** 2 / (1 + 2 * S * SECONDS)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+# casadi's interface to fatrop never ends here, for nothing in the problem is an inequality.
+@pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
 def test_least_cost_is_that_of_the_closed_form(solver: str) -> None:
     solution = solve(*walk(-0.5), solver=solver, options=TIGHT)
     assert solution.success, solution.status
