@@ -19,18 +19,30 @@ from airrace.trajectory import Array
 
 
 def costates(layout: Layout, constraint_multipliers: Array) -> Array:
-    """At the ends of the intervals, objective per unit of each state; shape (n_x, N)."""
+    """Compute the costates at the ends of the intervals.
+
+    Args:
+        layout: of the problem that was solved.
+        constraint_multipliers: of the scaled program; shape (n_g,).
+
+    Returns:
+        By how much the objective grows with one unit more of each state there, in the objective's unit per the state's;
+        shape (n_x, N).
+    """
     scale = np.array([quantity.scale for quantity in layout.problem.system.states])
     return -(constraint_multipliers[layout.gap_index[:, :-1]] / scale).T
 
 
 def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Array) -> Array:
-    """Of every interval, with the regularisation that the objective has in it; shape (N,).
+    """Compute the Hamiltonian at the end of every interval, with the regularisation that the objective has in it.
 
     Args:
         problem: any; with free durations the value along its optimum is `-problem.objective.time`.
         iterate: the optimum.
         constraint_multipliers: of the scaled program; shape (n_g,).
+
+    Returns:
+        In the objective's unit per second, shape (N,).
     """
     system, intervals = problem.system, problem.intervals
     parameters = np.repeat(np.asarray(problem.parameters)[:, None], intervals, axis=1)
@@ -43,10 +55,15 @@ def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Arra
 
 
 def errors_in_objective(problem: Problem, defect: Array, constraint_multipliers: Array) -> Array:
-    """What the objective would be more, to first order, if every interval ended where its replay does; shape (N,).
+    """Estimate what the objective would be more, to first order, if every interval ended where its replay does.
 
     Args:
+        problem: that was solved.
         defect: end of each replayed interval minus the next node, scaled; shape (n_x, N).
+        constraint_multipliers: of the scaled program; shape (n_g,).
+
+    Returns:
+        In the objective's unit, shape (N,).
     """
     scale = np.array([quantity.scale for quantity in problem.system.states])[:, None]
     return np.sum(costates(Layout(problem), constraint_multipliers) * defect * scale, axis=0)

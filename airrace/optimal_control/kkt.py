@@ -30,7 +30,7 @@ class KktError:
 def kkt_error(
     program: NonlinearProgram, layout: Layout, w: Array, p: Array, lam_g: Array
 ) -> tuple[KktError, Array, int]:
-    """Errors at (w, lam_g), the multipliers of the bounds and the most violated constraint.
+    """Measure the errors at (w, lam_g), and find the multipliers of the bounds and the most violated constraint.
 
     The gradient of the Lagrangian is balanced by the multipliers of the bounds: what a bound cannot take, because it is
     absent, is the dual error; what a distant bound takes shows as complementarity error.

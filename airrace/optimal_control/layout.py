@@ -268,9 +268,10 @@ class Layout:
         for index, phase in enumerate(self.problem.phases):
             first, last = self.first_node[index], self.first_node[index + 1]
             for component, quantity in enumerate(system.states):
-                bounds, change = narrowed(quantity, phase.bounds), float(jumps[component, index])
-                narrow(self.state_index[first:last, component], bounds)
-                narrow(int(self.state_index[last, component]), moved(bounds, change))
+                bounds = narrowed(quantity, phase.bounds)
+                narrow(self.state_index[first : last if phase.jump else last + 1, component], bounds)
+                if phase.jump:
+                    narrow(int(self.state_index[last, component]), moved(bounds, float(jumps[component, index])))
             for component, quantity in enumerate(system.controls):
                 narrow(self.control_index[first:last, component], narrowed(quantity, phase.bounds))
             place = self.duration_index[0] if index == 0 else self.duration_source[first - 1]

@@ -65,12 +65,12 @@ class Watch:
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of the flight.
+    """One of the stretches that a flight is made of.
 
     Attributes:
         name: for messages.
         fractions: lengths of the mesh intervals as fractions of the phase's duration; they add up to 1.
-        duration: allowed duration, s; the lower end must be positive.
+        duration: allowed duration, s; the lower end must not be negative.
         end: conditions at the end of the phase.
         bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
         watches: what else holds along it.
@@ -115,7 +115,17 @@ class Objective:
 
 @dataclass(frozen=True)
 class Problem:
-    """A multi-phase optimal control problem; `time_scale` is the typical duration of a phase, s."""
+    """An optimal control problem of one or several phases.
+
+    Attributes:
+        system: what is controlled.
+        parameters: values of the system's parameters (n_p,).
+        start: conditions at the beginning of the first phase.
+        phases: in the order in which they are flown.
+        objective: what is minimised.
+        scheme: integrates an interval.
+        time_scale: typical duration of a phase, s.
+    """
 
     system: System
     parameters: tuple[float, ...]
@@ -177,7 +187,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Values of all unknowns.
+    """Values of all unknowns of a problem: a guess, or a solution.
 
     Attributes:
         durations: of the phases, s; shape (n,).
@@ -192,19 +202,20 @@ class Iterate:
 
 
 def uniform(intervals: int) -> tuple[float, ...]:
-    """Fractions of a mesh of equal intervals."""
+    """Make the fractions of a mesh of so many equal intervals."""
     return (1.0 / intervals,) * intervals
 
 
 def corners(*states: Vector[float]) -> Array:
-    """The states at the start and at the end of each phase as `interpolated` takes them; shape (n_x, n + 1)."""
+    """Put the states at the start and at the end of each phase side by side for `interpolated`; shape (n_x, n + 1)."""
     return np.array([state.join() for state in states], dtype=float).T
 
 
 def interpolated(problem: Problem, durations: ArrayLike, state: ArrayLike, control: ArrayLike) -> Iterate:
-    """A guess that runs straight from state to state.
+    """Make a guess that runs straight from state to state.
 
     Args:
+        problem: whose mesh the guess is on.
         durations: of the phases, s; shape (n,).
         state: at the start and at the end of each phase, there before any jump; shape (n_x, n + 1).
         control: held throughout; shape (n_u,).

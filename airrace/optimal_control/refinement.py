@@ -54,7 +54,7 @@ def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[
 def resampled(
     mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int], *, jumps: Array | None = None
 ) -> tuple[Mesh, Iterate]:
-    """Equal intervals, so many in each phase; a phase that has as many intervals as wanted keeps its own.
+    """Carry an iterate over to so many equal intervals in each phase; a phase that has as many already keeps its own.
 
     Args:
         mesh: fractions of every phase.
@@ -86,14 +86,14 @@ def resampled(
 
 
 def inherited(parts: Indices) -> Marks:
-    """Which nodes of a divided mesh were nodes before; shape (parts.sum() + 1,)."""
+    """Tell which nodes of a mesh that was divided into these parts were nodes before; shape (parts.sum() + 1,)."""
     kept = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
     kept[np.concatenate([[0], np.cumsum(parts)])] = True
     return kept
 
 
 def widened(marked: Marks) -> Marks:
-    """Intervals and those beside them: where one alone is made finer, what is wrong moves to the next."""
+    """Mark the intervals beside marked ones as well: where one alone is made finer, what is wrong moves to the next."""
     wider = marked.copy()
     wider[1:] |= marked[:-1]
     wider[:-1] |= marked[1:]

@@ -40,7 +40,7 @@ a scale of 100 km; 1e-6 leaves eight times as much and takes little less time.""
 
 @dataclass(frozen=True)
 class Replay:
-    """A flight flown again.
+    """A flight that was flown again by the independent integrator.
 
     Attributes:
         state: on a grid `SAMPLES` times finer than the mesh; shape (n_x, N, SAMPLES + 1), both ends included.
@@ -54,13 +54,13 @@ class Replay:
 
 
 def interval_durations(problem: Problem, durations: Array) -> Array:
-    """Duration of every interval, s; shape (N,)."""
+    """Compute the duration of every interval from those of the phases, s; shapes (n,) -> (N,)."""
     parts = [np.asarray(phase.fractions) * T for phase, T in zip(problem.phases, durations, strict=True)]
     return np.concatenate(parts)
 
 
 def replay(problem: Problem, iterate: Iterate) -> Replay:
-    """Integrate every interval from its own node with its own control."""
+    """Integrate every interval from its own node with its own control, by the independent integrator."""
     system = problem.system
     n_x, intervals = len(system.states), problem.intervals
     scale = np.array([quantity.scale for quantity in system.states])
@@ -84,7 +84,7 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
 
 
 def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
-    """About what `Replay.defect` is, from the shooting scheme itself with shorter steps; scaled, shape (n_x, N).
+    """Estimate `Replay.defect` by the shooting scheme itself with shorter steps; scaled, shape (n_x, N).
 
     It takes a tenth of the time, and shares code with what it measures: enough to compare flights, not to certify one.
     """
@@ -97,10 +97,10 @@ def estimated_error(problem: Problem, iterate: Iterate) -> Array:
 
 
 def replay_phases(problem: Problem, iterate: Iterate) -> Array:
-    """How far each phase ends from its last node, before any jump, when it is flown in one go from its first.
+    """Measure how far each phase ends from its last node, before any jump, when it is flown in one go from its first.
 
     Returns:
-        In the states' units, shape (n_x, n phases).
+        The end that is flown minus that node, in the states' units; shape (n_x, n phases).
     """
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
     scale = _scale(problem)

@@ -24,7 +24,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """What a solver is told.
+    """The tolerance, the number of iterations and the barrier that a solver is told.
 
     Attributes:
         tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
@@ -48,7 +48,7 @@ class Multipliers:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver returned.
+    """The answer of a solver, whether it found an optimum or not.
 
     Attributes:
         solver: its name.
@@ -61,8 +61,8 @@ class Solution:
         kkt: errors of the optimality conditions, measured here and not taken from the solver.
         worst: the most violated constraint, for people.
         iterations: number of iterations.
-        seconds: inside the solver.
-        derivative_seconds: of these, in the program's functions.
+        seconds: that the solver took.
+        derivative_seconds: how many of them were spent in the program's functions.
     """
 
     solver: str
@@ -164,7 +164,7 @@ class FatropByCasadi(Solver):
 
 
 def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
-    """By fatrop's own names."""
+    """Translate the options to fatrop's own names."""
     return {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier}
 
 

@@ -30,7 +30,8 @@ A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They 
 (six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy."""
 
 
-_ITERATION = re.compile(r"^\s*(\d+)r?\s+([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
+# IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
+_ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
 _PR_SET_PDEATHSIG = 1
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.linear_controls import with_linear_controls
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, corners, interpolated
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated
 from airrace.optimal_control.solvers import Solution
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
@@ -43,19 +43,6 @@ class Attitude(Vector[T]):
 @vector
 class Heating(Vector[T]):
     q: T = quantity("BTU/ft2/s", scale=70.0)
-
-
-@vector
-class Full(Vector[T]):
-    """The states of the system with linear controls, for a guess."""
-
-    h: T = quantity("ft")
-    theta: T = quantity("rad")
-    v: T = quantity("ft/s")
-    gamma: T = quantity("rad")
-    psi: T = quantity("rad")
-    alpha: T = quantity("rad")
-    beta: T = quantity("rad")
 
 
 def polynomial(coefficients: tuple[float, ...], alpha: ca.SX) -> ca.SX:
@@ -126,7 +113,8 @@ def reentry(hottest: float | None, guessed_time: float, intervals: int) -> tuple
         time_scale=1000.0,
     )
     held = {"alpha": 17 * DEGREE, "beta": -50 * DEGREE}
-    states = corners(Full(**begin, **held), Full(**end, theta=20 * DEGREE, psi=20 * DEGREE, **held))
+    corners = ({**begin, **held}, {**end, "theta": 20 * DEGREE, "psi": 20 * DEGREE, **held})
+    states = np.array([[corner[one.name] for one in SYSTEM.states] for corner in corners]).T
     return problem, interpolated(problem, [guessed_time], states, [0.0, 0.0])
 
 

@@ -31,7 +31,7 @@ class Dims(Structure):
 
 
 class Stats(Structure):
-    """`FatropOcpCStats`."""
+    """`FatropOcpCStats`: times, numbers of calls and how the solve ended."""
 
     _fields_ = (
         *((f"{name}_time", c_double) for name in ("compute_sd", "duinf", "eval_hess", "eval_jac", "eval_cv")),
