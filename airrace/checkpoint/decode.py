@@ -185,6 +185,9 @@ def _declaration(name: str, attributes: Mapping[str, Attribute], path: str) -> t
             "upper": float(upper),
             "row": int(row),
         } if QUANTITY_NAME.fullmatch(name):
-            return Quantity(name, unit, scale, lower, upper, text), row
+            rate_of = attributes.get("rate_of", "")
+            if not isinstance(rate_of, str):
+                raise CheckpointError(f"{path}: does not name the state that it is the rate of")
+            return Quantity(name, unit, scale, lower, upper, text, rate_of), row
         case _:
             raise CheckpointError(f"{path}: is not declared as a quantity (units, long_name, scale, lower, upper, row)")

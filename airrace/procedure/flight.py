@@ -82,7 +82,7 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
         ends=course_ends(course, model, crossing),
         watches=leg_watches(course, model.system.states),
         aircraft=race.aircraft,
-        weights=regularised(model.system.controls, settings.regularisation),
+        weights=regularised(model, settings.regularisation),
     )
 
 

@@ -19,8 +19,8 @@ from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import Marks
 from airrace.procedure.flight import Flight, history, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start
-from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
+from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
 FARTHEST = 25.0
@@ -108,16 +108,16 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         one.name: np.interp(nodes, flown.time, history(source, flown, one.name)) for one in flight.model.system.states
     }
 
-    def control(name: str, lower: float, upper: float) -> Array:
-        if name not in held:
-            return np.clip(np.diff(states[name.removesuffix(RATE)]) / steps, lower, upper)
-        added = np.concatenate([[0.0], np.cumsum(held[name] * np.diff(flown.time))])
-        return np.clip(np.diff(np.interp(nodes, flown.time, added)) / steps, lower, upper)
+    def control(one: Quantity) -> Array:
+        if one.name not in held:
+            return np.clip(np.diff(states[one.rate_of]) / steps, one.lower, one.upper)
+        added = np.concatenate([[0.0], np.cumsum(held[one.name] * np.diff(flown.time))])
+        return np.clip(np.diff(np.interp(nodes, flown.time, added)) / steps, one.lower, one.upper)
 
     guess = Iterate(
         flown.durations,
         np.vstack(list(states.values())),
-        np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
+        np.vstack([control(one) for one in flight.model.system.controls]),
     )
     return Start(
         flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)

@@ -17,20 +17,8 @@ from airrace.procedure.result import Stage
 from airrace.quantities import Quantity
 from airrace.track.course import Rules
 
-RATE = "_dot"
-"""What the names of controls end with that move a command or a surface."""
-
 RESET_WEIGHT = 1e-7
 """Of the controls that wind back the counter of rolls: they matter only where a roll begins; enough to be unique."""
-
-
-HALF_RUDDER = 0.4
-"""g/s, of the commanded lateral load factor, for which a controller moves the rudder at half of its rate.
-
-Its own limit does not tell: what is commanded may jump. With that as the measure the optimum wags the rudder wherever
-the angle of attack is at its limit, for side force in step with the bank turns the path at no cost.
-"""
-
 
 LONGEST_INTERVAL: Mapping[Stage, float] = {
     Stage.HOMOTOPY: math.inf,
@@ -60,13 +48,14 @@ BUILDERS: Mapping[Stage, Builder] = {
 }
 
 
-def regularised(controls: tuple[Quantity, ...], weight: float) -> dict[str, float]:
-    """Weights of the squared, scaled controls by name: rates are measured by half of what is allowed of them."""
-    weights = {one.name: weight * (one.scale / _half(one)) ** 2 for one in controls if one.name.endswith(RATE)}
+def regularised(model: FlightModel, weight: float) -> dict[str, float]:
+    """Weights of the squared, scaled controls by name: a rate counts `weight` where it is brisk."""
+    controls = model.system.controls
+    weights = {one.name: weight * (one.scale / _brisk(model, one)) ** 2 for one in controls if one.rate_of}
     resets = {name: RESET_WEIGHT for name in RollReset.names() if any(one.name == name for one in controls)}
     return weights | resets
 
 
-def _half(rate: Quantity) -> float:
-    """A brisk rate, half of the fastest."""
-    return HALF_RUDDER if rate.name == "n_y_cmd_dot" else 0.5 * max(-rate.lower, rate.upper)
+def _brisk(model: FlightModel, rate: Quantity) -> float:
+    """A brisk rate: the model's own measure, else half of the fastest."""
+    return model.brisk.get(rate.name, 0.5 * max(-rate.lower, rate.upper))

@@ -33,7 +33,7 @@ def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> St
         time=time,
         states=(Quantity("z", "m", 100.0, -500.0, -5.0, "down"), Quantity("V_K", "m/s", 50.0, 35.0, math.inf, "speed")),
         state=np.array([-20.0 - time, 90.0 + time]),
-        controls=(Quantity("n_z", "1", 5.0, text="normal load factor"),),
+        controls=(Quantity("sink", "m/s", 5.0, text="how fast it sinks", rate_of="z"),),
         control=np.linspace(1.0, 9.0, intervals)[np.newaxis, :],
     )
     return StageResult(
