@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.procedure.stage import Stage
+
 
 def content_digest(value: object) -> str:
     """Hex sha256 of a frozen dataclass of arrays, strings, numbers, enums, tuples and further such dataclasses.
@@ -59,7 +61,7 @@ def _scalar(value: object) -> bytes:
     match value:
         case None:
             return b"none"
-        case Enum():
+        case Enum() | Stage():
             return f"enum {value.value}".encode()
         case bool() | np.bool_():
             return b"true" if value else b"false"

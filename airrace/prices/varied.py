@@ -4,7 +4,6 @@ import dataclasses
 
 from airrace.optimal_control.problem import Problem
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
-from airrace.procedure.models import BUILDERS
 from airrace.procedure.plan import Plan
 from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
@@ -40,7 +39,7 @@ class VariedProblem:
         flight, course, flown = self.flight, race.course, self.race.course
         model, watches = flight.model, flight.watches
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, flown.rules):
-            built = BUILDERS[flight.stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+            built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
             system = dataclasses.replace(
                 model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
             )

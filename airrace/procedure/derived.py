@@ -6,6 +6,7 @@ import numpy as np
 
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
+from airrace.procedure.fidelity import Histories
 from airrace.procedure.flight import stage_flight
 from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
@@ -13,7 +14,6 @@ from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
-Histories = Mapping[str, Array]
 FORCES = (
     Quantity("F_x", "N", text="force but the weight, along the velocity"),
     Quantity("F_y", "N", text="force but the weight, to the right in Kbar"),
@@ -48,6 +48,7 @@ def derived_quantities(
         return vars(n) | {"F_x": weight * n.n_x, "F_y": weight * n.n_y, "F_z": -weight * n.n_z}
 
     return {
+        **flight.fidelity.columns,
         **{one: _entry(along_path, one.name) for one in path},
         **{one: _entry(loads, one.name) for one in (*load, *FORCES)},
     }

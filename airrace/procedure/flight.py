@@ -15,9 +15,11 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.as_flown import plan_as_flown
 from airrace.procedure.cruise import cruise
 from airrace.procedure.ends import Ends, course_ends
-from airrace.procedure.models import BUILDERS, LONGEST_INTERVAL, regularised
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import Fidelity
 from airrace.procedure.plan import Plan, plan
 from airrace.procedure.race import Race
+from airrace.procedure.regularisation import regularised
 from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings
 from airrace.procedure.statement import race_problem
@@ -30,7 +32,7 @@ from airrace.trajectory import Array, Trajectory
 class Flight:
     """The model of one stage flying a planned race; `weights` of its squared, scaled controls, by name."""
 
-    stage: Stage
+    fidelity: Fidelity
     plan: Plan
     model: FlightModel
     observation: Observation
@@ -40,9 +42,14 @@ class Flight:
     weights: Mapping[str, float]
 
     @property
+    def stage(self) -> Stage:
+        """The stage that flies."""
+        return self.fidelity.stage
+
+    @property
     def longest_interval(self) -> float:
-        """Of a mesh before it is halved, s; infinite where any length will do that keeps the limits."""
-        return LONGEST_INTERVAL[self.stage]
+        """The longest interval of a mesh before it is halved, s; infinite where any length will do."""
+        return self.fidelity.longest_interval
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """The joint problem over all phases; `mesh` holds the fractions of each."""
@@ -72,10 +79,11 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
     """
     course = race.course
     pace = cruise(race.aircraft, course.rules)
-    model = BUILDERS[stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+    fidelity = fidelity_of(stage)
+    model = fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
     crossing = crossing_observation(model.system.states)
     return Flight(
-        stage=stage,
+        fidelity=fidelity,
         plan=plan(course, pace) if flown is None else plan_as_flown(course, pace, flown),
         model=model,
         observation=crossing,

@@ -8,25 +8,23 @@ from collections.abc import Callable, Iterator, Sequence
 
 from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
 from airrace.procedure.as_flown import plan_as_flown
+from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
-from airrace.procedure.models import BUILDERS
 from airrace.procedure.race import Race
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.stage import STAGES
 from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.effort import EFFORTS, Effort
 from airrace.procedure.ways.exploring import Exploration, explore
 from airrace.procedure.ways.sketch import Draught
 
 logger = logging.getLogger(__name__)
-
-STAGES = tuple(stage for stage in Stage if stage in BUILDERS)
-"""The stages that can be run, in order."""
 
 LOST = 0.1
 """s, by which a certified flight may be slower than the rough one that it started from. On its finer mesh it should be
@@ -66,8 +64,9 @@ class Ladder:
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
-        if stage is Stage.HOMOTOPY:
-            return dataclasses.replace(self.flight(Stage.POINT_MASS), stage=stage)
+        fidelity = fidelity_of(stage)
+        if fidelity.guess:
+            return dataclasses.replace(self.flight(Stage.POINT_MASS), fidelity=fidelity)
         if stage not in self._flights:
             with interrupts_held_back():
                 self._flights[stage] = stage_flight(stage, self._race, self._settings)
@@ -75,9 +74,10 @@ class Ladder:
 
     def climb(self, stage: Stage, bench: Workbench) -> StageResult:
         """Run one stage; those before it are done."""
-        if stage is Stage.HOMOTOPY:
+        fidelity = fidelity_of(stage)
+        if fidelity.guess:
             result = fly_homotopy(self.flight(stage), bench)
-        elif stage is Stage.POINT_MASS:
+        elif fidelity.inner_controller is None:
             result = self._first_optimum(bench)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
@@ -156,7 +156,7 @@ class Ladder:
 
     def _handed_over(self, stage: Stage, optimum: StageResult, bench: Workbench) -> Start:
         flight, below = self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum)
-        if stage is Stage.STATE_SPACE and optimum.stage is Stage.STATE_SPACE_INVERSION:
+        if flight.fidelity.handover.retold is optimum.stage:
             return recorded(flight, below, optimum)
         bench.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
         with interrupts_held_back():

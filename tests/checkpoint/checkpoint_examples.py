@@ -11,6 +11,7 @@ from hypothesis.extra import numpy as hnp
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.stage import STAGES
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
 
@@ -151,6 +152,6 @@ def checkpoints(draw: st.DrawFn) -> Checkpoint:
         StoredInputs, documents, documents, st.none() | documents, st.lists(texts, max_size=3).map(tuple), texts
     )
     checkpoint = Checkpoint(draw(inputs), draw(st.dictionaries(texts, texts, max_size=3)))
-    for stage in draw(st.lists(st.sampled_from(Stage), unique=True, max_size=2)):
+    for stage in draw(st.lists(st.sampled_from(STAGES), unique=True, max_size=2)):
         checkpoint = checkpoint.with_stage(draw(results(stage)))
     return checkpoint
