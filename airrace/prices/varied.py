@@ -11,7 +11,6 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.watches import leg_watches
 from airrace.procedure.waypoints import Waypoint
 from airrace.track.course import Course, Passage
-from airrace.track.gates import Element, Gate, Manoeuvre, Pylon
 
 
 class VariedProblem:
@@ -70,22 +69,7 @@ def _moved(waypoint: Waypoint, passage: Passage) -> Waypoint:
     before, after = waypoint.passage.element, passage.element
     bank = waypoint.bank
     if bank is not None:
-        bank += _bank(after) - _bank(before)
+        bank += (after.prescribed_bank or 0.0) - (before.prescribed_bank or 0.0)
     return dataclasses.replace(
-        waypoint, passage=passage, axis=waypoint.axis + _direction(after) - _direction(before), bank=bank
+        waypoint, passage=passage, axis=waypoint.axis + (after.axis or 0.0) - (before.axis or 0.0), bank=bank
     )
-
-
-def _direction(element: Element) -> float:
-    """The azimuth that the axis of a passing turns with, rad."""
-    match element:
-        case Gate():
-            return element.heading
-        case Pylon():
-            return element.side
-        case Manoeuvre():
-            return element.heading or 0.0
-
-
-def _bank(element: Element) -> float:
-    return 0.0 if isinstance(element, Pylon) else element.bank or 0.0

@@ -16,7 +16,6 @@ from airrace.procedure.plan import Leg, Plan
 from airrace.procedure.rotation_time import roll_time, rotation_time, turned
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.waypoints import Waypoint
-from airrace.track.gates import Manoeuvre
 from airrace.trajectory import Array
 
 SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged
@@ -223,9 +222,9 @@ def _place_chain(waypoints: Sequence[Waypoint], chain: Sequence[History]) -> Non
 def _allowed_height(waypoint: Waypoint, height: float) -> float:
     """The height nearest to `height` (m) that a manoeuvre allows."""
     element = waypoint.passage.element
-    if not isinstance(element, Manoeuvre):
+    if element.stands:
         return height
-    return min(max(height, element.height.lower), element.height.upper)
+    return min(max(height, element.heights.lower), element.heights.upper)
 
 
 def _position(history: History) -> tuple[Array, Array, Array]:
