@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from airrace.environment.air import Air as Air
     from airrace.errors import AirraceError as AirraceError
     from airrace.optimal_control.certificate import Certificate as Certificate
-    from airrace.procedure.race import Race as Race
+    from airrace.planning.race import Race as Race
     from airrace.procedure.result import StageResult as StageResult
     from airrace.procedure.run import optimise as optimise
     from airrace.procedure.run import recertify as recertify
@@ -33,7 +33,7 @@ _HOMES = {
     "Checkpoint": "airrace.checkpoint",
     "Course": "airrace.track.course",
     "Inputs": "airrace.documents",
-    "Race": "airrace.procedure.race",
+    "Race": "airrace.planning.race",
     "Settings": "airrace.procedure.settings",
     "Stage": "airrace.procedure.stage",
     "StageResult": "airrace.procedure.result",

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from airrace.frames import angle_between
-from airrace.procedure.race import Race
-from airrace.procedure.review import Remark
+from airrace.planning.race import Race
+from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.track.course import Passage
 from airrace.track.limits import Crowd, Roll, SafetyLine

@@ -16,8 +16,8 @@ from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
 from airrace.errors import UsageError
-from airrace.procedure.clearances import ground_distance
-from airrace.procedure.race import Race
+from airrace.planning.clearances import ground_distance
+from airrace.planning.race import Race
 from airrace.track.element import Drawing
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point

@@ -10,8 +10,8 @@ from rich.table import Table
 from airrace.cli.course import Row, rows, safety_lines
 from airrace.cli.tables import plain_table
 from airrace.documents.units import KNOT
-from airrace.procedure.race import Race
-from airrace.procedure.review import Remark
+from airrace.planning.race import Race
+from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges

@@ -11,7 +11,7 @@ from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
 from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
-from airrace.procedure.clearances import ground_distance
+from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from airrace.procedure.cruise import cruise
-from airrace.procedure.legs import PLANNED_MAX, place
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.cruise import cruise
+from airrace.planning.legs import PLANNED_MAX, place
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
 from airrace.track.course import Course, Direction, Passage
 from airrace.track.element import Element
 from airrace.track.limits import SafetyLine

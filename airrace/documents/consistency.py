@@ -6,7 +6,7 @@ from airrace.documents.aircraft import weight_not_carried
 from airrace.documents.features import base_name
 from airrace.documents.nodes import Reporter
 from airrace.documents.units import KNOT
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 
 
 def check_together(race: Race, track: Reporter) -> None:

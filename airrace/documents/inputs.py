@@ -24,7 +24,7 @@ from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 
 FINDINGS_MAX = 100

@@ -3,13 +3,13 @@
 import dataclasses
 
 from airrace.optimal_control.problem import Problem
+from airrace.planning.plan import Plan
+from airrace.planning.race import Race
+from airrace.planning.waypoints import Waypoint
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
-from airrace.procedure.plan import Plan
-from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.watches import leg_watches
-from airrace.procedure.waypoints import Waypoint
 from airrace.track.course import Course, Passage
 
 

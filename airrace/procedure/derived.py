@@ -6,9 +6,9 @@ import numpy as np
 
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
+from airrace.planning.race import Race
 from airrace.procedure.fidelity import Histories
 from airrace.procedure.flight import stage_flight
-from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity

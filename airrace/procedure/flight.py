@@ -12,13 +12,13 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.as_flown import plan_as_flown
-from airrace.procedure.cruise import cruise
+from airrace.planning.as_flown import plan_as_flown
+from airrace.planning.cruise import cruise
+from airrace.planning.plan import Plan, plan
+from airrace.planning.race import Race
 from airrace.procedure.ends import Ends, course_ends
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Fidelity
-from airrace.procedure.plan import Plan, plan
-from airrace.procedure.race import Race
 from airrace.procedure.regularisation import regularised
 from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings

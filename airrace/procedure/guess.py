@@ -10,12 +10,12 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Leg, Plan
+from airrace.planning.rotation_time import roll_time, rotation_time, turned
+from airrace.planning.waypoints import Waypoint
 from airrace.procedure.attitudes import align_quaternions
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.plan import Leg, Plan
-from airrace.procedure.rotation_time import roll_time, rotation_time, turned
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.waypoints import Waypoint
 from airrace.trajectory import Array
 
 SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged

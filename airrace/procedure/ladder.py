@@ -7,14 +7,14 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
-from airrace.procedure.as_flown import plan_as_flown
+from airrace.planning.as_flown import plan_as_flown
+from airrace.planning.race import Race
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
-from airrace.procedure.race import Race
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from airrace.dynamics import handling
 from airrace.optimal_control.integration import load_in_background
 from airrace.optimal_control.service import SolverService
+from airrace.planning.race import Race
 from airrace.procedure.derived import derived_quantities
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
-from airrace.procedure.race import Race
 from airrace.procedure.restart import Another, is_better, overtaken, restarted, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings

@@ -9,10 +9,10 @@ from airrace.dynamics.crossing import CrossingParameters, with_sight
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
+from airrace.planning.plan import Plan
+from airrace.planning.waypoints import Waypoint
 from airrace.procedure.ends import Ends
 from airrace.procedure.guess import leg_seconds
-from airrace.procedure.plan import Plan
-from airrace.procedure.waypoints import Waypoint
 from airrace.quantities import Interval
 from airrace.system import Observation
 from airrace.track.element import Frame, climb_condition

@@ -14,11 +14,11 @@ from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.sampling import sample
 from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.transcription import transcribe
+from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.joint import REFINED_BARRIER
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench

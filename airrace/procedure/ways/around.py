@@ -7,7 +7,7 @@ import numpy as np
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import resampled
-from airrace.procedure.as_flown import plan_as_flown
+from airrace.planning.as_flown import plan_as_flown
 from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.solving import Workbench

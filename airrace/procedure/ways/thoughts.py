@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 from airrace.frames import angle_between
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.as_flown import choices_as_flown
-from airrace.procedure.choices import Choices
-from airrace.procedure.cruise import Cruise
+from airrace.planning.as_flown import choices_as_flown
+from airrace.planning.choices import Choices
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Plan, plan
+from airrace.planning.waypoints import Waypoint, candidates
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.pieces import phase_piece
-from airrace.procedure.plan import Plan, plan
-from airrace.procedure.waypoints import Waypoint, candidates
 from airrace.procedure.ways.sketch import Sketch, intervals
 from airrace.procedure.ways.slanting import slanted
 from airrace.procedure.ways.stretches import Shape, Stretch, neighbours, same_way, shape, stretches

@@ -12,9 +12,9 @@ from races import SHIPPED, SMALL, prepared
 from transformations import mirrored
 from ways_bench import workbench
 
+from airrace.planning.race import Race
 from airrace.procedure import ladder
 from airrace.procedure.ladder import Ladder
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult, Way
 from airrace.procedure.settings import Explore
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT

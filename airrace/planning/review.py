@@ -9,10 +9,10 @@ import numpy as np
 
 from airrace.dynamics import handling
 from airrace.frames import angle_between
-from airrace.procedure.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
-from airrace.procedure.cruise import top_speed
-from airrace.procedure.legs import Leg, legs, place, tightest
-from airrace.procedure.race import Race
+from airrace.planning.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
+from airrace.planning.cruise import top_speed
+from airrace.planning.legs import Leg, legs, place, tightest
+from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Passage
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.frames import angles, rotation
-from airrace.procedure.choices import ANY, Choices
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.rotation_time import roll_time, rotation_time, rotation_vector, turned
-from airrace.procedure.waypoints import Waypoint, is_only_a_height
+from airrace.planning.choices import ANY, Choices
+from airrace.planning.cruise import Cruise
+from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turned
+from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
 from airrace.track.dubins import DubinsPath, least, lengths, on_side, shortest

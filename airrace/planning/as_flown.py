@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.frames import angle_between, angles, rotation
-from airrace.procedure.choices import Choices
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.plan import Plan, plan, stops_of
-from airrace.procedure.waypoints import Waypoint, candidates
+from airrace.planning.choices import Choices
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Plan, plan, stops_of
+from airrace.planning.waypoints import Waypoint, candidates
 from airrace.quantities import Quantity
 from airrace.track.course import Course
 from airrace.track.manoeuvre import STEEP

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.environment.atmosphere import g0
-from airrace.procedure.cruise import AIR_DENSITY, Cruise, top_speed
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.cruise import AIR_DENSITY, Cruise, top_speed
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
