@@ -5,9 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from airrace.planning.cruise import cruise
 from airrace.planning.legs import PLANNED_MAX, place
-from airrace.planning.plan import plan
 from airrace.planning.race import Race
 from airrace.track.course import Course, Direction, Passage
 from airrace.track.element import Element
@@ -104,7 +102,7 @@ def _heading(passage: Passage) -> float | None:
 
 def _planned(race: Race) -> tuple[Way, ...]:
     """The plan from which an optimisation would start; straight where it leads through the vertical."""
-    planned = plan(race.course, cruise(race.aircraft, race.course.rules))
+    planned = race.plan
     ways: list[Way] = []
     last: tuple[float, float] | None = None
     for leg, here, there in zip(planned.legs, planned.waypoints, planned.waypoints[1:], strict=False):

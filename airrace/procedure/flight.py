@@ -13,8 +13,7 @@ from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
 from airrace.planning.as_flown import plan_as_flown
-from airrace.planning.cruise import cruise
-from airrace.planning.plan import Plan, plan
+from airrace.planning.plan import Plan
 from airrace.planning.race import Race
 from airrace.procedure.ends import Ends, course_ends
 from airrace.procedure.fidelities import fidelity_of
@@ -66,25 +65,22 @@ class Flight:
 
 
 def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory | None = None) -> Flight:
-    """Plan the race and build the equations of a stage.
+    """The flight of a stage: the race as planned, in the equations of that stage.
 
     Args:
         stage: which one.
         race: what is flown.
         settings: of the run.
-        flown: a flight whose choices the plan makes, too; without one it makes its own.
+        flown: a flight whose choices the plan makes, too; without one it is the race's own plan.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    course = race.course
-    pace = cruise(race.aircraft, course.rules)
-    fidelity = fidelity_of(stage)
-    model = fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
+    course, model = race.course, stage_model(stage, race)
     crossing = crossing_observation(model.system.states)
     return Flight(
-        fidelity=fidelity,
-        plan=plan(course, pace) if flown is None else plan_as_flown(course, pace, flown),
+        fidelity=fidelity_of(stage),
+        plan=race.plan if flown is None else plan_as_flown(course, race.pace, flown),
         model=model,
         observation=crossing,
         ends=course_ends(course, model, crossing),
@@ -92,6 +88,16 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
         aircraft=race.aircraft,
         weights=regularised(model, settings.regularisation),
     )
+
+
+def stage_model(stage: Stage, race: Race) -> FlightModel:
+    """The equations of a stage, with the numbers and limits of a race.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    course = race.course
+    return fidelity_of(stage).build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
 
 
 def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
