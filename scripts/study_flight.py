@@ -15,12 +15,12 @@ from study_draws import refined, solved_roughly
 from study_jobs import CERTIFIED, Job, Record, inputs_of
 from transformations import mirrored, moved, rotated
 
-from airrace.cli.summary import stage_object
 from airrace.errors import AirraceError, InputError
 from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
+from airrace.runs.run_object import stage_object
 
 TURN = math.radians(37.0)
 NORTH, EAST = 1234.0, -567.0  # m

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import read_checkpoint
-from airrace.cli.running import stored_run
 from airrace.documents import Inputs, load_inputs
 from airrace.documents.variation import Variation
 from airrace.errors import InputError
@@ -31,6 +30,7 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.runs.run import stored_run
 
 WIDER = 50.0  # than the step of a price
 TOLERANCE = 1e-9

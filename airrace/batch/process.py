@@ -1,6 +1,6 @@
 """One job in a process of its own: started, listened to, and ended with everything it has started itself.
 
-The process is `airrace.cli.batch_job`. Its standard input is one JSON object (`job`, `checkpoint`, `parent`: a process
+The process is `airrace.batch.job_process`. Its standard input is one JSON object (`job`, `checkpoint`, `parent`: a process
 id); it answers with lines of JSON on a pipe, the number of whose file descriptor is its last argument:
 
     {"stage_started": "point-mass"}

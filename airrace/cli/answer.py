@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, field
 
 import typer
 
-from airrace.cli.exit_codes import ExitCode, of_error, worst
 from airrace.errors import Finding, InputError
+from airrace.runs.exit_codes import ExitCode, of_error, worst
 
 
 @dataclass

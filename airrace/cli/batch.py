@@ -18,7 +18,7 @@ from airrace.errors import UsageError
 if TYPE_CHECKING:
     from airrace.batch.executor import Executor
 
-JOB_COMMAND = (sys.executable, "-m", "airrace.cli.batch_job")
+JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
 """What runs a job in a process of its own."""
 
 
@@ -81,7 +81,7 @@ def batch(
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_live import watching_batch
-        from airrace.cli.running import library_versions, stage_named
+        from airrace.runs.run import library_versions, stage_named
 
         started = time.perf_counter()
         choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
@@ -107,7 +107,7 @@ def batch(
 
 def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "Executor":
     """Who flies the jobs: this machine, or a cluster, which is given as long to have a worker as a job has to end."""
-    from airrace.cli.running import available_cores, library_versions
+    from airrace.runs.run import available_cores, library_versions
 
     if cluster is None:
         from airrace.batch.local import LocalExecutor

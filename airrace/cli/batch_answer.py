@@ -17,10 +17,10 @@ from airrace.batch.report_markdown import markdown_text
 from airrace.batch.wind import WindSummary, wind_summaries
 from airrace.cli.answer import Answer
 from airrace.cli.batch_tables import ranking_table, wind_tables
-from airrace.cli.exit_codes import ExitCode, worst
-from airrace.cli.running import ensure_free, write_text
 from airrace.cli.tables import rendered
 from airrace.errors import Finding, UsageError
+from airrace.runs.exit_codes import ExitCode, worst
+from airrace.runs.run import ensure_free, write_text
 
 FINDINGS_MAX = 500
 """So many findings are told of a batch."""

@@ -24,22 +24,22 @@ def check(
     """Validate inputs, review and show the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
         if plot is not None:
-            from airrace.cli.course_figure import ensure_drawable
+            from airrace.views.course_figure import ensure_drawable
 
             ensure_drawable(plot, force=force)
-        from airrace.cli.course import course_object
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
-        from airrace.cli.scenery import scenery
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
         from airrace.documents import load_inputs
         from airrace.procedure.review import review
+        from airrace.views.course_rows import course_object
+        from airrace.views.scenery import scenery
 
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         race, remarks = inputs.race, review(inputs.race)
         answer.fields.update(valid=True, **course_object(race, remarks))
         if plot is not None:
-            from airrace.cli.course_figure import draw_course
+            from airrace.views.course_figure import draw_course
 
             draw_course(race, scenery(race), plot)
         if not as_json:

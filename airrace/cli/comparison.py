@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from airrace.cli.summary import finite
 from airrace.cli.tables import plain_table
 from airrace.procedure.comparison import compared, last_common
 from airrace.procedure.restart import Another
 from airrace.procedure.result import StageResult
+from airrace.runs.run_object import finite
 
 
 def comparison_object(start: Another, results: Sequence[StageResult]) -> dict[str, object] | None:

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich.table import Table
 
-from airrace.cli.course import Row, rows, safety_lines
 from airrace.cli.tables import plain_table
 from airrace.documents.units import KNOT
 from airrace.procedure.race import Race
@@ -16,6 +15,7 @@ from airrace.quantities import Interval
 from airrace.track.gates import Manoeuvre
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
+from airrace.views.course_rows import Row, rows, safety_lines
 
 ROWS_MAX = 200  # passages; of more, only the first and the last are printed
 LAST_ROWS = 20

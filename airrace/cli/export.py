@@ -33,9 +33,9 @@ def csv_table(
     """Comma-separated values: the flight as one table, the gate splits as another; headers name the units."""
     with answering(as_json=False) as answer:
         from airrace.checkpoint import read_checkpoint
-        from airrace.cli.csv_tables import flight_text, splits_text, stored_result
-        from airrace.cli.running import ensure_free, stored_run, write_text
         from airrace.errors import UsageError
+        from airrace.runs.csv_texts import flight_text, splits_text, stored_result
+        from airrace.runs.run import ensure_free, stored_run, write_text
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")

@@ -14,7 +14,6 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.check import check
-from airrace.cli.exit_codes import ExitCode
 from airrace.cli.export import export
 from airrace.cli.optimize import optimize
 from airrace.cli.prices import prices
@@ -22,6 +21,7 @@ from airrace.cli.resume import resume
 from airrace.cli.schema import schema
 from airrace.cli.show import show
 from airrace.cli.verify import verify
+from airrace.runs.exit_codes import ExitCode
 
 app = typer.Typer(
     name="airrace",

@@ -3,9 +3,9 @@
 import numpy as np
 from rich.table import Table
 
-from airrace.cli.summary import REASONS
 from airrace.cli.tables import plain_table
 from airrace.procedure.result import StageResult, Why
+from airrace.runs.run_object import REASONS
 from airrace.trajectory import Array
 
 

@@ -50,8 +50,8 @@ def optimize(
         from airrace.optimal_control.spawn import start_early
 
         start_early()
-        from airrace.cli.running import ensure_free, fly, new_run, stage_named
         from airrace.documents import load_inputs
+        from airrace.runs.run import ensure_free, fly, new_run, stage_named
 
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
@@ -61,7 +61,7 @@ def optimize(
         run = new_run(inputs, path)
         other = None
         if start is not None:
-            from airrace.cli.starting import another, ensure_other_file, other_run
+            from airrace.runs.starting import another, ensure_other_file, other_run
 
             ensure_other_file(start, path)
             other = another(other_run(start), run, last)

@@ -31,12 +31,12 @@ def prices(
     """
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import inputs_hash, read_checkpoint, stale_stages
-        from airrace.cli.csv_tables import stored_result
         from airrace.cli.price_tables import price_object, prices_csv, prices_text
-        from airrace.cli.running import stored_run
         from airrace.errors import NotCertified, UsageError
         from airrace.prices import Group
         from airrace.prices import prices as priced
+        from airrace.runs.csv_texts import stored_result
+        from airrace.runs.run import stored_run
 
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")

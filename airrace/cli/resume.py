@@ -10,7 +10,7 @@ from airrace.cli.answer import Answer, answering, unflown
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, RunFile, SettingsFile, Threads
 
 if TYPE_CHECKING:
-    from airrace.cli.continuation import Step
+    from airrace.runs.continuation import Step
 
 
 def resume(
@@ -47,9 +47,9 @@ def resume(
         if not dry_run:
             start_early()
         from airrace.checkpoint import read_checkpoint
-        from airrace.cli.continuation import continuation, starting_steps
-        from airrace.cli.running import fly, stage_named, stored_run
-        from airrace.cli.starting import Changes, another, changed_run, ensure_sensible, last_stage, other_run
+        from airrace.runs.continuation import continuation, starting_steps
+        from airrace.runs.run import fly, stage_named, stored_run
+        from airrace.runs.starting import Changes, another, changed_run, ensure_sensible, last_stage, other_run
 
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
         ensure_sensible(changes, run_file, out, force=force, from_stage=from_stage)
@@ -73,7 +73,7 @@ def resume(
 
 def _tell(answer: Answer, track: str, steps: "Sequence[Step]", *, quiet: bool) -> None:
     """Say what would run."""
-    from airrace.cli.continuation import described
+    from airrace.runs.continuation import described
 
     answer.fields = {"track": track, "steps": [step.as_object() for step in steps]}
     answer.texts.extend(() if quiet else ["\n".join(described(steps))])

@@ -11,11 +11,11 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.summary import is_flight
 from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult
+from airrace.runs.run_object import is_flight
 
 # Wide enough for every table where nobody's terminal sets a limit.
 UNLIMITED_WIDTH = 200

@@ -11,9 +11,9 @@ def verify(run_file: RunFile, as_json: AsJson = False) -> None:
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
-        from airrace.cli.running import stored_run
         from airrace.cli.tables import certificate_table, rendered
-        from airrace.cli.verification import verified_stages
+        from airrace.runs.run import stored_run
+        from airrace.runs.verification import verified_stages
 
         run = stored_run(read_checkpoint(run_file), run_file)
         answer.fields["track"] = run.name

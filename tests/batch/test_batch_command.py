@@ -24,9 +24,9 @@ from airrace.batch.lock import locked
 from airrace.batch.plan import Plan, Result, Step
 from airrace.batch.ranking import STATES
 from airrace.cli.batch_live import BatchLines, LiveTable
-from airrace.cli.exit_codes import ExitCode
 from airrace.cli.main import app
 from airrace.errors import UsageError
+from airrace.runs.exit_codes import ExitCode
 
 PROGRAM = f"""
 import airrace.cli.batch as batch

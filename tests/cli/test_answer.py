@@ -7,8 +7,8 @@ import pytest
 import typer
 
 from airrace.cli.answer import Answer, answering
-from airrace.cli.exit_codes import ExitCode
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
+from airrace.runs.exit_codes import ExitCode
 
 
 def test_success_prints_the_object_alone(capsys: pytest.CaptureFixture[str]) -> None:

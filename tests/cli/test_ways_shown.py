@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 
 from airrace.checkpoint import read_checkpoint
 from airrace.cli.main import app
-from airrace.cli.summary import run_object, stage_object
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
+from airrace.runs.run_object import run_object, stage_object
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
 STYLE = re.compile(r"\x1b\[[0-9;]*m")

@@ -1,6 +1,6 @@
 """The process of one job of a batch: reads it from standard input, flies it, and tells on a pipe how it goes.
 
-`python -m airrace.cli.batch_job FD`; what is read and told, `airrace/batch/process.py` says. It takes its checkpoint up
+`python -m airrace.batch.job_process FD`; what is read and told, `airrace/batch/process.py` says. It takes its checkpoint up
 where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
 """
 
@@ -16,11 +16,11 @@ from types import FrameType
 from typing import IO, TYPE_CHECKING
 
 from airrace.cli.answer import Answer, record_failure, unflown
-from airrace.cli.exit_codes import ExitCode
-from airrace.cli.summary import is_flight
 from airrace.optimal_control.spawn import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
+from airrace.runs.exit_codes import ExitCode
+from airrace.runs.run_object import is_flight
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
@@ -89,9 +89,9 @@ def main() -> None:
 
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """All stages up to the job's last one but those in the checkpoint that still stand."""
-    from airrace.cli.continuation import continuation
-    from airrace.cli.running import fly_stages, new_run, stage_named, taken_up
     from airrace.documents import inputs_from_documents
+    from airrace.runs.continuation import continuation
+    from airrace.runs.run import fly_stages, new_run, stage_named, taken_up
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = taken_up(new_run(inputs, path))

@@ -22,9 +22,6 @@ from airrace.checkpoint import (
 from airrace.checkpoint.atomic import replace_file
 from airrace.cli.answer import Answer
 from airrace.cli.comparison import comparison_object, comparison_table
-from airrace.cli.exit_codes import ExitCode
-from airrace.cli.live import watching
-from airrace.cli.summary import summarise
 from airrace.cli.tables import rendered, result_tables, stages_table
 from airrace.cli.ways_table import ways_table
 from airrace.documents import Document, Inputs, inputs_from_documents
@@ -33,6 +30,9 @@ from airrace.procedure import run as procedure
 from airrace.procedure.progress import Progress
 from airrace.procedure.restart import Another
 from airrace.procedure.result import Stage, StageResult
+from airrace.runs.exit_codes import ExitCode
+from airrace.runs.run_object import summarise
+from airrace.views.live import watching
 
 
 @dataclass(frozen=True)

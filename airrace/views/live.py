@@ -16,9 +16,9 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.answer import debugging
-from airrace.cli.summary import is_flight
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.runs.run_object import is_flight
 
 # Seconds between two plain lines about iterations: enough to see that it lives, few enough for a log.
 LINE_INTERVAL = 2.0

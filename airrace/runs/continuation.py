@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from airrace.checkpoint import inputs_hash, stale_stages
-from airrace.cli.running import Run
 from airrace.errors import UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import GuessKind
+from airrace.runs.run import Run
 
 
 @dataclass(frozen=True)

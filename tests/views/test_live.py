@@ -7,9 +7,9 @@ import pytest
 from canned_procedure import stage_result
 from rich.console import Console
 
-from airrace.cli.live import LINE_INTERVAL, LiveView, PlainLines, outcome_line, watching
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Outcome, Stage
+from airrace.views.live import LINE_INTERVAL, LiveView, PlainLines, outcome_line, watching
 
 
 class Clock:

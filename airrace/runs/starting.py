@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import read_checkpoint
-from airrace.cli.running import Run, document_of, ensure_free, library_versions, new_run, stored_run
 from airrace.documents import inputs_from_documents
 from airrace.documents.document import read_document
 from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
 from airrace.procedure.result import Stage
+from airrace.runs.run import Run, document_of, ensure_free, library_versions, new_run, stored_run
 
 logger = logging.getLogger(__name__)
 

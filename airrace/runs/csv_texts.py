@@ -3,11 +3,11 @@
 import io
 
 from airrace.checkpoint import Checkpoint
-from airrace.cli.running import Run
 from airrace.errors import UsageError
 from airrace.export import Provenance, export_csv, export_splits_csv
 from airrace.procedure import run as procedure
 from airrace.procedure.result import StageResult
+from airrace.runs.run import Run
 
 
 def stored_result(checkpoint: Checkpoint, name: str | None) -> StageResult:

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from airrace.checkpoint.atomic import replace_file
-from airrace.cli.labels import Box, placed
-from airrace.cli.running import ensure_free
-from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
 from airrace.errors import UsageError
 from airrace.procedure.clearances import ground_distance
 from airrace.procedure.race import Race
+from airrace.runs.run import ensure_free
 from airrace.track.gates import Gate, Pylon
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.trajectory import Array
+from airrace.views.labels import Box, placed
+from airrace.views.scenery import Mark, Scenery
 
 # Any: the stubs of matplotlib leave keyword arguments untyped.
 Figure = Any

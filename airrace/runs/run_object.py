@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from airrace.cli.answer import Answer
-from airrace.cli.exit_codes import ExitCode, worst
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import Explored, Outcome, StageResult, Way, Why
+from airrace.runs.exit_codes import ExitCode, worst
 
 _CODES = {
     Outcome.SOLVED: ExitCode.DONE,
