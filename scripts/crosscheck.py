@@ -39,8 +39,8 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
 from airrace.procedure import run as procedure
-from airrace.runs.csv_texts import stored_result
 from airrace.runs.run import Run, stored_run
+from airrace.runs.stage_names import stored_result
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540

@@ -1,7 +1,7 @@
 """The process of one job of a batch: reads it from standard input, flies it, and tells on a pipe how it goes.
 
-`python -m airrace.batch.job_process FD`; what is read and told, `airrace/batch/process.py` says. It takes its checkpoint up
-where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
+`python -m airrace.batch.job_process FD`; what is read and told, `airrace/batch/process.py` says. It takes its
+checkpoint up where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
 """
 
 import ctypes
@@ -15,12 +15,11 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, TYPE_CHECKING
 
-from airrace.cli.answer import Answer, record_failure, unflown
 from airrace.optimal_control.spawn import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
+from airrace.runs.answer import Answer, record_failure, unflown
 from airrace.runs.exit_codes import ExitCode
-from airrace.runs.run_object import is_flight
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
@@ -54,7 +53,7 @@ class Told(Progress):
                 {
                     "stage_finished": result.stage.value,
                     "status": result.outcome.value,
-                    "race_time_s": float(result.trajectory.race_time) if is_flight(result) else None,
+                    "race_time_s": float(result.trajectory.race_time) if result.is_flight else None,
                     "certified": result.certified,
                 }
             )
@@ -91,7 +90,9 @@ def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """All stages up to the job's last one but those in the checkpoint that still stand."""
     from airrace.documents import inputs_from_documents
     from airrace.runs.continuation import continuation
-    from airrace.runs.run import fly_stages, new_run, stage_named, taken_up
+    from airrace.runs.flying import fly_stages
+    from airrace.runs.run import new_run, taken_up
+    from airrace.runs.stage_names import stage_named
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = taken_up(new_run(inputs, path))

@@ -24,9 +24,11 @@ def check(
     """Validate inputs, review and show the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
         if plot is not None:
+            from airrace.runs.output import ensure_free
             from airrace.views.course_figure import ensure_drawable
 
-            ensure_drawable(plot, force=force)
+            ensure_drawable(plot)
+            ensure_free(plot, force=force)
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns

@@ -34,8 +34,10 @@ def csv_table(
     with answering(as_json=False) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.errors import UsageError
-        from airrace.runs.csv_texts import flight_text, splits_text, stored_result
-        from airrace.runs.run import ensure_free, stored_run, write_text
+        from airrace.runs.csv_texts import flight_text, splits_text
+        from airrace.runs.output import ensure_free, write_text
+        from airrace.runs.run import stored_run
+        from airrace.runs.stage_names import stored_result
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")

@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answering, unflown
+from airrace.cli.answer import answering
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, SettingsFile, Threads, TrackFile
 from airrace.procedure.settings import Explore, GuessKind
+from airrace.runs.answer import unflown
 
 
 def optimize(
@@ -50,8 +51,11 @@ def optimize(
         from airrace.optimal_control.spawn import start_early
 
         start_early()
+        from airrace.cli.running import fly
         from airrace.documents import load_inputs
-        from airrace.runs.run import ensure_free, fly, new_run, stage_named
+        from airrace.runs.output import ensure_free
+        from airrace.runs.run import new_run
+        from airrace.runs.stage_names import stage_named
 
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")

@@ -35,8 +35,8 @@ def prices(
         from airrace.errors import NotCertified, UsageError
         from airrace.prices import Group
         from airrace.prices import prices as priced
-        from airrace.runs.csv_texts import stored_result
         from airrace.runs.run import stored_run
+        from airrace.runs.stage_names import stored_result
 
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")

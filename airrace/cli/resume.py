@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from airrace.cli.answer import Answer, answering, unflown
+from airrace.cli.answer import answering
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, RunFile, SettingsFile, Threads
+from airrace.runs.answer import Answer, unflown
 
 if TYPE_CHECKING:
     from airrace.runs.continuation import Step
@@ -47,8 +48,10 @@ def resume(
         if not dry_run:
             start_early()
         from airrace.checkpoint import read_checkpoint
+        from airrace.cli.running import fly
         from airrace.runs.continuation import continuation, starting_steps
-        from airrace.runs.run import fly, stage_named, stored_run
+        from airrace.runs.run import stored_run
+        from airrace.runs.stage_names import stage_named
         from airrace.runs.starting import Changes, another, changed_run, ensure_sensible, last_stage, other_run
 
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))

@@ -15,7 +15,6 @@ from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult
-from airrace.runs.run_object import is_flight
 
 # Wide enough for every table where nobody's terminal sets a limit.
 UNLIMITED_WIDTH = 200
@@ -58,7 +57,7 @@ def terminal_columns() -> int | None:
 
 def result_tables(result: StageResult) -> list[Table]:
     """What a finished stage shows: its gate splits and its certificate; without a flight nothing."""
-    tables = [splits_table(result)] if result.splits and is_flight(result) else []
+    tables = [splits_table(result)] if result.splits and result.is_flight else []
     tables += [ways_table(result.explored)] if result.explored.ways else []
     return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
 
@@ -109,11 +108,11 @@ def stages_table(results: Sequence[StageResult]) -> Table:
         guess = result.certificate is None and result.outcome is Outcome.SOLVED
         certified = "yes" if result.certified else "-" if guess else "NO"
         race_time, facts = result.trajectory.race_time, result.facts
-        optimum = is_flight(result) and not guess
+        optimum = result.is_flight and not guess
         table.add_row(
             result.stage.value,
             result.outcome.value,
-            f"{race_time:.3f}" if is_flight(result) else "-",
+            f"{race_time:.3f}" if result.is_flight else "-",
             f"{race_time - before:+.3f}" if optimum and before is not None else "-",
             f"{facts.regularisation:.3f}" if optimum else "-",
             f"{facts.strayed:.2f}" if facts.source else "-",

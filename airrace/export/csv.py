@@ -12,7 +12,7 @@ import numpy as np
 
 from airrace.export.columns import DEGREE, KNOT, Column, Derived, columns_of
 from airrace.export.sampling import Sampler, at_nodes, at_rate
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import StageResult
 from airrace.trajectory import Array
 
 
@@ -24,9 +24,6 @@ class Provenance:
     aircraft: str
     version: str
 
-
-FLIGHTS = (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
-"""Outcomes that stand for a flight, and so for a race time."""
 
 NO_DERIVED: Derived = MappingProxyType({})
 
@@ -90,7 +87,7 @@ def export_splits_csv(result: StageResult, stream: TextIO) -> None:
 
 def _write_comments(result: StageResult, provenance: Provenance | None, stream: TextIO) -> None:
     entries = {"stage": result.stage.value}
-    if result.outcome in FLIGHTS:
+    if result.is_flight:
         entries["race time"] = f"{result.trajectory.race_time:.6f} s"
     else:
         entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from airrace.cli.answer import Answer
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import Explored, Outcome, StageResult, Way, Why
+from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
 _CODES = {
@@ -44,11 +44,6 @@ def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: 
             answer.fail(code, f"{result.stage.value}: {_verdict(result)}")
 
 
-def is_flight(result: StageResult) -> bool:
-    """Whether a stage found a flight at all; otherwise its trajectory is only where the solver gave up."""
-    return result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
-
-
 def is_certified(results: Sequence[StageResult]) -> bool:
     """Whether a run may call itself certified: its last stage is, and none before it failed."""
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
@@ -72,7 +67,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "stage": result.stage.value,
         "status": result.outcome.value,
         "message": result.message,
-        "race_time_s": finite(result.trajectory.race_time) if is_flight(result) else None,
+        "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
         "regularisation_s": finite(result.facts.regularisation),
         "started_from": result.facts.source or None,
         "strayed_m": finite(result.facts.strayed) if result.facts.source else None,

@@ -12,7 +12,8 @@ from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
 from airrace.procedure.result import Stage
-from airrace.runs.run import Run, document_of, ensure_free, library_versions, new_run, stored_run
+from airrace.runs.output import ensure_free
+from airrace.runs.run import Run, document_of, library_versions, new_run, stored_run
 
 logger = logging.getLogger(__name__)
 

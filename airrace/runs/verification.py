@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from airrace.checkpoint import inputs_hash, stale_stages
-from airrace.cli.answer import Answer
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, StageResult
+from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.run import Run
 from airrace.runs.run_object import certificate_object

@@ -14,7 +14,6 @@ from airrace.environment.air import StaticWind
 from airrace.errors import UsageError
 from airrace.procedure.clearances import ground_distance
 from airrace.procedure.race import Race
-from airrace.runs.run import ensure_free
 from airrace.track.gates import Gate, Pylon
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.trajectory import Array
@@ -40,16 +39,14 @@ PAD = 0.06  # of the extent, around what is drawn
 RASTER = 300  # points along an edge, for the distance from people
 
 
-def ensure_drawable(path: Path, *, force: bool) -> None:
-    """Find out now whether a drawing can be made and written.
+def ensure_drawable(path: Path) -> None:
+    """Find out now whether a drawing can be made in the format that the name of the file says.
 
     Raises:
-        UsageError: the file exists, its name says no known format, or matplotlib is not installed.
-        StorageError: the folder takes no files.
+        UsageError: the name says no known format, or matplotlib is not installed.
     """
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"cannot draw into {path}; its name must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
-    ensure_free(path, force=force)
     if find_spec("matplotlib") is None:
         raise UsageError("drawing needs matplotlib: pip install 'airrace[plot]'")
 

@@ -15,10 +15,9 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.answer import debugging
+from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.runs.run_object import is_flight
 
 # Seconds between two plain lines about iterations: enough to see that it lives, few enough for a log.
 LINE_INTERVAL = 2.0
@@ -45,7 +44,7 @@ def outcome_line(result: StageResult) -> str:
     guess = result.certificate is None and result.outcome is Outcome.SOLVED
     certified = "certified" if result.certified else "a guess" if guess else "NOT certified"
     verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
-    race_time = f"race time {result.trajectory.race_time:.3f} s, " if is_flight(result) else ""
+    race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
     return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
 
 

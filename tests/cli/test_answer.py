@@ -6,8 +6,9 @@ import logging
 import pytest
 import typer
 
-from airrace.cli.answer import Answer, answering
+from airrace.cli.answer import answering
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
+from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
 
 

@@ -32,7 +32,7 @@ def check(*arguments: str | Path) -> str:
 def process(*arguments: str | Path, **environment: str) -> "subprocess.CompletedProcess[bytes]":
     """The real command, with other environment variables."""
     return subprocess.run(
-        [sys.executable, "-c", "from airrace.cli.main import main; main()", "check", *map(str, arguments)],
+        [sys.executable, "-m", "airrace", "check", *map(str, arguments)],
         env={**os.environ, **environment},
         capture_output=True,
         check=False,

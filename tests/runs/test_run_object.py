@@ -6,8 +6,8 @@ import math
 import pytest
 from canned_procedure import stage_result
 
-from airrace.cli.answer import Answer
 from airrace.procedure.result import Outcome, Stage
+from airrace.runs.answer import Answer
 from airrace.runs.run_object import is_certified, run_object, summarise
 
 
