@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 def batch(
     courses: Annotated[
         list[str],
-        typer.Argument(metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', or a batch.yaml."),
+        typer.Argument(
+            metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml."
+        ),
     ],
     aircraft: Annotated[
         list[Path] | None,

@@ -5,11 +5,18 @@ from typing import Annotated
 
 import typer
 
-TrackFile = Annotated[Path, typer.Argument(metavar="TRACK.yaml", readable=False, help="The course.")]
+TrackFile = Annotated[
+    Path,
+    typer.Argument(metavar="TRACK", readable=False, help="The course: a file, or a name that `airrace tracks` lists."),
+]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint of a run.")]
 AircraftFile = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", readable=False, help="Fly this aircraft instead of the one the track names."),
+    typer.Option(
+        metavar="FILE",
+        readable=False,
+        help="Fly this aircraft instead of the one the track names: a file, edge540 or pc9.",
+    ),
 ]
 SettingsFile = Annotated[
     Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")

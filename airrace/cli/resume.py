@@ -23,7 +23,10 @@ def resume(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
     overrides: Overrides = None,
     track: Annotated[
-        Path | None, typer.Option(metavar="FILE", readable=False, help="Fly this track file instead of the stored one.")
+        Path | None,
+        typer.Option(
+            metavar="TRACK", readable=False, help="Fly this track instead of the stored one: a file or a name."
+        ),
     ] = None,
     aircraft: AircraftFile = None,
     settings: SettingsFile = None,

@@ -10,7 +10,7 @@ from airrace.documents.aircraft import build_aircraft
 from airrace.documents.aircraft_schema import AIRCRAFT_SCHEMA, AircraftEntry
 from airrace.documents.consistency import check_together
 from airrace.documents.course import build_course
-from airrace.documents.document import Document, missing_file, read_document
+from airrace.documents.document import Document, read_document
 from airrace.documents.nodes import JSON, Entry, MappingNode, Reporter, ScalarNode
 from airrace.documents.overrides import PREFIXED, apply_overrides, parse_overrides
 from airrace.documents.places import Places
@@ -18,6 +18,7 @@ from airrace.documents.references import check_references
 from airrace.documents.resolved import resolved_inputs
 from airrace.documents.schema import Schema
 from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
+from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.documents.shorthands import expanded
 from airrace.documents.track_schema import TRACK_SCHEMA, TrackEntry
 from airrace.documents.validation import validate
@@ -62,8 +63,9 @@ def load_inputs(
     """Read and check the files of a run.
 
     Args:
-        track: the track file; it names the aircraft file by a path relative to itself.
-        aircraft: an aircraft file instead of the track's.
+        track: the track file, or the name of a course that comes along; it names the aircraft likewise, with a path
+            relative to itself.
+        aircraft: an aircraft file, or the name of one that comes along, instead of the track's.
         settings: a settings file.
         overrides: `key=value`; keys are the track's, or with `aircraft.` or `settings.` before them those documents'.
 
@@ -71,9 +73,9 @@ def load_inputs(
         InputError: with all findings.
     """
     run = _Run(overrides)
-    opened_track = run.open(read_document(track, run.findings), _TRACK)
+    opened_track = run.open(TRACKS.read(track, run.findings), _TRACK)
     if aircraft is not None:
-        aircraft_document = read_document(aircraft, run.findings)
+        aircraft_document = AIRCRAFT.read(aircraft, run.findings)
     else:
         aircraft_document = _referenced_aircraft(track, opened_track, run.findings)
     opened_aircraft = run.open(aircraft_document, _AIRCRAFT)
@@ -87,17 +89,17 @@ def read_documents(
     """The track and the aircraft that flies it as texts; nothing else is understood of them yet.
 
     Args:
-        track: the track file; it (or an override) names the aircraft file by a path relative to itself.
-        aircraft: an aircraft file instead of the track's.
+        track: as of `load_inputs`; an override may name the aircraft, too.
+        aircraft: as of `load_inputs`.
         overrides: as of `load_inputs`.
 
     Raises:
         InputError: one of them cannot be read, or the track is no YAML.
     """
     run = _Run(overrides)
-    opened = run.open(read_document(track, run.findings), _TRACK)
+    opened = run.open(TRACKS.read(track, run.findings), _TRACK)
     flown = (
-        _referenced_aircraft(track, opened, run.findings) if aircraft is None else read_document(aircraft, run.findings)
+        _referenced_aircraft(track, opened, run.findings) if aircraft is None else AIRCRAFT.read(aircraft, run.findings)
     )
     if opened is None or flown is None:
         inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises, with all there is to say
@@ -245,7 +247,7 @@ def _has_schema(reporter: Reporter, schema: str) -> bool:
 
 
 def _referenced_aircraft(track: Path, opened: _Opened | None, findings: list[Finding]) -> Document | None:
-    """The aircraft file the track names, by a path relative to the track."""
+    """The aircraft that the track names: a file, by a path relative to the track, or one that comes along."""
     if opened is None:
         return None
     entry: Entry | None = opened.reporter.root.entries.get("aircraft")
@@ -254,8 +256,8 @@ def _referenced_aircraft(track: Path, opened: _Opened | None, findings: list[Fin
         return None
     if not isinstance(entry.value, ScalarNode) or not isinstance(entry.value.value, str):
         return None  # the schema reports it
-    path = track.parent / entry.value.value
-    if not path.is_file():
-        opened.reporter.value(("aircraft",), missing_file(path))
+    named, folder = Path(entry.value.value), TRACKS.file(track).parent
+    if not AIRCRAFT.finds(named, folder):
+        opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
         return None
-    return read_document(path, findings)
+    return AIRCRAFT.read(named, findings, folder)

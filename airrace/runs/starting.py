@@ -8,6 +8,7 @@ from pathlib import Path
 from airrace.checkpoint import read_checkpoint
 from airrace.documents import inputs_from_documents
 from airrace.documents.document import read_document
+from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
@@ -65,8 +66,8 @@ def changed_run(before: Run, changes: Changes, out: Path) -> Run:
     """
     findings: list[Finding] = []
     stored = before.checkpoint.inputs
-    track = document_of(stored.track) if changes.track is None else read_document(changes.track, findings)
-    aircraft = document_of(stored.aircraft) if changes.aircraft is None else read_document(changes.aircraft, findings)
+    track = document_of(stored.track) if changes.track is None else TRACKS.read(changes.track, findings)
+    aircraft = document_of(stored.aircraft) if changes.aircraft is None else AIRCRAFT.read(changes.aircraft, findings)
     settings = None if stored.settings is None else document_of(stored.settings)
     if changes.settings is not None:
         settings = read_document(changes.settings, findings)
