@@ -30,7 +30,7 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
-from airrace.runs.run import stored_run
+from airrace.runs.stored import stored_run
 
 WIDER = 50.0  # than the step of a price
 TOLERANCE = 1e-9

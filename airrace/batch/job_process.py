@@ -89,15 +89,13 @@ def main() -> None:
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """All stages up to the job's last one but those in the checkpoint that still stand."""
     from airrace.documents import inputs_from_documents
-    from airrace.runs.continuation import continuation
     from airrace.runs.flying import fly_stages
-    from airrace.runs.run import new_run, taken_up
-    from airrace.runs.stage_names import stage_named
+    from airrace.runs.resuming import continued_task
+    from airrace.runs.stored import new_run, taken_up
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = taken_up(new_run(inputs, path))
-    plan = continuation(run, until=stage_named(job.until), from_stage=None)
-    fly_stages(answer, run, finished=plan.kept, until=plan.until, threads=1, progress=progress)
+    fly_stages(answer, continued_task(run, until=job.until), threads=1, progress=progress)
 
 
 def _die_with(parent: int) -> None:

@@ -79,8 +79,8 @@ def batch(
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_live import watching_batch
-        from airrace.runs.run import library_versions
         from airrace.runs.stage_names import stage_named
+        from airrace.runs.stored import library_versions
 
         started = time.perf_counter()
         choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
@@ -108,7 +108,7 @@ def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "
     """Who flies the jobs: this machine, or a cluster, which is given as long to have a worker as a job has to end."""
     from airrace.batch.process import JOB_COMMAND
     from airrace.runs.flying import available_cores
-    from airrace.runs.run import library_versions
+    from airrace.runs.stored import library_versions
 
     if cluster is None:
         from airrace.batch.local import LocalExecutor

@@ -32,19 +32,15 @@ def check(
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
-        from airrace.documents import load_inputs
-        from airrace.procedure.review import review
-        from airrace.views.course_rows import course_object
+        from airrace.runs.checked import checked
         from airrace.views.scenery import scenery
 
-        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
-        race, remarks = inputs.race, review(inputs.race)
-        answer.fields.update(valid=True, **course_object(race, remarks))
+        course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
+        answer.fields.update(valid=True, **course.as_object())
         if plot is not None:
-            from airrace.views.course_figure import draw_course
-
-            draw_course(race, scenery(race), plot)
+            course.draw(plot)
         if not as_json:
+            race, remarks = course.race, course.warnings
             columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
             view = plan_view(scenery(race), race.air.wind, columns=columns, plain=plain)
             answer.texts += [*(rendered(table) for table in course_tables(race)), rendered(view)]

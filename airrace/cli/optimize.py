@@ -1,6 +1,5 @@
 """`airrace optimize`: from a track file to a certified flight in a checkpoint."""
 
-from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -52,27 +51,13 @@ def optimize(
 
         start_early()
         from airrace.cli.running import fly
-        from airrace.documents import load_inputs
+        from airrace.runs.beginning import new_task, settings_texts
         from airrace.runs.output import ensure_free
-        from airrace.runs.run import new_run
-        from airrace.runs.stage_names import stage_named
 
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
-        last = stage_named(until)
-        entries = [*(overrides or ()), *_settings(guess=guess, explore=explore, climb=climb)]
-        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
-        run = new_run(inputs, path)
-        other = None
-        if start is not None:
-            from airrace.runs.starting import another, ensure_other_file, other_run
-
-            ensure_other_file(start, path)
-            other = another(other_run(start), run, last)
-        fly(answer, run, finished=(), until=last, threads=threads, quiet=quiet, start=other)
-
-
-def _settings(**chosen: GuessKind | Explore | int | None) -> list[str]:
-    """Options of the command line as overrides of the settings."""
-    plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
-    return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]
+        entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb)]
+        task = new_task(
+            track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
+        )
+        fly(answer, task, threads=threads, quiet=quiet)

@@ -14,28 +14,11 @@ LEAST_MS = 0.0005
 """Smaller costs would show as zero."""
 
 
-def price_object(price: Price) -> dict[str, object]:
-    """One price for scripts; null where the inputs allow no value to that side."""
-    return {
-        "group": price.group.value,
-        "unit": price.unit,
-        "value": price.value,
-        "s_per_unit": price.price,
-        "s_per_unit_up": _number(price.upward),
-        "s_per_unit_down": _number(price.downward),
-        "usual_step": price.usual_step,
-        "step_up_s": _number(price.cost_up),
-        "step_down_s": _number(price.cost_down),
-        "activity": price.activity.value,
-        "note": price.note,
-    }
-
-
 def prices_csv(prices: Sequence[Price]) -> str:
     """One row per number, the dearest first; empty where the inputs allow no value to that side."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    objects = {price.key: price_object(price) for price in prices}
+    objects = {price.key: price.as_object() for price in prices}
     writer.writerow(["key", *_COLUMNS])
     for key, columns in objects.items():
         writer.writerow([key, *("" if columns[name] is None else columns[name] for name in _COLUMNS)])
@@ -95,7 +78,3 @@ def _cost(seconds: float) -> str:
         return "-"
     milliseconds = seconds * MILLI
     return "free" if abs(milliseconds) < LEAST_MS else f"{milliseconds:+.3f}"
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -175,8 +175,9 @@ def _chosen(hints: tuple[Any, ...], plain: Any) -> Any:
 
 def _named(hint: Any, name: str) -> type:
     """The class of this name: the hinted one, or one that inherits from it."""
-    for kind in (hint, *_heirs(hint)):
-        if kind.__name__ == name and dataclasses.is_dataclass(kind):
+    kinds: list[type] = [hint, *_heirs(hint)]
+    for kind in kinds:
+        if kind.__name__ == name and hasattr(kind, "__dataclass_fields__"):
             return kind
     raise TypeError(f"{name} is no {hint.__name__}")
 

@@ -1,97 +1,230 @@
-"""A run: what it was asked for and what is finished of it."""
+"""A run: what it was asked for, and what is finished of it."""
 
-import json
-import platform
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
-from airrace.checkpoint import (
-    Checkpoint,
-    StoredDocument,
-    StoredInputs,
-    inputs_hash,
-    read_checkpoint,
-    stale_stages,
-)
-from airrace.documents import Document, Inputs, inputs_from_documents
-from airrace.errors import CheckpointError
+from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages, write_checkpoint
+from airrace.documents import Inputs
+from airrace.errors import UsageError
+from airrace.procedure.comparison import Comparison, compared, last_common
+from airrace.procedure.progress import Progress
+from airrace.procedure.race import Race
+from airrace.procedure.result import Stage, StageResult
+from airrace.runs.flown_stage import FlownStage
+from airrace.runs.run_object import is_certified, run_object, verdict
+from airrace.runs.run_page import run_line, run_page
+from airrace.runs.splits import Splits
+
+if TYPE_CHECKING:
+    from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
+    from airrace.runs.priced import Prices
+    from airrace.runs.verification import Verification
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A run as it stands before this command flies the rest of it."""
+    """A race that is flown stage by stage: what was asked for, and the stages that are finished.
+
+    A run is a value: what continues or changes it returns another one. Its stages are found by their names, and the
+    numbers of a run are those of its last stage:
+
+    >>> run
+    <Run half_cuban_eight: point-mass, 8.616 s, certified>
+    >>> run["point-mass"].race_time == run.race_time
+    True
+    >>> [stage.name for stage in run]
+    ['homotopy', 'point-mass']
+
+    Attributes:
+        inputs: course, aircraft, air and settings, with the documents that they come from.
+        checkpoint: what a file holds of the run.
+        path: its file, which is renewed after every stage; None for a run that is kept in memory alone.
+    """
 
     inputs: Inputs
     checkpoint: Checkpoint
-    path: Path
+    path: Path | None = None
 
     @property
     def name(self) -> str:
         """The track's name: that of its file."""
         return Path(self.inputs.track.path).stem
 
+    @property
+    def label(self) -> str:
+        """What users call the run: its file, or the track's name."""
+        return self.name if self.path is None else self.path.name
 
-def new_run(inputs: Inputs, path: Path) -> Run:
-    """A run of which nothing is finished yet."""
-    stored = StoredInputs(
-        track=_stored(inputs.track),
-        aircraft=_stored(inputs.aircraft),
-        settings=None if inputs.settings_file is None else _stored(inputs.settings_file),
-        overrides=tuple(inputs.overrides),
-        resolved=resolved_text(inputs),
-    )
-    return Run(inputs, Checkpoint(stored, {**library_versions(), "python": platform.python_version()}), path)
+    @property
+    def race(self) -> Race:
+        """Course, aircraft and air."""
+        return self.inputs.race
+
+    @property
+    def results(self) -> tuple[StageResult, ...]:
+        """The finished stages as the procedure left them, in their order."""
+        return tuple(stored.result for stored in self.checkpoint.stages)
+
+    @property
+    def stale(self) -> Mapping[Stage, str]:
+        """The stages that no longer stand, each with the reason, a clause."""
+        return dict(stale_stages(self.checkpoint, inputs_hash(self.checkpoint.inputs.resolved)))
+
+    @property
+    def stages(self) -> tuple[FlownStage, ...]:
+        """The finished stages in their order."""
+        stale, versions = self.stale, self.checkpoint.versions
+        return tuple(FlownStage(self.inputs, one, versions, stale.get(one.stage, "")) for one in self.results)
+
+    def stage(self, name: str | Stage | None = None) -> FlownStage:
+        """The stage of this name, by default the last one.
+
+        Raises:
+            UsageError: it is not in this run.
+        """
+        stages = {stage.name: stage for stage in self.stages}
+        if not stages:
+            raise UsageError("no stage of this run is finished yet")
+        wanted = list(stages)[-1] if name is None else name.value if isinstance(name, Stage) else name
+        if wanted not in stages:
+            raise UsageError(f"this run has no stage {wanted!r}; it has: {', '.join(stages)}")
+        return stages[wanted]
+
+    def __getitem__(self, name: str | Stage) -> FlownStage:
+        return self.stage(name)
+
+    def __contains__(self, name: object) -> bool:
+        return any(name in (one.stage, one.stage.value) for one in self.results)
+
+    def __iter__(self) -> Iterator[FlownStage]:
+        return iter(self.stages)
+
+    @property
+    def race_time(self) -> float:
+        """Race time of the last stage, s; NaN where that found no flight."""
+        return self.stages[-1].race_time if self.results else math.nan
+
+    @property
+    def splits(self) -> Splits:
+        """When and how every gate was passed in the last stage; empty where that found no flight."""
+        return self.stages[-1].splits if self.results else Splits(())
+
+    @property
+    def certified(self) -> bool:
+        """Whether the last stage is certified, and none before it failed."""
+        return is_certified(self.results)
+
+    @property
+    def message(self) -> str:
+        """Why the run is not certified, a sentence; empty where it is."""
+        return verdict(self.results)[1] if self.results else "no stage is finished yet"
+
+    def with_stage(self, result: StageResult) -> Self:
+        """This run with one more finished stage, which replaces the stages from there on."""
+        return replace(self, checkpoint=self.checkpoint.with_stage(result))
+
+    def moved(self, path: Path) -> Self:
+        """This run with another file, which is not written yet."""
+        return replace(self, path=path)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the run into a file, which every command of `airrace` takes.
+
+        A file that exists is replaced as a whole.
+
+        Returns:
+            The path.
+
+        Raises:
+            StorageError: the system refused; a file that exists is left as it is.
+        """
+        write_checkpoint(Path(path), self.checkpoint)
+        return Path(path)
+
+    def resume(
+        self,
+        *,
+        until: str | Stage | None = None,
+        from_: str | Stage | None = None,
+        set: "Values" = (),
+        track: "TrackGiven | None" = None,
+        aircraft: "AircraftGiven | None" = None,
+        settings: "SettingsGiven | None" = None,
+        out: str | Path | None = None,
+        force: bool = False,
+        threads: int | None = None,
+        progress: bool | Progress = False,
+    ) -> "Run":
+        """Continue this run, or fly it again with something changed; see `airrace.resume`."""
+        from airrace.runs.doors import resume
+
+        return resume(
+            self,
+            until=until,
+            from_=from_,
+            set=set,
+            track=track,
+            aircraft=aircraft,
+            settings=settings,
+            out=out,
+            force=force,
+            threads=threads,
+            progress=progress,
+        )
+
+    def verify(self) -> "tuple[Verification, ...]":
+        """Measure every certificate again from the stored histories and multipliers alone.
+
+        Returns:
+            One verification per certified stage; those with an `objection` do not hold.
+
+        Raises:
+            NotCertified: there is no certificate in this run.
+        """
+        from airrace.runs.verification import verified
+
+        return verified(self)
+
+    def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
+        """What every number of the inputs costs, by the multipliers of a certified stage; see `FlownStage.prices`."""
+        return self.stage(stage).prices(by)
+
+    def compare(self, other: "Run") -> Comparison:
+        """Hold another run of the same passings against this one, leg by leg, at the highest stage certified in both.
+
+        Returns:
+            Race times (s) and legs; `difference` is positive where the other run is slower.
+
+        Raises:
+            UsageError: no stage is certified in both, or the other run has other passings.
+        """
+        common = last_common(self.results, other.results)
+        if common is None:
+            raise UsageError(f"no stage is certified both in {self.label} and in {other.label}")
+        try:
+            return compared(*common)
+        except ValueError as error:
+            raise UsageError(f"{other.label} has other passings than {self.label}") from error
+
+    def as_object(self) -> dict[str, object]:
+        """The object that `airrace show --json` prints."""
+        return run_object(self.name, self.results, wall_of(self.results), certified=self.certified)
+
+    def __repr__(self) -> str:
+        return f"<Run {run_line(self.name, self.results)}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the stages, the splits of the last one, and its flight from above."""
+        return run_page(self.race, self.name, self.results)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Names that notebooks complete within the brackets of `run[...]`."""
+        return [one.stage.value for one in self.results]
 
 
-def library_versions() -> dict[str, str]:
-    """Versions of airrace and of the libraries that its numbers depend on."""
-    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
-
-
-def resolved_text(inputs: Inputs) -> str:
-    """The configuration as understood; equal configurations give equal texts."""
-    return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
-
-
-def stored_run(checkpoint: Checkpoint, path: Path) -> Run:
-    """A run read from its checkpoint; its inputs are understood anew from their stored texts.
-
-    Raises:
-        InputError: this version of airrace no longer accepts them.
-    """
-    stored = checkpoint.inputs
-    inputs = inputs_from_documents(
-        document_of(stored.track),
-        document_of(stored.aircraft),
-        None if stored.settings is None else document_of(stored.settings),
-        stored.overrides,
-    )
-    # Stages link to the configuration they were computed from; new ones to the one understood now.
-    current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
-    return Run(inputs, current, path)
-
-
-def taken_up(run: Run) -> Run:
-    """A new run together with the stages that still stand of the checkpoint at its path.
-
-    What is damaged, of other inputs or from other versions, is left aside.
-    """
-    try:
-        earlier = read_checkpoint(run.path)
-    except CheckpointError:
-        return run
-    if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
-        return run
-    stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
-    standing = tuple(one for one in earlier.stages if one.result.stage not in stale)
-    return replace(run, checkpoint=replace(run.checkpoint, stages=standing))
-
-
-def _stored(document: Document) -> StoredDocument:
-    return StoredDocument(document.path, document.text)
-
-
-def document_of(stored: StoredDocument) -> Document:
-    """A stored document as it was read."""
-    return Document(stored.path, stored.text)
+def wall_of(results: Sequence[StageResult]) -> float:
+    """Wall time of all stages together, s."""
+    return sum(result.timings.wall for result in results)

@@ -39,9 +39,19 @@ def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: 
         wall: seconds the command took.
     """
     answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
-    for code, result in zip(_codes(results), results, strict=True):
-        if code is not ExitCode.DONE:
-            answer.fail(code, f"{result.stage.value}: {_verdict(result)}")
+    code, sentence = verdict(results)
+    if code is not ExitCode.DONE:
+        answer.fail(code, sentence)
+
+
+def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
+    """How stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
+    codes = _codes(results)
+    code = worst(codes)
+    if code is ExitCode.DONE:
+        return code, ""
+    result = results[codes.index(code)]
+    return code, f"{result.stage.value}: {_verdict(result)}"
 
 
 def is_certified(results: Sequence[StageResult]) -> bool:
