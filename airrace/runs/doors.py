@@ -54,7 +54,7 @@ def optimize(
 
     >>> run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
     >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
-    8.616 s, certified: True
+    8.634 s, certified: True
 
     Args:
         track: a course that comes along, by name (see `airrace.tracks`); a file; or a `Course` or a `Race` that was
@@ -124,7 +124,7 @@ def resume(
 
     >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
     >>> print(f"{windy.race_time - run.race_time:+.3f} s")
-    -0.017 s
+    -0.052 s
 
     Args:
         run: a run, or its file.

@@ -32,7 +32,7 @@ class Run:
     numbers of a run are those of its last stage:
 
     >>> run
-    <Run half_cuban_eight: point-mass, 8.616 s, certified>
+    <Run half_cuban_eight: point-mass, 8.634 s, certified>
     >>> run["point-mass"].race_time == run.race_time
     True
     >>> [stage.name for stage in run]
