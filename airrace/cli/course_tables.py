@@ -37,7 +37,7 @@ def remarks_text(remarks: Sequence[Remark]) -> str:
 
 
 def _passages_table(race: Race) -> Table:
-    numbers = ("north\nm", "east\nm", "height\nm", "heading\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
+    numbers = ("north\nm", "east\nm", "height\nm", "course\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
     title = f"{race.course.name}, flown by {race.aircraft.name}"
     flown = rows(race)
     cells = [_passage_cells(row) for row in flown]
@@ -53,7 +53,7 @@ def _passage_cells(row: Row) -> list[str]:
     return [
         row.passage.name,
         row.kind,
-        *(_cell(value, "free", digits=1) for value in (row.north, row.east)),
+        *(_cell(value, "free") for value in (row.north, row.east)),
         _height_cell(row),
         *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
         *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),

@@ -31,6 +31,7 @@ def prices(
     """
     with answering(as_json=as_json) as answer:
         from airrace.cli.price_tables import prices_csv, prices_text
+        from airrace.cli.tables import terminal_columns
         from airrace.errors import UsageError
         from airrace.runs.stored import opened_run
 
@@ -42,4 +43,4 @@ def prices(
         found = list(priced.prices(None if by is None else by.value).values())
         answer.fields["race_time_s"] = priced.race_time
         answer.fields["prices"] = {price.key: price.as_object() for price in found}
-        answer.texts.append(prices_csv(found) if as_csv else prices_text(priced.result, found))
+        answer.texts.append(prices_csv(found) if as_csv else prices_text(priced.result, found, terminal_columns()))

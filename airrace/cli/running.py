@@ -19,7 +19,7 @@ def fly(answer: Answer, task: Task, *, threads: int | None, quiet: bool) -> None
         threads: threads; None for all cores.
         quiet: whether neither progress nor tables are shown.
     """
-    with watching(task.run.inputs.race.course.name, quiet=quiet) as progress:
+    with watching(task.run.race.course.name, task.stages, quiet=quiet) as progress:
         results = fly_stages(answer, task, threads=threads or available_cores(), progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         climbed = [stages_table(results)] if any(result.certified for result in results) else []

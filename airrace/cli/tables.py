@@ -100,29 +100,39 @@ def certificate_table(certificate: Certificate) -> Table:
 
 def stages_table(results: Sequence[StageResult]) -> Table:
     """One row per finished stage; `cost` is what its fidelity adds to the time of the certified stage before it."""
-    table = _table("stages", "stage", "status")
-    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iterations", "solve\ns", "wall\ns")
-    table.add_column("certified")
+    table = _table("stages", "stage")
+    table.add_column("status")  # of two words, which a narrow terminal puts below each other
+    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iter.", "wall\ns")
     before: float | None = None
     for result in results:
-        guess = result.certificate is None and result.outcome is Outcome.SOLVED
-        certified = "yes" if result.certified else "-" if guess else "NO"
         race_time, facts = result.trajectory.race_time, result.facts
-        optimum = result.is_flight and not guess
+        optimum = result.is_flight and not _is_guess(result)
         table.add_row(
             result.stage.value,
-            result.outcome.value,
+            _status(result),
             f"{race_time:.3f}" if result.is_flight else "-",
             f"{race_time - before:+.3f}" if optimum and before is not None else "-",
             f"{facts.regularisation:.3f}" if optimum else "-",
             f"{facts.strayed:.2f}" if facts.source else "-",
             str(result.iterations),
-            f"{result.timings.solve:.2f}",
-            f"{result.timings.wall:.2f}",
-            certified,
+            f"{result.timings.wall:.1f}",
         )
         before = race_time if result.certified else before
     return table
+
+
+def _is_guess(result: StageResult) -> bool:
+    return result.certificate is None and result.outcome is Outcome.SOLVED
+
+
+def _status(result: StageResult) -> Text:
+    """How a stage ended, in the word that matters most."""
+    if result.certified:
+        return Text("certified")
+    if _is_guess(result):
+        return Text("a guess")
+    uncertified = result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+    return Text("NOT certified" if uncertified else result.outcome.value, style="bold red")
 
 
 def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

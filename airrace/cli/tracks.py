@@ -10,6 +10,8 @@ def tracks(as_json: AsJson = False) -> None:
     Their names stand for files in every command, and in track files.
     """
     with answering(as_json=as_json) as answer:
+        from textwrap import fill
+
         from airrace.cli.tables import plain_table, rendered
         from airrace.runs.shipped import shipped
 
@@ -20,4 +22,4 @@ def tracks(as_json: AsJson = False) -> None:
         answer.texts.append(rendered(plain_table("courses", names, numbers, courses)))
         aircraft = [(one.name, one.title) for one in listed.aircraft]
         answer.texts.append(rendered(plain_table("aircraft", ("name", "aircraft"), (), aircraft)))
-        answer.texts.append(f"rule books (rules: NAME): {', '.join(listed.rules)}")
+        answer.texts.append(fill(f"rule books (rules: NAME): {', '.join(listed.rules)}", 80, break_on_hyphens=False))

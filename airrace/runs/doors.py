@@ -216,17 +216,17 @@ def tracks() -> tuple[ShippedTrack, ...]:
 
 def _fly(task: Task, threads: int | None, progress: bool | Progress) -> Run:
     """All stages of a task."""
-    with _watched(task.run, progress) as watcher:
+    with _watched(task, progress) as watcher:
         steps = list(flown(task, threads=threads or available_cores(), progress=watcher))
     return steps[-1] if steps else task.run
 
 
 @contextmanager
-def _watched(run: Run, progress: bool | Progress) -> Generator[Progress, None, None]:
+def _watched(task: Task, progress: bool | Progress) -> Generator[Progress, None, None]:
     if isinstance(progress, Progress):
         yield progress
     elif progress:
-        with watching(run.race.course.name, quiet=False) as view:
+        with watching(task.run.race.course.name, task.stages, quiet=False) as view:
             yield view
     else:
         yield Silent()

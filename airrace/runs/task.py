@@ -3,8 +3,10 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another
 from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.settings import GuessKind
 from airrace.runs.run import Run
 
 
@@ -36,6 +38,15 @@ class Task:
     kept: tuple[StageResult, ...] = ()
     steps: tuple[Step, ...] = ()
     start: Another | None = None
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        """All stages of the run up to the last, those that are kept as well."""
+        if self.steps:
+            return tuple(step.stage for step in self.steps)
+        stages = tuple(procedure.STAGES)
+        without_homotopy = self.run.inputs.settings.guess is GuessKind.PLAN
+        return stages[1 if without_homotopy else 0 : stages.index(self.until) + 1]
 
 
 def described(steps: Sequence[Step]) -> Iterator[str]:
