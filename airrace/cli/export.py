@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from airrace.cli import completion
 from airrace.cli.answer import answering
 from airrace.cli.options import RunFile
 
@@ -19,7 +20,10 @@ def formats() -> None:
 @export.command("csv")
 def csv_table(
     run_file: RunFile,
-    stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Which stage; by default the last one.")] = None,
+    stage: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
+    ] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
     ] = None,

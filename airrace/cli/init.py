@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from airrace.cli import completion
 from airrace.cli.answer import answering
 
 
@@ -12,7 +13,12 @@ def init(
     name: Annotated[Path, typer.Argument(metavar="NAME", readable=False, help="Name of the new course.")],
     like: Annotated[
         Path | None,
-        typer.Option(metavar="TRACK", readable=False, help="Copy this course, a file or a name that comes along."),
+        typer.Option(
+            metavar="TRACK",
+            readable=False,
+            autocompletion=completion.tracks,
+            help="Copy this course, a file or a name that comes along.",
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
 ) -> None:

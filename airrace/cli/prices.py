@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from airrace.cli import completion
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson, RunFile
 
@@ -20,7 +21,10 @@ class GroupName(StrEnum):
 
 def prices(
     run_file: RunFile,
-    stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Which stage; by default the last one.")] = None,
+    stage: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
+    ] = None,
     by: Annotated[GroupName | None, typer.Option(help="Only the numbers of these.")] = None,
     as_json: AsJson = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print comma-separated values, free numbers included.")] = False,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from airrace.cli import completion
 from airrace.cli.answer import answering
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, RunFile, SettingsFile, Threads
 from airrace.runs.answer import Answer, unflown
@@ -19,14 +20,23 @@ def resume(
     run_file: RunFile,
     until: LastStage = None,
     from_stage: Annotated[
-        str | None, typer.Option("--from", metavar="STAGE", help="Compute this stage and all after it again.")
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="STAGE",
+            autocompletion=completion.stages,
+            help="Compute this stage and all after it again.",
+        ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
     overrides: Overrides = None,
     track: Annotated[
         Path | None,
         typer.Option(
-            metavar="TRACK", readable=False, help="Fly this track instead of the stored one: a file or a name."
+            metavar="TRACK",
+            readable=False,
+            autocompletion=completion.tracks,
+            help="Fly this track instead of the stored one: a file or a name.",
         ),
     ] = None,
     aircraft: AircraftFile = None,

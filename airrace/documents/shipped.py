@@ -6,17 +6,14 @@ from pathlib import Path
 
 from airrace.documents.document import Document, missing_file, read_document
 from airrace.errors import Finding
+from airrace.resources import shipped_folder
 
 SUFFIX = ".yaml"
-PACKAGE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
 class Collection:
     """Documents of one kind that come along, each under the name of its file without the suffix.
-
-    In an installed package they lie in its folder `shipped`. In a source tree, and where the package is installed from
-    one as editable, they are the files of that tree: there is no second copy of them.
 
     Attributes:
         folder: the name of their folder.
@@ -27,8 +24,7 @@ class Collection:
     @property
     def path(self) -> Path:
         """The folder in which they lie."""
-        installed = PACKAGE / "shipped" / self.folder
-        return installed if installed.is_dir() else PACKAGE.parent / self.folder
+        return shipped_folder(self.folder)
 
     @property
     def names(self) -> tuple[str, ...]:
