@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from airrace.runs.run import Run
     from airrace.track.course import Course, Direction, EndState, Origin, Passage, Rules
     from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
+    from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine, Turning
+    from airrace.track.polygons import Point
     from airrace.trajectory import Trajectory
 
 __all__ = [
@@ -39,6 +41,8 @@ __all__ = [
     "Certificate",
     "Checked",
     "Course",
+    "Crowd",
+    "CrowdShape",
     "Direction",
     "EndState",
     "FlownStage",
@@ -50,12 +54,15 @@ __all__ = [
     "Outcome",
     "Passage",
     "Passing",
+    "Point",
     "Profile",
     "Progress",
     "Pylon",
     "Race",
+    "Roll",
     "Rules",
     "Run",
+    "SafetyLine",
     "Settings",
     "Stage",
     "StageResult",
@@ -63,6 +70,7 @@ __all__ = [
     "Thermal",
     "Tolerances",
     "Trajectory",
+    "Turning",
     "check",
     "init",
     "load_inputs",
@@ -90,6 +98,8 @@ _HOMES = {
     "airrace.runs.run": ("Run",),
     "airrace.track.course": ("Course", "Direction", "EndState", "Origin", "Passage", "Rules"),
     "airrace.track.gates": ("Gate", "Manoeuvre", "Passing", "Pylon", "Tolerances"),
+    "airrace.track.limits": ("Crowd", "CrowdShape", "Roll", "SafetyLine", "Turning"),
+    "airrace.track.polygons": ("Point",),
     "airrace.trajectory": ("Trajectory",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}

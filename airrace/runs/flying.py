@@ -29,7 +29,7 @@ def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
     """
     run, start = task.run, task.start
     _keep(run)
-    for result in procedure.optimise(
+    for result in procedure.optimize(
         run.inputs.race,
         run.inputs.settings,
         until=task.until,

@@ -61,13 +61,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that has explored."""
     monkeypatch.chdir(tmp_path)
 
-    def optimise(*arguments: Any, **named: Any) -> Iterator[StageResult]:
-        for result in canned_procedure.optimise(*arguments, **named):
+    def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
+        for result in canned_procedure.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,))) if result.stage is Stage.POINT_MASS else result
 
     for name in ("STAGES", "derived_quantities", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
-    monkeypatch.setattr(procedure, "optimise", optimise)
+    monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path
 
 
@@ -146,11 +146,11 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
 def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def optimise(*_: Any, **__: Any) -> Iterator[StageResult]:
+    def optimize(*_: Any, **__: Any) -> Iterator[StageResult]:
         yield contested(explored(loops=(LOOP,)))
         yield stage_result(Stage.TRANSFER_FUNCTION)
 
-    monkeypatch.setattr(procedure, "optimise", optimise)
+    monkeypatch.setattr(procedure, "optimize", optimize)
     flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")
     assert (flown.code, shown.code) == (0, 0)
     for told in (flown.out, shown.out):

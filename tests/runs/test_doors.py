@@ -24,7 +24,7 @@ ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that computes nothing."""
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "derived_quantities", "optimise", "recertified", "sampler"):
+    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     return tmp_path
 
@@ -76,7 +76,8 @@ def test_a_run_that_fails_is_a_run_that_says_why(outcome: Outcome, monkeypatch: 
     assert math.isnan(run.race_time) == (outcome is not Outcome.NOT_CERTIFIED)
     assert (len(run.splits) == 0) == math.isnan(run.race_time)
     assert "not certified" in repr(run)
-    assert "gate g1 cannot be reached" in run._repr_html_()
+    if outcome is not Outcome.NOT_CERTIFIED:  # its canned flight has too few histories to be drawn
+        assert "gate g1 cannot be reached" in run._repr_html_()
 
 
 @pytest.mark.parametrize("named", ["rovinj_2014", str(ROVINJ), ROVINJ])
@@ -88,8 +89,8 @@ def test_names_paths_and_texts_mean_the_same(named: str | Path, aircraft: str | 
 
 
 def test_values_are_set_by_keys_or_as_texts() -> None:
-    by_key = airrace.optimize("rovinj_2014", set={"rules.n_z_max": 9, "environment.wind.profile": "log"}, explore="off")
-    texts = ["rules.n_z_max=9", "environment.wind.profile=log", "settings.explore=off"]
+    by_key = airrace.optimize("rovinj_2014", set={"rules.n_z_max": 9, "rules.preset": "rbar-2016"}, explore="off")
+    texts = ["rules.n_z_max=9", "rules.preset=rbar-2016", "settings.explore=off"]
     assert by_key.inputs.overrides == tuple(texts)
     assert airrace.optimize("rovinj_2014", set=texts).inputs.resolved == by_key.inputs.resolved
 
@@ -170,7 +171,7 @@ def test_certificates_are_measured_again(run: Run, monkeypatch: pytest.MonkeyPat
 
 def test_a_course_is_checked_without_being_flown() -> None:
     checked = airrace.check("rovinj_2014", set=["gate_defaults.width_m=9"])
-    assert repr(checked) == "<Checked Rovinj 2014: 17 passages, 1 warning>"
+    assert repr(checked) == "<Checked Rovinj 2014: 17 passages, 5 warnings>"
     assert checked.as_object()["name"] == "Rovinj 2014"
     assert "<svg" in checked._repr_html_()
 
