@@ -1,56 +1,117 @@
-"""Minimum-time air race trajectories, flyable by construction. This is the public API; nothing else happens here.
+"""Minimum-time air races: the fastest flight through a course, certified.
 
-The names are looked up when they are first used, so that `import airrace` (and `airrace --help`) stays quick.
+    import airrace
+
+    run = airrace.optimize("rovinj_2014", until="point-mass")
+    run.race_time, run.splits, run["point-mass"].to_dataframe(), run.save("rovinj.h5")
+
+The functions are the commands, their keyword arguments the commands' options. The names are looked up when they are
+first used, so that `import airrace` (and `airrace --help`) stays quick.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from airrace.aircraft.aircraft import Aircraft as Aircraft
-    from airrace.checkpoint import Checkpoint as Checkpoint
-    from airrace.checkpoint import read_checkpoint as read_checkpoint
-    from airrace.checkpoint import write_checkpoint as write_checkpoint
-    from airrace.documents import Inputs as Inputs
-    from airrace.documents import load_inputs as load_inputs
-    from airrace.environment.air import Air as Air
-    from airrace.errors import AirraceError as AirraceError
-    from airrace.optimal_control.certificate import Certificate as Certificate
-    from airrace.planning.race import Race as Race
-    from airrace.procedure.result import StageResult as StageResult
-    from airrace.procedure.run import optimise as optimise
-    from airrace.procedure.run import recertify as recertify
-    from airrace.procedure.settings import Settings as Settings
-    from airrace.procedure.stage import Stage as Stage
-    from airrace.track.course import Course as Course
-    from airrace.trajectory import Trajectory as Trajectory
+    from airrace.aircraft.aircraft import Aircraft
+    from airrace.documents import Inputs, load_inputs
+    from airrace.environment.air import Air, Profile, StaticWind, Thermal
+    from airrace.errors import AirraceError
+    from airrace.optimal_control.certificate import Certificate
+    from airrace.planning.race import Race
+    from airrace.procedure.progress import Progress
+    from airrace.procedure.result import Outcome, StageResult
+    from airrace.procedure.settings import Settings
+    from airrace.procedure.stage import Stage
+    from airrace.quantities import Interval
+    from airrace.runs.checked import Checked
+    from airrace.runs.doors import check, open, optimize, resume, tracks
+    from airrace.runs.flown_stage import FlownStage
+    from airrace.runs.init import init
+    from airrace.runs.run import Run
+    from airrace.track.course import Course, Direction, EndState, Origin, Passage, Rules
+    from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
+    from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine, Turning
+    from airrace.track.polygons import Point
+    from airrace.trajectory import Trajectory
+
+__all__ = [
+    "Air",
+    "Aircraft",
+    "AirraceError",
+    "Certificate",
+    "Checked",
+    "Course",
+    "Crowd",
+    "CrowdShape",
+    "Direction",
+    "EndState",
+    "FlownStage",
+    "Gate",
+    "Inputs",
+    "Interval",
+    "Manoeuvre",
+    "Origin",
+    "Outcome",
+    "Passage",
+    "Passing",
+    "Point",
+    "Profile",
+    "Progress",
+    "Pylon",
+    "Race",
+    "Roll",
+    "Rules",
+    "Run",
+    "SafetyLine",
+    "Settings",
+    "Stage",
+    "StageResult",
+    "StaticWind",
+    "Thermal",
+    "Tolerances",
+    "Trajectory",
+    "Turning",
+    "check",
+    "init",
+    "load_inputs",
+    "open",
+    "optimize",
+    "resume",
+    "tracks",
+]
 
 _HOMES = {
-    "Air": "airrace.environment.air",
-    "Aircraft": "airrace.aircraft.aircraft",
-    "AirraceError": "airrace.errors",
-    "Certificate": "airrace.optimal_control.certificate",
-    "Checkpoint": "airrace.checkpoint",
-    "Course": "airrace.track.course",
-    "Inputs": "airrace.documents",
-    "Race": "airrace.planning.race",
-    "Settings": "airrace.procedure.settings",
-    "Stage": "airrace.procedure.stage",
-    "StageResult": "airrace.procedure.result",
-    "Trajectory": "airrace.trajectory",
-    "load_inputs": "airrace.documents",
-    "optimise": "airrace.procedure.run",
-    "read_checkpoint": "airrace.checkpoint",
-    "recertify": "airrace.procedure.run",
-    "write_checkpoint": "airrace.checkpoint",
+    "airrace.aircraft.aircraft": ("Aircraft",),
+    "airrace.documents": ("Inputs", "load_inputs"),
+    "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
+    "airrace.errors": ("AirraceError",),
+    "airrace.optimal_control.certificate": ("Certificate",),
+    "airrace.planning.race": ("Race",),
+    "airrace.procedure.progress": ("Progress",),
+    "airrace.procedure.result": ("Outcome", "StageResult"),
+    "airrace.procedure.settings": ("Settings",),
+    "airrace.procedure.stage": ("Stage",),
+    "airrace.quantities": ("Interval",),
+    "airrace.runs.checked": ("Checked",),
+    "airrace.runs.doors": ("check", "open", "optimize", "resume", "tracks"),
+    "airrace.runs.flown_stage": ("FlownStage",),
+    "airrace.runs.init": ("init",),
+    "airrace.runs.run": ("Run",),
+    "airrace.track.course": ("Course", "Direction", "EndState", "Origin", "Passage", "Rules"),
+    "airrace.track.gates": ("Gate", "Manoeuvre", "Passing", "Pylon", "Tolerances"),
+    "airrace.track.limits": ("Crowd", "CrowdShape", "Roll", "SafetyLine", "Turning"),
+    "airrace.track.polygons": ("Point",),
+    "airrace.trajectory": ("Trajectory",),
 }
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    if name not in _HOME:
         raise AttributeError(f"module 'airrace' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(_HOMES)
+    return sorted(__all__)

@@ -1,5 +1,6 @@
 """One tree of errors: everything airrace raises on purpose derives from `AirraceError`."""
 
+import os
 from dataclasses import dataclass
 
 
@@ -60,3 +61,8 @@ class SolverCrash(AirraceError):
 
 class KernelError(AirraceError):
     """A compiled kernel could not be built or loaded (the caller falls back to casadi's own evaluation)."""
+
+
+def debugging() -> bool:
+    """Whether the user asked for tracebacks and for the library's own log, with AIRRACE_DEBUG."""
+    return os.environ.get("AIRRACE_DEBUG", "0") not in ("", "0")

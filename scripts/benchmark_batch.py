@@ -32,10 +32,10 @@ from generated_courses import generated_course  # noqa: E402  (the folder above 
 from airrace.batch.planning import make_plan  # noqa: E402
 from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record  # noqa: E402
 from airrace.batch.sources import Manner, find_sources, parse_sweeps  # noqa: E402
-from airrace.cli.running import library_versions  # noqa: E402
 from airrace.documents import load_inputs  # noqa: E402
+from airrace.runs.stored import library_versions  # noqa: E402
 
-COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
+COMMAND = (sys.executable, "-m", "airrace")
 SMALL = 8  # passings of a course of the battery, at most
 STAGES = ("homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
 ITEM = {
@@ -55,7 +55,7 @@ def plan(jobs: int, files: int) -> None:
         courses.mkdir()
         shipped = sorted((ROOT / "tracks").glob("*.yaml"))
         for number in range(files):
-            text = shipped[number % len(shipped)].read_text().replace("../configs", str(ROOT / "configs"))
+            text = shipped[number % len(shipped)].read_text()
             (courses / f"course_{number}.yaml").write_text(text)
         winds = max(1, jobs // files)
         sweeps = [f"environment.wind.speed_kt=0:{(winds - 1) * 0.01:.2f}:0.01"] if winds > 1 else []

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
+COMMAND = (sys.executable, "-m", "airrace")
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 TRACKS = ("rovinj_2014", "sixteen_phases", "half_cuban_eight")
-COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
+COMMAND = (sys.executable, "-m", "airrace")
 GOALS = {"plan": 1 / 20, "homotopy": 1 / 10}
 
 

@@ -27,8 +27,6 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.checkpoint import read_checkpoint
-from airrace.cli.csv_tables import stored_result
-from airrace.cli.running import Run, stored_run
 from airrace.crosscheck.accelerations import differences
 from airrace.crosscheck.course import fly_course
 from airrace.crosscheck.flown import flown_by_jsbsim
@@ -41,6 +39,8 @@ from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
 from airrace.procedure import run as procedure
+from airrace.runs.run import Run
+from airrace.runs.stored import stored_run
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540
@@ -85,7 +85,7 @@ def along_optimum(run: Run, planet: Planet) -> Row:
     race, settings = run.inputs.race, run.inputs.settings
     if race.air.wind is not None or race.air.thermals:
         raise UsageError(f"{run.path}: a flight in wind; JSBSim flies in still air here")
-    result = stored_result(run.checkpoint, "six-dof")
+    result = run.stage("six-dof").result
     with tempfile.TemporaryDirectory() as folder:
         flown = flown_by_jsbsim(
             Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet

@@ -15,12 +15,12 @@ from study_draws import refined, solved_roughly
 from study_jobs import CERTIFIED, Job, Record, inputs_of
 from transformations import mirrored, moved, rotated
 
-from airrace.cli.summary import stage_object
 from airrace.errors import AirraceError, InputError
 from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
+from airrace.runs.run_object import stage_object
 
 TURN = math.radians(37.0)
 NORTH, EAST = 1234.0, -567.0  # m
@@ -60,7 +60,7 @@ def done(job: Job) -> Record:
         return {"outcome": "solved", "race_time_s": None, "starts": starts}
     if job.refine is not None:
         return record_of(refined(race, inputs.settings, job.course, job.refine, threads=job.threads))
-    results = optimise(race, inputs.settings, until=Stage.POINT_MASS, threads=job.threads, progress=Silent())
+    results = optimize(race, inputs.settings, until=Stage.POINT_MASS, threads=job.threads, progress=Silent())
     return record_of(list(results)[-1])
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import read_checkpoint
-from airrace.cli.running import stored_run
 from airrace.documents import Inputs, load_inputs
 from airrace.documents.variation import Variation
 from airrace.errors import InputError
@@ -28,9 +27,10 @@ from airrace.prices.varied import VariedProblem
 from airrace.procedure.flight import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.runs.stored import stored_run
 
 WIDER = 50.0  # than the step of a price
 TOLERANCE = 1e-9
@@ -140,7 +140,7 @@ def flown(source: Path, stage: Stage, threads: int) -> tuple[str, Inputs, StageR
         return run.name, run.inputs, stored.result
     inputs = load_inputs(source)
     inputs = dataclasses.replace(inputs, settings=Settings(guess=GuessKind.PLAN))
-    *_, result = optimise(inputs.race, inputs.settings, until=stage, threads=threads, progress=Silent())
+    *_, result = optimize(inputs.race, inputs.settings, until=stage, threads=threads, progress=Silent())
     return source.stem, inputs, result
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-c", "from airrace.cli.main import main; main()")
+COMMAND = (sys.executable, "-m", "airrace")
 CLOSE = 0.005  # s, by which the two race times may differ
 SHARE = 0.25  # of the seconds from scratch
 MOVED = {"rovinj_2014": "gates.g5.north_m=719.0", "abu_dhabi_2016": "gates.g5.north_m=-423.2"}

@@ -1,14 +1,21 @@
 """Which jobs are done already, and why another one is flown again."""
 
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
 
-from airrace.batch.executor import DONE, INFEASIBLE, INTERRUPTED, INVALID_INPUT, NOT_CERTIFIED
 from airrace.batch.job import Job
 from airrace.batch.record import Record, RecordError, checkpoint_path, read_record
+from airrace.runs.exit_codes import ExitCode
 
-VERDICTS = (DONE, INFEASIBLE, NOT_CERTIFIED)
+VERDICTS = (ExitCode.DONE, ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED)
 """Ends that the same inputs would lead to again: these are answers, not accidents."""
+
+REASONS: Mapping[int, str] = {
+    ExitCode.INVALID_INPUT: "its input was not valid",
+    ExitCode.INTERRUPTED: "it was interrupted",
+}
+"""Why jobs that ended so are flown again."""
 
 
 class Choice(Enum):
@@ -44,10 +51,8 @@ def _reason(job: Job, record: Record, folder: Path, choice: Choice) -> str:
     if not record.ended:
         return "it was not finished"
     if record.code not in VERDICTS:
-        return {INVALID_INPUT: "its input was not valid", INTERRUPTED: "it was interrupted"}.get(
-            record.code, f"it failed: {record.message}"
-        )
-    if record.code != DONE and choice is Choice.FAILED:
+        return REASONS.get(record.code, f"it failed: {record.message}")
+    if record.code != ExitCode.DONE and choice is Choice.FAILED:
         return f"asked for, since it failed: {record.message}"
     if record.checkpoint is None:
         return "it left no checkpoint"

@@ -22,21 +22,11 @@ from typing import Any, Self
 
 from airrace.batch.cluster_connection import Connection, words
 from airrace.batch.cluster_job import DamagedParcel, Flown, Parcel, Sending, collect, fly, stop
-from airrace.batch.executor import (
-    INTERRUPTED,
-    SYSTEM,
-    Ended,
-    Ending,
-    Event,
-    Fault,
-    Order,
-    StageFinished,
-    StageStarted,
-    Started,
-)
+from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted, Started
 from airrace.batch.process import GRACE
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import StorageError
+from airrace.runs.exit_codes import ExitCode
 
 WORKERS_WAIT = 600.0
 """So long a batch waits for a worker, s, when there is none."""
@@ -111,7 +101,7 @@ class ClusterExecutor:
     def submit(self, order: Order) -> None:
         name, key = order.job.name, f"{self._batch}-{next(self._numbers)}"
         if not self._threads:
-            self._pending.append(Ended(name, Ending(SYSTEM, self._no_worker, 0.0, fault=Fault.LOST)))
+            self._pending.append(Ended(name, Ending(ExitCode.SYSTEM, self._no_worker, 0.0, fault=Fault.LOST)))
             return
         try:
             parcel = Parcel.of(order.checkpoint)
@@ -119,7 +109,7 @@ class ClusterExecutor:
             future = self._connection.submit(fly, sending, key=key, workers=list(self._threads))
         except Exception as error:  # of the disk, or whatever the library raises
             message = f"it could not be sent to the cluster: {words(error)}"
-            self._pending.append(Ended(name, Ending(SYSTEM, message, 0.0, fault=Fault.LOST)))
+            self._pending.append(Ended(name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.LOST)))
             return
         self._flights[key] = _Flight(order, future, frozenset(self._threads), time.monotonic())
 
@@ -248,14 +238,14 @@ class ClusterExecutor:
     def _lose(self, key: str, message: str) -> None:
         flight = self._flights.pop(key)
         self._call_off([flight])
-        ending = Ending(SYSTEM, message, flight.wall, fault=Fault.LOST)
+        ending = Ending(ExitCode.SYSTEM, message, flight.wall, fault=Fault.LOST)
         self._pending.append(Ended(flight.order.job.name, ending))
 
     def _stopped(self, keys: Sequence[str]) -> None:
         flights = [self._flights.pop(key) for key in keys]
         self._call_off(flights)
         for flight in flights:
-            ending = Ending(INTERRUPTED, "interrupted", flight.wall, fault=Fault.STOPPED)
+            ending = Ending(ExitCode.INTERRUPTED, "interrupted", flight.wall, fault=Fault.STOPPED)
             self._pending.append(Ended(flight.order.job.name, ending))
 
     def _call_off(self, flights: Sequence[_Flight]) -> None:
@@ -275,9 +265,9 @@ def landed(order: Order, flown: Flown) -> tuple[Sequence[StageFinished], Ending]
         if flown.checkpoint is not None:
             replace_file(order.checkpoint, flown.checkpoint.unpacked())
     except DamagedParcel as error:
-        return (), Ending(SYSTEM, f"its checkpoint came back {error}", flown.ending.wall, fault=Fault.LOST)
+        return (), Ending(ExitCode.SYSTEM, f"its checkpoint came back {error}", flown.ending.wall, fault=Fault.LOST)
     except StorageError as error:
-        return (), Ending(SYSTEM, str(error), flown.ending.wall)
+        return (), Ending(ExitCode.SYSTEM, str(error), flown.ending.wall)
     return flown.stages, flown.ending
 
 

@@ -14,10 +14,11 @@ from typing import Any, Self
 
 import distributed
 
-from airrace.batch.executor import SYSTEM, Ended, Ending, Fault, Order, StageFinished, StageStarted
+from airrace.batch.executor import Ended, Ending, Fault, Order, StageFinished, StageStarted
 from airrace.batch.job import Job
 from airrace.batch.local import LocalExecutor
 from airrace.errors import AirraceError
+from airrace.runs.exit_codes import ExitCode
 
 POLL = 0.5  # s, between two looks whether the job is still wanted
 
@@ -115,7 +116,7 @@ def fly(sending: Sending) -> Flown:
             if sending.checkpoint is not None:
                 path.write_bytes(sending.checkpoint.unpacked())
         except DamagedParcel as error:
-            return Flown(Ending(SYSTEM, f"its checkpoint was {error}", 0.0, fault=Fault.LOST))
+            return Flown(Ending(ExitCode.SYSTEM, f"its checkpoint was {error}", 0.0, fault=Fault.LOST))
         _under_way[sending.key] = path
         try:
             return _watched(sending, path, worker, tell)

@@ -40,11 +40,6 @@ class Fault(Enum):
     STOPPED = "stopped"
 
 
-# The exit codes of the command that jobs end with (the table stands in the README).
-DONE, BUG, INVALID_INPUT, INFEASIBLE, NOT_CERTIFIED, TIMEOUT, BAD_CHECKPOINT, SYSTEM = 0, 1, 3, 4, 5, 6, 7, 8
-INTERRUPTED = 130
-
-
 @dataclass(frozen=True)
 class Ending:
     """How one attempt at a job ended.

@@ -4,9 +4,9 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from airrace.batch.executor import DONE
 from airrace.batch.ranking import Row
 from airrace.errors import Finding, StorageError
+from airrace.runs.exit_codes import ExitCode
 
 ANNOTATIONS_MAX = 50
 """So many are made; GitHub shows ten of a step."""
@@ -45,7 +45,7 @@ def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> No
 def _of_row(row: Row) -> Iterator[str]:
     if row.result.findings:
         yield from map(_of_finding, row.result.findings)
-    elif row.result.code != DONE:
+    elif row.result.code != ExitCode.DONE:
         yield _error(f"{row.step.name}: {row.state}", row.result.message, row.step.track, 0, 0)
 
 

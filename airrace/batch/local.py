@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-from airrace.batch.executor import SYSTEM, Ended, Ending, Event, Fault, Order, Started
+from airrace.batch.executor import Ended, Ending, Event, Fault, Order, Started
 from airrace.batch.process import JobProcess
+from airrace.runs.exit_codes import ExitCode
 
 POLL = 0.2  # s, between two looks at time limits
 
@@ -35,7 +36,7 @@ class LocalExecutor:
             self._running.append(JobProcess(order, self._command))
         except OSError as error:  # no memory for a process, no room for a file
             message = f"its process could not be started: {error.strerror or error}"
-            self._pending.append(Ended(order.job.name, Ending(SYSTEM, message, 0.0, fault=Fault.CRASHED)))
+            self._pending.append(Ended(order.job.name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.CRASHED)))
         else:
             self._pending.append(Started(order.job.name))
 

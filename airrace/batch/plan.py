@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from airrace.batch.executor import INVALID_INPUT
 from airrace.batch.job import Job
 from airrace.batch.record import Record
 from airrace.batch.sweep import Combination
 from airrace.batch.ways import Ways, ways_of
 from airrace.errors import Finding
+from airrace.runs.exit_codes import ExitCode
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def invalid(findings: tuple[Finding, ...]) -> Result:
     """The result of a job whose inputs are not valid."""
     number = len(findings)
     message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
-    return Result(INVALID_INPUT, message, findings=findings)
+    return Result(ExitCode.INVALID_INPUT, message, findings=findings)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Step:
         """`fly`; `keep` what was finished before and stands; `refuse` inputs that are not valid."""
         if self.known is None:
             return "fly"
-        return "refuse" if self.known.code == INVALID_INPUT else "keep"
+        return "refuse" if self.known.code == ExitCode.INVALID_INPUT else "keep"
 
     def as_object(self) -> dict[str, object]:
         """For `--dry-run --json`."""

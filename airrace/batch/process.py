@@ -1,7 +1,7 @@
 """One job in a process of its own: started, listened to, and ended with everything it has started itself.
 
-The process is `airrace.cli.batch_job`. Its standard input is one JSON object (`job`, `checkpoint`, `parent`: a process
-id); it answers with lines of JSON on a pipe, the number of whose file descriptor is its last argument:
+The process is `airrace.batch.job_process`. Its standard input is one JSON object (`job`, `checkpoint`, `parent`: a
+process id); it answers with lines of JSON on a pipe, the number of whose file descriptor is its last argument:
 
     {"stage_started": "point-mass"}
     {"stage_finished": "point-mass", "status": "solved", "race_time_s": 55.3, "certified": true}
@@ -16,6 +16,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -23,23 +24,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from airrace.batch.executor import (
-    INTERRUPTED,
-    SYSTEM,
-    TIMEOUT,
-    Ended,
-    Ending,
-    Event,
-    Fault,
-    Order,
-    StageFinished,
-    StageStarted,
-)
+from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted
 from airrace.errors import Finding
+from airrace.runs.exit_codes import ExitCode
 
 GRACE = 5.0  # s, that a process which is told to stop may take
 SAID_MAX = 2000  # bytes of what a process that crashed had said
 ANSWER_MAX = 64 * 1024 * 1024  # bytes of an answer; beyond this it is none
+JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
+"""What runs a job in a process of its own."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
@@ -166,22 +159,22 @@ class JobProcess:
     def _ending(self, wall: float) -> Ending:
         """What became of it. An answer counts even if it was told to stop meanwhile."""
         answer = self._answer
-        if self._stopping is not Fault.NONE and (answer is None or answer.code == INTERRUPTED):
+        if self._stopping is not Fault.NONE and (answer is None or answer.code == ExitCode.INTERRUPTED):
             run = None if answer is None else answer.run
             if self._stopping is Fault.TIMED_OUT:
                 message = f"stopped after {self.order.timeout:g} s (--timeout)"
-                return Ending(TIMEOUT, message, wall, run=run, fault=Fault.TIMED_OUT)
-            return Ending(INTERRUPTED, "interrupted", wall, run=run, fault=Fault.STOPPED)
+                return Ending(ExitCode.TIMEOUT, message, wall, run=run, fault=Fault.TIMED_OUT)
+            return Ending(ExitCode.INTERRUPTED, "interrupted", wall, run=run, fault=Fault.STOPPED)
         if answer is None:
             return self._dead(self._process.returncode, wall)
         return Ending(answer.code, _with_suspicion(answer.error), wall, answer.findings, answer.run)
 
     def _dead(self, status: int, wall: float) -> Ending:
         if status == -signal.SIGKILL:
-            return Ending(SYSTEM, "its process was killed (out of memory?)", wall, fault=Fault.KILLED)
+            return Ending(ExitCode.SYSTEM, "its process was killed (out of memory?)", wall, fault=Fault.KILLED)
         how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
         said = self._last_words()
-        return Ending(SYSTEM, f"its process crashed ({how}){said and ': ' + said}", wall, fault=Fault.CRASHED)
+        return Ending(ExitCode.SYSTEM, f"its process crashed ({how}){said and ': ' + said}", wall, fault=Fault.CRASHED)
 
     def _last_words(self) -> str:
         self._said.seek(max(0, self._said.seek(0, os.SEEK_END) - SAID_MAX))

@@ -3,29 +3,19 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from airrace.batch.executor import (
-    BAD_CHECKPOINT,
-    BUG,
-    DONE,
-    INFEASIBLE,
-    INTERRUPTED,
-    INVALID_INPUT,
-    NOT_CERTIFIED,
-    SYSTEM,
-    TIMEOUT,
-)
 from airrace.batch.plan import Plan, Result, Step
+from airrace.runs.exit_codes import ExitCode
 
 STATES: Mapping[int, str] = {
-    DONE: "certified",
-    BUG: "bug",
-    INVALID_INPUT: "invalid input",
-    INFEASIBLE: "infeasible",
-    NOT_CERTIFIED: "not certified",
-    TIMEOUT: "timeout",
-    BAD_CHECKPOINT: "bad checkpoint",
-    SYSTEM: "failed",
-    INTERRUPTED: "interrupted",
+    ExitCode.DONE: "certified",
+    ExitCode.BUG: "bug",
+    ExitCode.INVALID_INPUT: "invalid input",
+    ExitCode.INFEASIBLE: "infeasible",
+    ExitCode.NOT_CERTIFIED: "not certified",
+    ExitCode.TIMEOUT: "timeout",
+    ExitCode.BAD_CHECKPOINT: "bad checkpoint",
+    ExitCode.SYSTEM: "failed",
+    ExitCode.INTERRUPTED: "interrupted",
 }
 """How a job ended, by its exit code."""
 
@@ -78,7 +68,7 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 
 def _best(results: Sequence[Result]) -> float | None:
     """The fastest certified flight; where none is certified the fastest there is."""
-    certified = [one.race_time for one in results if one.code == DONE and one.race_time is not None]
+    certified = [one.race_time for one in results if one.code == ExitCode.DONE and one.race_time is not None]
     flown = [one.race_time for one in results if one.race_time is not None]
     return min(certified or flown, default=None)
 
@@ -90,4 +80,4 @@ def _behind(result: Result, best: float | None) -> float | None:
 def _rank(result: Result) -> tuple[int, float]:
     if result.race_time is None:
         return 2, 0.0
-    return (0 if result.code == DONE else 1), result.race_time
+    return (0 if result.code == ExitCode.DONE else 1), result.race_time

@@ -15,10 +15,10 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from airrace.batch.executor import DONE, INFEASIBLE, INTERRUPTED, NOT_CERTIFIED
 from airrace.batch.plan import Result
 from airrace.batch.ranking import Row
 from airrace.batch.record import RecordError, read_record
+from airrace.runs.exit_codes import ExitCode
 
 # What XML 1.0 cannot hold, not even escaped.
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -109,16 +109,16 @@ def _run_case(row: Row, seconds: float) -> Element:
     """The job as a whole; its time is what its stages leave, so that the times of a suite add up."""
     result = row.result
     case = _case(row.step.name, "run", seconds)
-    if result.code != DONE:
+    if result.code != ExitCode.DONE:
         text = "\n".join([result.message or row.state, *map(str, result.findings)])
         _trouble(case, _severity(result), row.state, text)
     return case
 
 
 def _severity(result: Result) -> str:
-    if result.code in (INFEASIBLE, NOT_CERTIFIED):
+    if result.code in (ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED):
         return "failure"
-    return "skipped" if result.code == INTERRUPTED and not result.wall else "error"
+    return "skipped" if result.code == ExitCode.INTERRUPTED and not result.wall else "error"
 
 
 def _case(kind: str, name: str, seconds: float) -> Element:

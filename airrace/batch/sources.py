@@ -7,8 +7,9 @@ from pathlib import Path
 
 from airrace.batch.sweep import Sweep, parse_sweep, sweep_of
 from airrace.documents.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
-from airrace.documents.document import Document, missing_file, read_document
+from airrace.documents.document import Document, read_document
 from airrace.documents.nodes import MappingNode, Place, Reporter
+from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError
 
 SWEEP_OPTION = "--sweep"
@@ -109,7 +110,7 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
     findings: list[Finding] = []
     courses = tuple(_files(entry.courses, folder, reporter, findings))
     reporter.findings.extend(findings)
-    aircraft = tuple(folder / name for name in entry.aircraft or ())
+    aircraft = tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ())
     settings = None if entry.settings is None else folder / entry.settings
     sweeps = {sweep.key: sweep for sweep in _sweeps_of(entry, reporter)}
     of_command_line = {sweep.key for sweep in manner.sweeps}
@@ -149,8 +150,10 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
         path = folder / name
         if path.exists() or not glob.has_magic(name):
             # A course that does not exist is a course that cannot be flown, except that a batch file says where.
-            if reporter is not None and not path.exists():
-                reporter.value(("courses", index), missing_file(path))
+            if not path.is_dir() and TRACKS.finds(Path(name), folder):
+                yield TRACKS.meant(Path(name), folder)
+            elif reporter is not None and not path.exists():
+                reporter.value(("courses", index), TRACKS.missing(Path(name), folder))
             elif path.is_dir():
                 message = f"is a folder; name the files in it, e.g. {path}/*.yaml"
                 findings.append(Finding(str(path), 0, 0, "", message))

@@ -10,23 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from airrace.batch.cache import Choice
-from airrace.batch.executor import (
-    DONE,
-    INTERRUPTED,
-    SYSTEM,
-    Ended,
-    Ending,
-    Executor,
-    Fault,
-    Order,
-    StageFinished,
-    StageStarted,
-    Started,
-)
+from airrace.batch.executor import Ended, Ending, Executor, Fault, Order, StageFinished, StageStarted, Started
 from airrace.batch.job import Job
 from airrace.batch.plan import Plan, Result, Step, result_of
 from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record
 from airrace.errors import StorageError
+from airrace.runs.exit_codes import ExitCode
 
 PATIENCE = 0.25  # s, between two looks whether to stop
 ACCIDENTS = (Fault.CRASHED, Fault.KILLED, Fault.LOST)
@@ -112,7 +101,7 @@ class _Supervision:
         if self._running:
             self._executor.stop()
             self._hear(0.0, trying_again=False)
-        never = Result(INTERRUPTED, "interrupted before it was begun")
+        never = Result(ExitCode.INTERRUPTED, "interrupted before it was begun")
         return [self._results.get(step.name, never) for step in self._plan.steps]
 
     def _begin(self, attempts: _Attempts) -> None:
@@ -122,7 +111,7 @@ class _Supervision:
                 path.unlink(missing_ok=True)
             write_record(self._plan.folder, job.name, Record(job.fingerprint, ended=False))
         except (OSError, StorageError) as error:
-            self._end(attempts, Ending(SYSTEM, str(error), 0.0))
+            self._end(attempts, Ending(ExitCode.SYSTEM, str(error), 0.0))
             return
         attempts.number += 1
         self._running[job.name] = attempts
@@ -153,14 +142,14 @@ class _Supervision:
                         self._end(attempts, ending)
 
     def _is_accident(self, ending: Ending) -> bool:
-        return ending.fault in ACCIDENTS or (ending.fault is Fault.NONE and ending.code == SYSTEM)
+        return ending.fault in ACCIDENTS or (ending.fault is Fault.NONE and ending.code == ExitCode.SYSTEM)
 
     def _end(self, attempts: _Attempts, ending: Ending) -> None:
         job, folder = attempts.job, self._plan.folder
         code, message = ending.code, ending.message
         mark = FileMark.of(checkpoint_path(folder, job.name))
-        if code == DONE and mark is None:
-            code, message = SYSTEM, "its checkpoint is missing"
+        if code == ExitCode.DONE and mark is None:
+            code, message = ExitCode.SYSTEM, "its checkpoint is missing"
         record = Record(
             job.fingerprint, True, code, message, ending.wall, attempts.reasons, ending.run, ending.findings, mark
         )
@@ -170,8 +159,8 @@ class _Supervision:
             # A record that says less than the truth makes the job run again; one that says more must not stay.
             with contextlib.suppress(OSError):
                 record_path(folder, job.name).unlink(missing_ok=True)
-            if code == DONE:
-                code, message = SYSTEM, str(error)
+            if code == ExitCode.DONE:
+                code, message = ExitCode.SYSTEM, str(error)
         result = replace(result_of(record), code=code, message=message)
         self._results[job.name] = result
         self._watcher.ended(attempts.step, result)

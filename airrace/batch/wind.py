@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from airrace.batch.executor import DONE
 from airrace.batch.ranking import Row
 from airrace.documents.units import KNOT
+from airrace.runs.exit_codes import ExitCode
 
 DIRECTION = "environment.wind.from_deg"
 SPEEDS: Mapping[str, float] = {"environment.wind.speed_kt": 1.0, "environment.wind.speed_m_s": 1.0 / KNOT}
@@ -70,7 +70,7 @@ def wind_summaries(rows: Sequence[Row]) -> list[WindSummary]:
     """A summary of every course that was flown in several winds; none where the wind was not swept."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        if row.result.code == DONE and row.result.race_time is not None and _is_wind_swept(row):
+        if row.result.code == ExitCode.DONE and row.result.race_time is not None and _is_wind_swept(row):
             others = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
             key = (row.step.track, row.step.aircraft or "", row.step.course, *others)
             groups.setdefault(key, []).append(row)

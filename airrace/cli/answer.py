@@ -4,45 +4,14 @@ import json
 import logging
 import os
 import sys
-import traceback
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 
 import typer
 
-from airrace.cli.exit_codes import ExitCode, of_error, worst
-from airrace.errors import Finding, InputError
-
-
-@dataclass
-class Answer:
-    """What a command has to say so far.
-
-    Attributes:
-        fields: the object printed with `--json`; a failing command prints what it holds by then.
-        code: the exit code.
-        error: one sentence on what went wrong; empty if nothing did.
-        findings: what is wrong with the input files.
-        texts: what is printed on stdout without `--json`, in order, an empty line between two.
-    """
-
-    fields: dict[str, object] = field(default_factory=dict[str, object])
-    code: ExitCode = ExitCode.DONE
-    error: str = ""
-    findings: Sequence[Finding] = ()
-    texts: list[str] = field(default_factory=list[str])
-
-    def fail(self, code: ExitCode, error: str, findings: Sequence[Finding] = ()) -> None:
-        """Record a failure; of several, the one that takes precedence speaks."""
-        if code is self.code or worst((self.code, code)) is not code:
-            return
-        self.code, self.error, self.findings = code, error, findings
-
-
-def unflown(track: str | None) -> dict[str, object]:
-    """The object of a run of which nothing is known yet."""
-    return {"track": track, "certified": False, "race_time_s": None, "wall_s": None, "stages": []}
+from airrace.runs.answer import Answer, record_failure
+from airrace.runs.exit_codes import ExitCode, of_error, worst
 
 
 @contextmanager
@@ -75,31 +44,6 @@ class _Warnings(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         print(f"airrace: {record.levelname.lower()}: {record.getMessage()}", file=sys.stderr)
-
-
-def debugging() -> bool:
-    """Whether the user asked for tracebacks and the library's own log."""
-    return os.environ.get("AIRRACE_DEBUG", "0") not in ("", "0")
-
-
-def record_failure(answer: Answer, error: BaseException) -> None:
-    """Turn what ended a command's body into its answer's code, sentence and findings."""
-    if debugging():
-        traceback.print_exception(error)
-    code = of_error(error)
-    match error:
-        case InputError():
-            count = len(error.findings)
-            answer.fail(code, f"the input is not valid: {count} finding{'' if count == 1 else 's'}", error.findings)
-        case KeyboardInterrupt():
-            answer.fail(code, "interrupted")
-        case MemoryError():
-            answer.fail(code, "out of memory")
-        case _ if code is ExitCode.BUG:
-            text = " ".join(f"{type(error).__name__}: {error}".split())
-            answer.fail(code, f"this is a bug: {text} (AIRRACE_DEBUG=1 shows where)")
-        case _:
-            answer.fail(code, str(error) or type(error).__name__)
 
 
 def _say(answer: Answer, *, as_json: bool) -> None:

@@ -1,7 +1,6 @@
 """`airrace batch`: many courses at once."""
 
 import signal
-import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -18,14 +17,13 @@ from airrace.errors import UsageError
 if TYPE_CHECKING:
     from airrace.batch.executor import Executor
 
-JOB_COMMAND = (sys.executable, "-m", "airrace.cli.batch_job")
-"""What runs a job in a process of its own."""
-
 
 def batch(
     courses: Annotated[
         list[str],
-        typer.Argument(metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', or a batch.yaml."),
+        typer.Argument(
+            metavar="COURSES...", help="Track files, patterns such as 'tracks/*.yaml', names, or a batch.yaml."
+        ),
     ],
     aircraft: Annotated[
         list[Path] | None,
@@ -81,7 +79,8 @@ def batch(
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_live import watching_batch
-        from airrace.cli.running import library_versions, stage_named
+        from airrace.runs.stage_names import stage_named
+        from airrace.runs.stored import library_versions
 
         started = time.perf_counter()
         choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
@@ -107,7 +106,9 @@ def batch(
 
 def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "Executor":
     """Who flies the jobs: this machine, or a cluster, which is given as long to have a worker as a job has to end."""
-    from airrace.cli.running import available_cores, library_versions
+    from airrace.batch.process import JOB_COMMAND
+    from airrace.runs.flying import available_cores
+    from airrace.runs.stored import library_versions
 
     if cluster is None:
         from airrace.batch.local import LocalExecutor

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from airrace.batch import github
-from airrace.batch.executor import DONE
 from airrace.batch.plan import Plan, Result
 from airrace.batch.ranking import Row, counts, ranked
 from airrace.batch.record import checkpoint_path
@@ -15,12 +14,12 @@ from airrace.batch.report_csv import csv_text
 from airrace.batch.report_junit import junit_text, stages_of
 from airrace.batch.report_markdown import markdown_text
 from airrace.batch.wind import WindSummary, wind_summaries
-from airrace.cli.answer import Answer
 from airrace.cli.batch_tables import ranking_table, wind_tables
-from airrace.cli.exit_codes import ExitCode, worst
-from airrace.cli.running import ensure_free, write_text
 from airrace.cli.tables import rendered
 from airrace.errors import Finding, UsageError
+from airrace.runs.answer import Answer
+from airrace.runs.exit_codes import ExitCode, worst
+from airrace.runs.output import ensure_free, write_text
 
 FINDINGS_MAX = 500
 """So many findings are told of a batch."""
@@ -161,7 +160,7 @@ def _job_object(row: Row, folder: Path) -> dict[str, object]:
         "swept": dict(step.swept),
         "state": row.state,
         "code": result.code,
-        "certified": result.code == DONE,
+        "certified": result.code == ExitCode.DONE,
         "race_time_s": result.race_time,
         "behind_s": row.behind,
         "behind_course_s": row.behind_course,

@@ -17,7 +17,7 @@ from airrace.batch.plan import Plan, Result, Step
 from airrace.batch.ranking import STATES
 from airrace.batch.supervision import Watcher
 from airrace.cli.batch_answer import plan_line
-from airrace.cli.live import commands_cursor
+from airrace.views.live import commands_cursor
 
 REASONS_MAX = 20
 """So many reasons are told one by one before anything is flown."""

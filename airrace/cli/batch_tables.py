@@ -17,7 +17,7 @@ def ranking_table(rows: Sequence[Row]) -> Table:
     """All jobs, the fastest first."""
     siblings, explored = has_siblings(rows), any(row.result.ways is not None for row in rows)
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
-    numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's best s",) if siblings else ()))
+    numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's\nbest s",) if siblings else ()))
     numbers = (*numbers, *(("ways\ntried", "next way\nbehind s") if explored else ()), "wall\ns")
     cells = [
         [

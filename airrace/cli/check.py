@@ -24,25 +24,23 @@ def check(
     """Validate inputs, review and show the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
         if plot is not None:
-            from airrace.cli.course_figure import ensure_drawable
+            from airrace.runs.output import ensure_free
+            from airrace.views.course_figure import ensure_drawable
 
-            ensure_drawable(plot, force=force)
-        from airrace.cli.course import course_object
+            ensure_drawable(plot)
+            ensure_free(plot, force=force)
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
-        from airrace.cli.scenery import scenery
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
-        from airrace.documents import load_inputs
-        from airrace.planning.review import review
+        from airrace.runs.checked import checked
+        from airrace.views.scenery import scenery
 
-        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
-        race, remarks = inputs.race, review(inputs.race)
-        answer.fields.update(valid=True, **course_object(race, remarks))
+        course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
+        answer.fields.update(valid=True, **course.as_object())
         if plot is not None:
-            from airrace.cli.course_figure import draw_course
-
-            draw_course(race, scenery(race), plot)
+            course.draw(plot)
         if not as_json:
+            race, remarks = course.race, course.warnings
             columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
             view = plan_view(scenery(race), race.air.wind, columns=columns, plain=plain)
             answer.texts += [*(rendered(table) for table in course_tables(race)), rendered(view)]

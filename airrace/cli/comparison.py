@@ -1,31 +1,13 @@
-"""What a run that was started from another one says of the two: the difference in race time, leg by leg."""
+"""The difference between two runs as a table."""
 
 from collections.abc import Sequence
 
 from rich.table import Table
 
-from airrace.cli.summary import finite
 from airrace.cli.tables import plain_table
 from airrace.procedure.comparison import compared, last_common
 from airrace.procedure.restart import Another
 from airrace.procedure.result import StageResult
-
-
-def comparison_object(start: Another, results: Sequence[StageResult]) -> dict[str, object] | None:
-    """The object `compared` of the answer, seconds; None where no stage is certified in both runs."""
-    common = last_common(start.results, results)
-    if common is None:
-        return None
-    comparison = compared(*common)
-    return {
-        "with": start.name,
-        "stage": common[1].stage.value,
-        "race_time_s": _seconds(comparison.before, comparison.after),
-        "legs": [
-            {"passing": leg.name, **_seconds(leg.before, leg.after), "cumulative": finite(leg.cumulative)}
-            for leg in comparison.legs
-        ],
-    }
 
 
 def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | None:
@@ -41,7 +23,3 @@ def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | 
     rows.append(("race", f"{comparison.before:.3f}", f"{comparison.after:.3f}", f"{comparison.difference:+.3f}", ""))
     title = f"{common[1].stage.value} against {start.name}: {comparison.difference:+.3f} s"
     return plain_table(title, ("leg to",), ("before\ns", "after\ns", "difference\ns", "so far\ns"), rows)
-
-
-def _seconds(before: float, after: float) -> dict[str, object]:
-    return {"before": finite(before), "after": finite(after), "difference": finite(after - before)}

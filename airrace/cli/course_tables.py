@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from rich.table import Table
 
-from airrace.cli.course import Row, rows, safety_lines
 from airrace.cli.tables import plain_table
 from airrace.documents.units import KNOT
 from airrace.planning.race import Race
@@ -15,6 +14,7 @@ from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
+from airrace.views.course_rows import Row, rows, safety_lines
 
 ROWS_MAX = 200  # passages; of more, only the first and the last are printed
 LAST_ROWS = 20
@@ -36,7 +36,7 @@ def remarks_text(remarks: Sequence[Remark]) -> str:
 
 
 def _passages_table(race: Race) -> Table:
-    numbers = ("north\nm", "east\nm", "height\nm", "heading\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
+    numbers = ("north\nm", "east\nm", "height\nm", "course\ndeg", "climb\ndeg", "bank\ndeg", "leg\nm", "turn\ndeg")
     title = f"{race.course.name}, flown by {race.aircraft.name}"
     flown = rows(race)
     cells = [_passage_cells(row) for row in flown]
@@ -52,7 +52,7 @@ def _passage_cells(row: Row) -> list[str]:
     return [
         row.passage.name,
         row.kind,
-        *(_cell(value, "free", digits=1) for value in (row.north, row.east)),
+        *(_cell(value, "free") for value in (row.north, row.east)),
         _height_cell(row),
         *(_cell(_degrees(angle), "free") for angle in (row.heading, row.climb, row.bank)),
         *(_cell(value, "-") for value in (row.leg, _degrees(row.turn))),

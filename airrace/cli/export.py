@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from airrace.cli import completion
 from airrace.cli.answer import answering
 from airrace.cli.options import RunFile
 
@@ -19,7 +20,10 @@ def formats() -> None:
 @export.command("csv")
 def csv_table(
     run_file: RunFile,
-    stage: Annotated[str | None, typer.Option(metavar="STAGE", help="Which stage; by default the last one.")] = None,
+    stage: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
+    ] = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
     ] = None,
@@ -32,22 +36,19 @@ def csv_table(
 ) -> None:
     """Comma-separated values: the flight as one table, the gate splits as another; headers name the units."""
     with answering(as_json=False) as answer:
-        from airrace.checkpoint import read_checkpoint
-        from airrace.cli.csv_tables import flight_text, splits_text, stored_result
-        from airrace.cli.running import ensure_free, stored_run, write_text
         from airrace.errors import UsageError
+        from airrace.runs.output import ensure_free
+        from airrace.runs.splits import Splits
+        from airrace.runs.stored import opened_run
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
         beside = [] if splits or output is None else [output.with_suffix(f".splits{output.suffix}")]
         for path in [*([] if output is None else [output]), *beside]:
             ensure_free(path, force=force)
-        run = stored_run(read_checkpoint(run_file), run_file)
-        result = stored_result(run.checkpoint, stage)
-        text = splits_text(result) if splits else flight_text(run, result, rate)
-        if output is None:
-            answer.texts.append(text)
-        else:
-            write_text(output, text)
+        flown = opened_run(run_file).stage(stage)
+        passings = Splits(flown.result.splits)
+        text = passings.to_csv(output) if splits else flown.to_csv(output, rate)
+        answer.texts.extend([text] if output is None else [])
         for path in beside:
-            write_text(path, splits_text(result))
+            passings.to_csv(path)

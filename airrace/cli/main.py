@@ -14,20 +14,21 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.check import check
-from airrace.cli.exit_codes import ExitCode
 from airrace.cli.export import export
+from airrace.cli.init import init
 from airrace.cli.optimize import optimize
 from airrace.cli.prices import prices
 from airrace.cli.resume import resume
 from airrace.cli.schema import schema
 from airrace.cli.show import show
+from airrace.cli.tracks import tracks
 from airrace.cli.verify import verify
+from airrace.runs.exit_codes import ExitCode
 
 app = typer.Typer(
     name="airrace",
     help="Find the fastest flight through an air-race course.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -40,6 +41,8 @@ app.command()(verify)
 app.command()(prices)
 app.command()(check)
 app.command()(batch)
+app.command()(tracks)
+app.command()(init)
 app.command()(schema)
 
 # The base of all errors in the way a command was called. It is click's; where that lies depends on typer's version.

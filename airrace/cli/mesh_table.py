@@ -2,33 +2,41 @@
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
-from airrace.cli.summary import REASONS
 from airrace.cli.tables import plain_table
 from airrace.procedure.result import StageResult, Why
+from airrace.runs.run_object import REASONS
 from airrace.trajectory import Array
 
 
 def mesh_table(result: StageResult) -> Table:
-    """One row per leg: its intervals, why they are as long as they are, and what is measured of them at worst."""
+    """One row per leg: its intervals, what is measured of them at worst, and why they are as long as they are."""
     flown, record = result.trajectory, result.mesh
     steps = np.diff(flown.time)
-    rows: list[list[str]] = []
-    for name, first, last in zip(flown.phases, flown.first_node, flown.first_node[1:], strict=False):
-        leg = slice(first, last)
-        counts = np.bincount(record.why[leg], minlength=len(Why))
-        reasons = [str(count) if count else "" for count in counts.tolist()]
-        rows.append([name, str(last - first), *_lengths(steps[leg]), *reasons, *_worst(record.defect, leg)])
-        rows[-1] += _worst(record.drift, leg)
     title = f"{result.stage.value}: {len(steps)} intervals, and what they were last cut or joined for"
-    reasons = [REASONS[why].replace(" ", "\n") for why in Why]
-    numbers = ("intervals", "shortest\nms", "longest\nms", *reasons, "replay\ndefect", "Hamiltonian\nfrom -1")
-    return plain_table(title, ("leg",), numbers, rows)
+    numbers = ("intervals", "shortest\nms", "longest\nms", "replay\ndefect", "Hamiltonian\nfrom -1")
+    table = plain_table(title, ("leg to",), numbers, ())
+    table.add_column("last cut or joined for")
+    ends = [name.rpartition(" -> ")[2] for name in flown.phases]
+    for name, first, last in zip(ends, flown.first_node, flown.first_node[1:], strict=False):
+        leg = slice(first, last)
+        measured = (_worst(record.defect, leg), _worst(record.drift, leg))
+        cells = [name, str(last - first), *_lengths(steps[leg]), *measured, _reasons(record.why[leg])]
+        table.add_row(*(Text(cell) for cell in cells))
+    return table
+
+
+def _reasons(why: np.ndarray) -> str:
+    """How many intervals owe their length to what, the most frequent reason first."""
+    counts = np.bincount(why, minlength=len(Why)).tolist()
+    told = sorted(((count, REASONS[reason]) for reason, count in zip(Why, counts, strict=True) if count), reverse=True)
+    return ", ".join(f"{reason} {count}" for count, reason in told)
 
 
 def _lengths(steps: Array) -> tuple[str, str]:
     return f"{1e3 * steps.min():.0f}", f"{1e3 * steps.max():.0f}"
 
 
-def _worst(values: Array, leg: slice) -> list[str]:
-    return [f"{values[leg].max():.1e}"]
+def _worst(values: Array, leg: slice) -> str:
+    return f"{values[leg].max():.1e}"

@@ -1,14 +1,14 @@
 """`airrace optimize`: from a track file to a certified flight in a checkpoint."""
 
-from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answering, unflown
+from airrace.cli.answer import answering
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, SettingsFile, Threads, TrackFile
 from airrace.procedure.settings import Explore, GuessKind
+from airrace.runs.answer import unflown
 
 
 def optimize(
@@ -50,25 +50,14 @@ def optimize(
         from airrace.optimal_control.spawn import start_early
 
         start_early()
-        from airrace.cli.running import ensure_free, fly, new_run, stage_named
-        from airrace.documents import load_inputs
+        from airrace.cli.running import fly
+        from airrace.runs.beginning import new_task, settings_texts
+        from airrace.runs.output import ensure_free
 
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
-        last = stage_named(until)
-        entries = [*(overrides or ()), *_settings(guess=guess, explore=explore, climb=climb)]
-        inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=entries)
-        run = new_run(inputs, path)
-        other = None
-        if start is not None:
-            from airrace.cli.starting import another, ensure_other_file, other_run
-
-            ensure_other_file(start, path)
-            other = another(other_run(start), run, last)
-        fly(answer, run, finished=(), until=last, threads=threads, quiet=quiet, start=other)
-
-
-def _settings(**chosen: GuessKind | Explore | int | None) -> list[str]:
-    """Options of the command line as overrides of the settings."""
-    plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
-    return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]
+        entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb)]
+        task = new_task(
+            track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
+        )
+        fly(answer, task, threads=threads, quiet=quiet)

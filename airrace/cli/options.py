@@ -5,11 +5,26 @@ from typing import Annotated
 
 import typer
 
-TrackFile = Annotated[Path, typer.Argument(metavar="TRACK.yaml", readable=False, help="The course.")]
+from airrace.cli import completion
+
+TrackFile = Annotated[
+    Path,
+    typer.Argument(
+        metavar="TRACK",
+        readable=False,
+        autocompletion=completion.tracks,
+        help="The course: a file, or a name that `airrace tracks` lists.",
+    ),
+]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint of a run.")]
 AircraftFile = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", readable=False, help="Fly this aircraft instead of the one the track names."),
+    typer.Option(
+        metavar="FILE",
+        readable=False,
+        autocompletion=completion.aircraft,
+        help="Fly this aircraft instead of the one the track names: a file, edge540 or pc9.",
+    ),
 ]
 SettingsFile = Annotated[
     Path | None, typer.Option(metavar="FILE", readable=False, help="Settings other than the defaults.")
@@ -19,7 +34,10 @@ Overrides = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
 ]
 LastStage = Annotated[
-    str | None, typer.Option(metavar="STAGE", help="Last stage to run; by default the last available one.")
+    str | None,
+    typer.Option(
+        metavar="STAGE", autocompletion=completion.stages, help="Last stage to run; by default the last available one."
+    ),
 ]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

@@ -8,12 +8,12 @@ from rich.console import Group
 from rich.text import Text
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
-from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
+from airrace.views.scenery import Mark, Scenery
 
 COLUMNS, ROWS = 100, 35  # that the picture may fill, with its scale and its legend
 NOTES = 3  # rows of them

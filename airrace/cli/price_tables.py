@@ -10,45 +10,40 @@ from airrace.prices import Activity, Price
 from airrace.procedure.result import StageResult
 
 MILLI = 1000.0
+FIGURES = 50  # columns of a table beside its keys
 LEAST_MS = 0.0005
 """Smaller costs would show as zero."""
-
-
-def price_object(price: Price) -> dict[str, object]:
-    """One price for scripts; null where the inputs allow no value to that side."""
-    return {
-        "group": price.group.value,
-        "unit": price.unit,
-        "value": price.value,
-        "s_per_unit": price.price,
-        "s_per_unit_up": _number(price.upward),
-        "s_per_unit_down": _number(price.downward),
-        "usual_step": price.usual_step,
-        "step_up_s": _number(price.cost_up),
-        "step_down_s": _number(price.cost_down),
-        "activity": price.activity.value,
-        "note": price.note,
-    }
 
 
 def prices_csv(prices: Sequence[Price]) -> str:
     """One row per number, the dearest first; empty where the inputs allow no value to that side."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    objects = {price.key: price_object(price) for price in prices}
+    objects = {price.key: price.as_object() for price in prices}
     writer.writerow(["key", *_COLUMNS])
     for key, columns in objects.items():
         writer.writerow([key, *("" if columns[name] is None else columns[name] for name in _COLUMNS)])
     return text.getvalue()
 
 
-def prices_text(result: StageResult, prices: Sequence[Price]) -> str:
-    """What costs something as a table, why some prices are one-sided, and how many numbers are free."""
+KEY_MAX = 36  # letters of a key on one line of a terminal of 80 columns
+
+
+def prices_text(result: StageResult, prices: Sequence[Price], columns: int | None = None) -> str:
+    """What costs something as a table, why some prices are one-sided, and how many numbers are free.
+
+    Args:
+        result: the stage.
+        prices: the dearest first.
+        columns: of the terminal, None without one; where it is narrow, long keys take two lines.
+    """
+    longest = max((len(price.key) for price in prices), default=0)
+    folded = columns is not None and columns < longest + FIGURES
     title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s, what a usual step costs"
     dear = [price for price in prices if price.activity is not Activity.FREE]
     parts: list[str] = []
     if dear:
-        rows = [_row(price) for price in dear]
+        rows = [_row(price, folded=folded) for price in dear]
         table = plain_table(title, ["key"], ["value", "s per unit", "step", "step up\nms"], rows)
         parts.append(rendered(table))
     sided = [_both_sides(price) for price in dear if price.activity is Activity.ONE_SIDED]
@@ -74,16 +69,22 @@ _COLUMNS = (
 )
 
 
-def _row(price: Price) -> list[str]:
+def _row(price: Price, *, folded: bool) -> list[str]:
     unit = "" if price.unit == "1" else f" {price.unit}"
     mark = "*" if price.activity is Activity.ONE_SIDED else ""
     return [
-        price.key + mark,
+        _folded(price.key + mark) if folded else price.key + mark,
         f"{price.value:.6g}{unit}",
         f"{price.price:+.4g}",
         f"{price.usual_step:.3g}{unit}",
         _cost(price.cost_up),
     ]
+
+
+def _folded(key: str) -> str:
+    """A long key on two lines, cut after a dot."""
+    section, dot, name = key.rpartition(".")
+    return f"{section}{dot}\n  {name}" if len(key) > KEY_MAX else key
 
 
 def _both_sides(price: Price) -> str:
@@ -95,7 +96,3 @@ def _cost(seconds: float) -> str:
         return "-"
     milliseconds = seconds * MILLI
     return "free" if abs(milliseconds) < LEAST_MS else f"{milliseconds:+.3f}"
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

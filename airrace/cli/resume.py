@@ -6,23 +6,38 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from airrace.cli.answer import Answer, answering, unflown
+from airrace.cli import completion
+from airrace.cli.answer import answering
 from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, RunFile, SettingsFile, Threads
+from airrace.runs.answer import Answer, unflown
 
 if TYPE_CHECKING:
-    from airrace.cli.continuation import Step
+    from airrace.runs.starting import Changes
+    from airrace.runs.task import Step
 
 
 def resume(
     run_file: RunFile,
     until: LastStage = None,
     from_stage: Annotated[
-        str | None, typer.Option("--from", metavar="STAGE", help="Compute this stage and all after it again.")
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="STAGE",
+            autocompletion=completion.stages,
+            help="Compute this stage and all after it again.",
+        ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
     overrides: Overrides = None,
     track: Annotated[
-        Path | None, typer.Option(metavar="FILE", readable=False, help="Fly this track file instead of the stored one.")
+        Path | None,
+        typer.Option(
+            metavar="TRACK",
+            readable=False,
+            autocompletion=completion.tracks,
+            help="Fly this track instead of the stored one: a file or a name.",
+        ),
     ] = None,
     aircraft: AircraftFile = None,
     settings: SettingsFile = None,
@@ -46,34 +61,50 @@ def resume(
 
         if not dry_run:
             start_early()
-        from airrace.checkpoint import read_checkpoint
-        from airrace.cli.continuation import continuation, starting_steps
-        from airrace.cli.running import fly, stage_named, stored_run
-        from airrace.cli.starting import Changes, another, changed_run, ensure_sensible, last_stage, other_run
+        from airrace.cli.running import fly
+        from airrace.runs.resuming import changed_task, continued_task
+        from airrace.runs.starting import Changes, other_run
+        from airrace.runs.stored import opened_run
 
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
-        ensure_sensible(changes, run_file, out, force=force, from_stage=from_stage)
-        kept, start = (), None
+        _ensure_sensible(changes, run_file, out, force=force, from_stage=from_stage)
         if out is not None:
-            before = other_run(run_file)
-            last = last_stage(before) if until is None else stage_named(until)
-            run = changed_run(before, changes, out)
-            start = another(before, run, last)
-            steps = starting_steps(start, last)
+            task = changed_task(other_run(run_file), changes, until=until, out=out)
         else:
-            run, last = stored_run(read_checkpoint(run_file), run_file), stage_named(until)
-            again = None if from_stage is None else stage_named(from_stage)
-            plan = continuation(run, until=last, from_stage=again)
-            kept, steps = plan.kept, plan.steps
+            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage)
         if dry_run:
-            _tell(answer, run.name, steps, quiet=quiet)
+            _tell(answer, task.run.name, task.steps, quiet=quiet)
             return
-        fly(answer, run, finished=kept, until=last, threads=threads, quiet=quiet, start=start)
+        fly(answer, task, threads=threads, quiet=quiet)
+
+
+def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        UsageError: changes without a file for the changed run, or such a file without changes; a stage to compute
+            again in a run that is started from another one; a file that exists or is the run itself.
+        StorageError: the folder of the new file does not exist or takes no files.
+    """
+    from airrace.errors import UsageError
+    from airrace.runs.output import ensure_free
+    from airrace.runs.starting import ensure_other_file
+
+    if not changes:
+        if out is not None or force:
+            raise UsageError("--out and --force belong to a changed run: say with --set, --track, ... what changes")
+        return
+    if out is None:
+        raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --out NEW.h5")
+    if from_stage is not None:
+        raise UsageError("--from goes on in the same run; a changed run starts from the highest stage up to --until")
+    ensure_other_file(run, out)
+    ensure_free(out, force=force)
 
 
 def _tell(answer: Answer, track: str, steps: "Sequence[Step]", *, quiet: bool) -> None:
     """Say what would run."""
-    from airrace.cli.continuation import described
+    from airrace.runs.task import described
 
     answer.fields = {"track": track, "steps": [step.as_object() for step in steps]}
     answer.texts.extend(() if quiet else ["\n".join(described(steps))])

@@ -11,8 +11,8 @@ def show(run_file: RunFile, as_json: AsJson = False) -> None:
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
         from airrace.cli.mesh_table import mesh_table
-        from airrace.cli.summary import is_certified, run_object
         from airrace.cli.tables import rendered, result_tables, stages_table
+        from airrace.runs.run_object import is_certified, run_object
 
         checkpoint = read_checkpoint(run_file)
         results = [stored.result for stored in checkpoint.stages]

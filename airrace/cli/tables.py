@@ -11,7 +11,6 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.summary import is_flight
 from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
@@ -58,7 +57,7 @@ def terminal_columns() -> int | None:
 
 def result_tables(result: StageResult) -> list[Table]:
     """What a finished stage shows: its gate splits and its certificate; without a flight nothing."""
-    tables = [splits_table(result)] if result.splits and is_flight(result) else []
+    tables = [splits_table(result)] if result.splits and result.is_flight else []
     tables += [ways_table(result.explored)] if result.explored.ways else []
     return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
 
@@ -101,29 +100,39 @@ def certificate_table(certificate: Certificate) -> Table:
 
 def stages_table(results: Sequence[StageResult]) -> Table:
     """One row per finished stage; `cost` is what its fidelity adds to the time of the certified stage before it."""
-    table = _table("stages", "stage", "status")
-    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iterations", "solve\ns", "wall\ns")
-    table.add_column("certified")
+    table = _table("stages", "stage")
+    table.add_column("status")  # of two words, which a narrow terminal puts below each other
+    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iter.", "wall\ns")
     before: float | None = None
     for result in results:
-        guess = result.certificate is None and result.outcome is Outcome.SOLVED
-        certified = "yes" if result.certified else "-" if guess else "NO"
         race_time, facts = result.trajectory.race_time, result.facts
-        optimum = is_flight(result) and not guess
+        optimum = result.is_flight and not _is_guess(result)
         table.add_row(
             result.stage.value,
-            result.outcome.value,
-            f"{race_time:.3f}" if is_flight(result) else "-",
+            _status(result),
+            f"{race_time:.3f}" if result.is_flight else "-",
             f"{race_time - before:+.3f}" if optimum and before is not None else "-",
             f"{facts.regularisation:.3f}" if optimum else "-",
             f"{facts.strayed:.2f}" if facts.source else "-",
             str(result.iterations),
-            f"{result.timings.solve:.2f}",
-            f"{result.timings.wall:.2f}",
-            certified,
+            f"{result.timings.wall:.1f}",
         )
         before = race_time if result.certified else before
     return table
+
+
+def _is_guess(result: StageResult) -> bool:
+    return result.certificate is None and result.outcome is Outcome.SOLVED
+
+
+def _status(result: StageResult) -> Text:
+    """How a stage ended, in the word that matters most."""
+    if result.certified:
+        return Text("certified")
+    if _is_guess(result):
+        return Text("a guess")
+    uncertified = result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+    return Text("NOT certified" if uncertified else result.outcome.value, style="bold red")
 
 
 def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -10,14 +10,17 @@ def verify(run_file: RunFile, as_json: AsJson = False) -> None:
     Every certificate is computed from the file alone and compared with the stored one.
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
-        from airrace.checkpoint import read_checkpoint
-        from airrace.cli.running import stored_run
         from airrace.cli.tables import certificate_table, rendered
-        from airrace.cli.verification import verified_stages
+        from airrace.runs.exit_codes import ExitCode
+        from airrace.runs.stored import opened_run
+        from airrace.runs.verification import verified
 
-        run = stored_run(read_checkpoint(run_file), run_file)
+        run = opened_run(run_file)
         answer.fields["track"] = run.name
-        stages = verified_stages(answer, run)
+        stages = verified(run)
+        for stage in stages:
+            if stage.objection:
+                answer.fail(ExitCode.NOT_CERTIFIED, f"{stage.result.stage.value}: {stage.objection}")
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
         for stage in stages:
             answer.texts.append(f"{stage.result.stage.value}: {stage.objection or 'verified'}")

@@ -27,7 +27,7 @@ class BatchEntry(Schema):
     what: ClassVar[str] = "a batch"
     schema_: Literal["airrace/batch/1"] = Field(alias="schema", description="the language of this file and its version")
     notes: str = Field(default="", description="whatever a reader should know")
-    courses: Files = Field(description="track files, or patterns such as `tracks/*.yaml`")
+    courses: Files = Field(description="track files, patterns such as `tracks/*.yaml`, or courses that come along")
     aircraft: Files | None = Field(
         default=None, description="aircraft files, each of which flies every course; without them the tracks' own"
     )

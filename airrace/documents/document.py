@@ -1,6 +1,7 @@
 """A document: the text of an input file together with the path under which messages name it."""
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,15 +19,21 @@ class Document:
     text: str
 
 
-def read_document(path: Path, findings: list[Finding]) -> Document | None:
-    """Read a file as UTF-8 text; what is wrong with it becomes one finding and the result None."""
+def read_document(path: Path, findings: list[Finding], names: Sequence[str] = ()) -> Document | None:
+    """Read a file as UTF-8 text; what is wrong with it becomes one finding and the result None.
+
+    Args:
+        path: of the file.
+        findings: receives what is wrong.
+        names: names that could have been meant by a path that leads nowhere.
+    """
 
     def refuse(message: str) -> None:
         findings.append(Finding(str(path), 0, 0, "", message))
 
     try:
         if not path.exists():
-            return refuse(missing_file(path))
+            return refuse(missing_file(path, names))
         if not path.is_file():
             return refuse("is not a file")
         with path.open("rb") as stream:
@@ -42,11 +49,14 @@ def read_document(path: Path, findings: list[Finding]) -> Document | None:
         return refuse(f"is not UTF-8 text (byte {error.start}); save it as UTF-8")
 
 
-def missing_file(path: Path) -> str:
-    """Say that a file does not exist, with the most similar name beside it."""
+def missing_file(path: Path, names: Sequence[str] = ()) -> str:
+    """Say that a file does not exist, with the most similar name beside it or among `names`."""
     try:
         neighbours = [entry.name for entry in path.parent.iterdir()]
     except OSError:
         return f"no such file: {path} (its folder does not exist either)"
-    similar = difflib.get_close_matches(path.name, neighbours, n=1)
-    return f"no such file: {path}" + (f"; did you mean `{similar[0]}`?" if similar else "")
+    if similar := difflib.get_close_matches(path.name, neighbours, n=1):
+        return f"no such file: {path}; did you mean `{similar[0]}`?"
+    if similar := difflib.get_close_matches(path.name, names, n=1):
+        return f"no such file: {path}; did you mean `{similar[0]}`, which comes with airrace?"
+    return f"no such file: {path}"

@@ -5,19 +5,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import TypeVar
 
+from airrace.aircraft.aircraft import Aircraft
 from airrace.documents.aircraft import build_aircraft
 from airrace.documents.aircraft_schema import AIRCRAFT_SCHEMA, AircraftEntry
 from airrace.documents.consistency import check_together
 from airrace.documents.course import build_course
-from airrace.documents.document import Document, missing_file, read_document
-from airrace.documents.nodes import JSON, Entry, MappingNode, Reporter, ScalarNode
-from airrace.documents.overrides import PREFIXED, apply_overrides, parse_overrides
+from airrace.documents.document import Document, read_document
+from airrace.documents.nodes import JSON, Entry, MappingNode, Place, Reporter, ScalarNode, dotted
+from airrace.documents.objects import Scene, aircraft_of, is_of_objects, scene_of
+from airrace.documents.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.documents.places import Places
 from airrace.documents.references import check_references
 from airrace.documents.resolved import resolved_inputs
 from airrace.documents.schema import Schema
 from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
+from airrace.documents.shipped import AIRCRAFT, TRACKS, Collection
 from airrace.documents.shorthands import expanded
 from airrace.documents.track_schema import TRACK_SCHEMA, track_language
 from airrace.documents.validation import validate
@@ -29,9 +33,12 @@ from airrace.procedure.settings import Settings
 
 FINDINGS_MAX = 100
 """So many findings are told of one document."""
+BUILT_IN_PYTHON = "cannot be set here: this was built in Python, so change it there"
 QUOTED_MAX = 100
 """So many characters of a quoted word are told."""
 NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -57,13 +64,18 @@ class Inputs:
 
 
 def load_inputs(
-    track: Path, *, aircraft: Path | None = None, settings: Path | None = None, overrides: Sequence[str] = ()
+    track: str | Path | Document,
+    *,
+    aircraft: str | Path | Document | None = None,
+    settings: str | Path | None = None,
+    overrides: Sequence[str] = (),
 ) -> Inputs:
-    """Read and check the files of a run.
+    """Read and check the files of a run; a document stands for a file that is read already.
 
     Args:
-        track: the track file; it names the aircraft file by a path relative to itself.
-        aircraft: an aircraft file instead of the track's.
+        track: the track file, or the name of a course that comes along; it names the aircraft likewise, with a path
+            relative to itself.
+        aircraft: an aircraft file, or the name of one that comes along, instead of the track's.
         settings: a settings file.
         overrides: `key=value`; keys are the track's, or with `aircraft.` or `settings.` before them those documents'.
 
@@ -71,13 +83,14 @@ def load_inputs(
         InputError: with all findings.
     """
     run = _Run(overrides)
-    opened_track = run.open(read_document(track, run.findings), _TRACK)
+    opened_track = run.open(read_named(TRACKS, track, run.findings), _TRACK)
     if aircraft is not None:
-        aircraft_document = read_document(aircraft, run.findings)
+        aircraft_document = read_named(AIRCRAFT, aircraft, run.findings)
     else:
-        aircraft_document = _referenced_aircraft(track, opened_track, run.findings)
+        beside = Path(track.path) if isinstance(track, Document) else TRACKS.file(Path(track))
+        aircraft_document = _referenced_aircraft(beside.parent, opened_track, run.findings)
     opened_aircraft = run.open(aircraft_document, _AIRCRAFT)
-    settings_document = read_document(settings, run.findings) if settings is not None else None
+    settings_document = read_document(Path(settings), run.findings) if settings is not None else None
     return run.inputs(opened_track, opened_aircraft, settings_document)
 
 
@@ -87,22 +100,28 @@ def read_documents(
     """The track and the aircraft that flies it as texts; nothing else is understood of them yet.
 
     Args:
-        track: the track file; it (or an override) names the aircraft file by a path relative to itself.
-        aircraft: an aircraft file instead of the track's.
+        track: as of `load_inputs`; an override may name the aircraft, too.
+        aircraft: as of `load_inputs`.
         overrides: as of `load_inputs`.
 
     Raises:
         InputError: one of them cannot be read, or the track is no YAML.
     """
     run = _Run(overrides)
-    opened = run.open(read_document(track, run.findings), _TRACK)
-    flown = (
-        _referenced_aircraft(track, opened, run.findings) if aircraft is None else read_document(aircraft, run.findings)
-    )
+    opened = run.open(TRACKS.read(track, run.findings), _TRACK)
+    if aircraft is None:
+        flown = _referenced_aircraft(TRACKS.file(track).parent, opened, run.findings)
+    else:
+        flown = AIRCRAFT.read(aircraft, run.findings)
     if opened is None or flown is None:
         inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises, with all there is to say
         return inputs.track, inputs.aircraft
     return opened.document, flown
+
+
+def read_named(collection: Collection, named: str | Path | Document, findings: list[Finding]) -> Document | None:
+    """Read what a path or a name stands for; a document is handed back as it is."""
+    return named if isinstance(named, Document) else collection.read(Path(named), findings)
 
 
 def inputs_from_documents(
@@ -153,6 +172,11 @@ class _Run:
         """Read the YAML; None if the document is missing or cannot be trusted to be what it should be."""
         if document is None:
             return None
+        mine = [override for override in self._overrides if override.document == language.kind]
+        if is_of_objects(document):
+            keys = [dotted(one.path) for one in mine]
+            self.findings.extend(Finding(PLACE.file, 0, 0, key, BUILT_IN_PYTHON) for key in keys)
+            return _Opened(document, Reporter(MappingNode(Place(document.path, 0, 0), {}), self.findings))
         try:
             root = read_yaml(document.path, document.text)
         except InputError as error:
@@ -163,7 +187,6 @@ class _Run:
             message = f"must be a mapping that begins with `schema: {language.schema}`"
             self.findings.append(Finding(document.path, place.line, place.column, "", message))
             return None
-        mine = [override for override in self._overrides if override.document == language.kind]
         changed = apply_overrides(root, mine, self.findings, lambda node: expanded(node, language.model()))
         own = language.kind in PREFIXED
         reporter = Reporter(
@@ -181,24 +204,15 @@ class _Run:
             InputError: with all findings.
         """
         opened_settings = self.open(settings_file or NO_SETTINGS, _SETTINGS)
-        track_entry = validate(track_language(), track.reporter) if track else None
-        aircraft_entry = validate(AircraftEntry, aircraft.reporter) if aircraft else None
+        scene = self._scene(track) if track else None
+        flown = self._aircraft(aircraft) if aircraft else None
         settings_entry = validate(SettingsEntry, opened_settings.reporter) if opened_settings else None
-        if track:
-            check_references(track.reporter)
-        course = build_course(track_entry, track.reporter) if track and track_entry else None
-        air = (
-            build_air(track_entry.environment, Places(track_entry.origin, track.reporter))
-            if track and track_entry
-            else None
-        )
-        flown = build_aircraft(aircraft_entry, aircraft.reporter) if aircraft and aircraft_entry else None
         settings = (
             build_settings(settings_entry, opened_settings.reporter) if opened_settings and settings_entry else None
         )
-        if self.findings or not (track and aircraft and course and air and flown and settings):
+        if self.findings or not (track and aircraft and scene and flown and settings):
             raise InputError(told(self.findings))
-        race = Race(course, flown, air)
+        race = Race(scene.course, flown, scene.air)
         check_together(race, track.reporter)
         if self.findings:
             raise InputError(told(self.findings))
@@ -211,6 +225,31 @@ class _Run:
             overrides=self._texts,
             resolved=resolved_inputs(race, settings),
         )
+
+    def _scene(self, track: _Opened) -> Scene | None:
+        """The course and the air of a track."""
+        if is_of_objects(track.document):
+            return self._built(scene_of, track.document)
+        entry = validate(track_language(), track.reporter)
+        check_references(track.reporter)
+        if entry is None:
+            return None
+        course = build_course(entry, track.reporter)
+        return Scene(course, build_air(entry.environment, Places(entry.origin, track.reporter)))
+
+    def _aircraft(self, aircraft: _Opened) -> Aircraft | None:
+        if is_of_objects(aircraft.document):
+            return self._built(aircraft_of, aircraft.document)
+        entry = validate(AircraftEntry, aircraft.reporter)
+        return build_aircraft(entry, aircraft.reporter) if entry else None
+
+    def _built(self, read: Callable[[Document], T], document: Document) -> T | None:
+        """The objects of a document, with what is wrong among the findings."""
+        try:
+            return read(document)
+        except InputError as error:
+            self.findings.extend(error.findings)
+            return None
 
 
 def told(findings: Sequence[Finding]) -> list[Finding]:
@@ -244,9 +283,12 @@ def _has_schema(reporter: Reporter, schema: str) -> bool:
     return False
 
 
-def _referenced_aircraft(track: Path, opened: _Opened | None, findings: list[Finding]) -> Document | None:
-    """The aircraft file the track names, by a path relative to the track."""
+def _referenced_aircraft(folder: Path, opened: _Opened | None, findings: list[Finding]) -> Document | None:
+    """The aircraft that a track names: a file, by a path relative to the track's folder, or one that comes along."""
     if opened is None:
+        return None
+    if is_of_objects(opened.document):
+        findings.append(Finding(opened.document.path, 0, 0, "", "a course that was built in Python names no aircraft"))
         return None
     entry: Entry | None = opened.reporter.root.entries.get("aircraft")
     if entry is None:
@@ -254,8 +296,8 @@ def _referenced_aircraft(track: Path, opened: _Opened | None, findings: list[Fin
         return None
     if not isinstance(entry.value, ScalarNode) or not isinstance(entry.value.value, str):
         return None  # the schema reports it
-    path = track.parent / entry.value.value
-    if not path.is_file():
-        opened.reporter.value(("aircraft",), missing_file(path))
+    named = Path(entry.value.value)
+    if not AIRCRAFT.finds(named, folder):
+        opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
         return None
-    return read_document(path, findings)
+    return AIRCRAFT.read(named, findings, folder)

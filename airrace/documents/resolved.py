@@ -32,12 +32,12 @@ def _plain(value: object) -> JSON:
         case tuple():
             return [_plain(item) for item in cast(tuple[object, ...], value)]
         case _ if dataclasses.is_dataclass(type(value)):
-            return {name: _plain(getattr(value, name)) for name in _names(type(value))}
+            return {name: _plain(getattr(value, name)) for name in field_names(type(value))}
         case _:
             raise TypeError(f"{type(value).__name__} has no plain form")
 
 
 @cache
-def _names(kind: type) -> tuple[str, ...]:
+def field_names(kind: type) -> tuple[str, ...]:
     """The fields of a dataclass; a long course asks for the same few classes thousands of times."""
     return tuple(field.name for field in dataclasses.fields(kind))

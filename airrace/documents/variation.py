@@ -10,6 +10,7 @@ from airrace.documents.document import Document
 from airrace.documents.inputs import Inputs
 from airrace.documents.nodes import MappingNode, Reporter, ScalarNode
 from airrace.documents.numbers import filled_in, numbers
+from airrace.documents.objects import is_of_objects
 from airrace.documents.overrides import PLACE, PREFIXED, Override, apply_overrides, parse_overrides
 from airrace.documents.places import Places
 from airrace.documents.schema import Schema
@@ -18,7 +19,7 @@ from airrace.documents.track_schema import track_language
 from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
-from airrace.errors import Finding, InputError
+from airrace.errors import Finding, InputError, UsageError
 from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"
@@ -29,6 +30,13 @@ class Variation:
     """Track and aircraft of inputs that are known to be without fault, read once, and varied number by number."""
 
     def __init__(self, inputs: Inputs) -> None:
+        """Read both documents.
+
+        Raises:
+            UsageError: one of them was built in Python, so that it has no keys.
+        """
+        if is_of_objects(inputs.track) or is_of_objects(inputs.aircraft):
+            raise UsageError("numbers have keys in files alone: this course or its aircraft was built in Python")
         self._race = inputs.race
         self._track = _root(inputs.track, TRACK, track_language(), inputs.overrides)
         self._aircraft = _root(inputs.aircraft, AIRCRAFT, AircraftEntry, inputs.overrides)

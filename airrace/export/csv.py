@@ -4,15 +4,16 @@ The stream is to be opened with `newline=""`. Numbers have ten significant digit
 """
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TextIO
 
 import numpy as np
 
-from airrace.export.columns import DEGREE, KNOT, Column, Derived, columns_of
-from airrace.export.sampling import Sampler, at_nodes, at_rate
-from airrace.procedure.result import Outcome, StageResult
+from airrace.export.columns import Derived
+from airrace.export.flight_table import NO_DERIVED, flight_table, split_columns
+from airrace.export.sampling import Sampler
+from airrace.procedure.result import GateSplit, StageResult
 from airrace.trajectory import Array
 
 
@@ -23,12 +24,6 @@ class Provenance:
     track: str
     aircraft: str
     version: str
-
-
-FLIGHTS = (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
-"""Outcomes that stand for a flight, and so for a race time."""
-
-NO_DERIVED: Derived = MappingProxyType({})
 
 
 def export_csv(
@@ -55,33 +50,17 @@ def export_csv(
     Raises:
         UsageError: the rate cannot be exported.
     """
-    trajectory = result.trajectory
-    samples = at_nodes(trajectory) if rate_hz is None else at_rate(trajectory, rate_hz, sampler)
-    columns = columns_of(trajectory, samples, derived)
-    phases = np.array(trajectory.phases)[samples.phase]
+    flight = flight_table(result.trajectory, rate_hz=rate_hz, derived=derived, sampler=sampler)
     if comments:
         _write_comments(result, provenance, stream)
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*(column.header for column in columns), "phase"])
-    writer.writerows(zip(*(_formatted(column.values) for column in columns), phases.tolist(), strict=True))
+    writer.writerow([*(column.header for column in flight.columns), "phase"])
+    writer.writerows(zip(*(_formatted(column.values) for column in flight.columns), flight.phases, strict=True))
 
 
-def export_splits_csv(result: StageResult, stream: TextIO) -> None:
+def export_splits_csv(splits: Sequence[GateSplit], stream: TextIO) -> None:
     """Write the passages: when, how long since the one before (the first: since the start), and how each was flown."""
-    splits = result.splits
-    time = np.array([split.time for split in splits], np.float64)
-    speed = np.array([split.V_K for split in splits], np.float64)
-    columns = (
-        Column("time_s", time),
-        Column("leg_s", np.diff(time, prepend=result.trajectory.time[0])),
-        Column("V_K_m_s", speed),
-        Column("V_K_kt", speed / KNOT),
-        Column("height_m", np.array([split.height for split in splits], np.float64)),
-        Column("n_z", np.array([split.n_z for split in splits], np.float64)),
-        Column("bank_deg", np.array([split.bank for split in splits], np.float64) / DEGREE),
-        Column("climb_deg", np.array([split.climb for split in splits], np.float64) / DEGREE),
-        Column("heading_deg", _compass(np.array([split.heading for split in splits], np.float64))),
-    )
+    columns = split_columns(splits)
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["passage", *(column.header for column in columns)])
     names = [split.name for split in splits]
@@ -90,7 +69,7 @@ def export_splits_csv(result: StageResult, stream: TextIO) -> None:
 
 def _write_comments(result: StageResult, provenance: Provenance | None, stream: TextIO) -> None:
     entries = {"stage": result.stage.value}
-    if result.outcome in FLIGHTS:
+    if result.is_flight:
         entries["race time"] = f"{result.trajectory.race_time:.6f} s"
     else:
         entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"
@@ -104,8 +83,3 @@ def _write_comments(result: StageResult, provenance: Provenance | None, stream: 
 
 def _formatted(values: Array) -> list[str]:
     return np.char.mod("%.10g", values + 0.0).tolist()  # adding zero turns -0 into 0
-
-
-def _compass(heading: Array) -> Array:
-    """Degrees from 0 up to, not including, 360 also after rounding."""
-    return np.mod(np.round(heading / DEGREE, 7), 360.0)

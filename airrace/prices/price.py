@@ -101,6 +101,22 @@ class Price:
         """The larger of both costs by size, s: what prices are sorted by."""
         return max(abs(cost) for cost in (self.cost_up, self.cost_down) if math.isfinite(cost))
 
+    def as_object(self) -> dict[str, object]:
+        """For scripts; null where the inputs allow no value to that side."""
+        return {
+            "group": self.group.value,
+            "unit": self.unit,
+            "value": self.value,
+            "s_per_unit": self.price,
+            "s_per_unit_up": _number(self.upward),
+            "s_per_unit_down": _number(self.downward),
+            "usual_step": self.usual_step,
+            "step_up_s": _number(self.cost_up),
+            "step_down_s": _number(self.cost_down),
+            "activity": self.activity.value,
+            "note": self.note,
+        }
+
 
 def group_of(key: str) -> Group:
     """Whose number a key names."""
@@ -124,6 +140,10 @@ def usual_step(key: str, value: float) -> float:
     name = key.rpartition(".")[2]
     step = LOAD_FACTORS.get(name, OWN_STEPS.get(name, _ending(name)[1]))
     return step or ONE_PER_CENT * (abs(value) or 1.0)
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _ending(name: str) -> tuple[str, float]:

@@ -186,6 +186,11 @@ class StageResult:
     rivals: tuple["StageResult", ...] = ()
 
     @property
+    def is_flight(self) -> bool:
+        """Whether the stage found a flight at all; otherwise its trajectory is only where the solver gave up."""
+        return self.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+
+    @property
     def certified(self) -> bool:
         return self.outcome is Outcome.SOLVED and self.certificate is not None and self.certificate.certified
 

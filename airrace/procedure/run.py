@@ -20,10 +20,10 @@ from airrace.procedure.stored import recertified, recertify, sampler
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["STAGES", "derived_quantities", "optimise", "recertified", "recertify", "sampler"]
+__all__ = ["STAGES", "derived_quantities", "optimize", "recertified", "recertify", "sampler"]
 
 
-def optimise(
+def optimize(
     race: Race,
     settings: Settings,
     *,

@@ -18,19 +18,19 @@ from junitparser import JUnitXml
 from rich.console import Console
 from typer.testing import CliRunner
 
-import airrace.cli.batch as batch_module
+import airrace.batch.process as process_module
 from airrace.batch.executor import StageFinished
 from airrace.batch.lock import locked
 from airrace.batch.plan import Plan, Result, Step
 from airrace.batch.ranking import STATES
 from airrace.cli.batch_live import BatchLines, LiveTable
-from airrace.cli.exit_codes import ExitCode
 from airrace.cli.main import app
 from airrace.errors import UsageError
+from airrace.runs.exit_codes import ExitCode
 
 PROGRAM = f"""
-import airrace.cli.batch as batch
-batch.JOB_COMMAND = {STAND_IN!r}
+import airrace.batch.process as process
+process.JOB_COMMAND = {STAND_IN!r}
 from airrace.cli.main import main
 main()
 """
@@ -80,7 +80,7 @@ class Ran:
 @pytest.fixture
 def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(batch_module, "JOB_COMMAND", STAND_IN)
+    monkeypatch.setattr(process_module, "JOB_COMMAND", STAND_IN)
     monkeypatch.delenv("GITHUB_ACTIONS", raising=False)
     write_course(tmp_path)
     return Shell(tmp_path)

@@ -31,9 +31,9 @@ VERSIONS = {"airrace": version("airrace"), "numpy": version("numpy")}
 STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
 PROGRAM = """
 import sys
-import airrace.cli.batch as batch
+import airrace.batch.process as process
 from airrace.cli.main import main
-batch.JOB_COMMAND = (sys.executable, "-S", {stand_in!r}, {log!r})
+process.JOB_COMMAND = (sys.executable, "-S", {stand_in!r}, {log!r})
 main()
 """
 

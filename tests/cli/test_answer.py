@@ -6,9 +6,10 @@ import logging
 import pytest
 import typer
 
-from airrace.cli.answer import Answer, answering
-from airrace.cli.exit_codes import ExitCode
+from airrace.cli.answer import answering
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
+from airrace.runs.answer import Answer
+from airrace.runs.exit_codes import ExitCode
 
 
 def test_success_prints_the_object_alone(capsys: pytest.CaptureFixture[str]) -> None:

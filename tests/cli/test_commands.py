@@ -56,7 +56,7 @@ class Ran:
 @pytest.fixture
 def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "derived_quantities", "optimise", "recertified", "sampler"):
+    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     return Shell(tmp_path, monkeypatch)
 
@@ -213,7 +213,7 @@ def test_a_dry_run_says_what_would_run_and_changes_nothing(airrace: Shell, run_f
 def test_a_stage_after_the_last_one_wanted_cannot_be_asked_for(airrace: Shell, run_file: Path) -> None:
     ran = airrace("resume", run_file, "--from", "point-mass", "--until", "homotopy", "--json")
     assert ran.code == 2
-    assert "--from point-mass comes after --until homotopy" in str(ran.answered["error"])
+    assert "point-mass comes after homotopy, the last stage: nothing would run" in str(ran.answered["error"])
 
 
 def test_a_run_that_went_without_the_homotopy_is_not_sent_back_to_it(airrace: Shell, run_file: Path) -> None:

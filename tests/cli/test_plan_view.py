@@ -14,9 +14,9 @@ from shown_courses import SHIPPED, everything, race
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
 from airrace.cli.plan_view import plan_view
-from airrace.cli.scenery import scenery
 from airrace.cli.tables import rendered
 from airrace.environment.air import StaticWind
+from airrace.views.scenery import scenery
 
 INK = Layer("white", "#")
 

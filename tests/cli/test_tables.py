@@ -2,13 +2,22 @@
 
 import re
 import sys
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from canned_procedure import stage_result
+from rich.table import Table
 
+from airrace.cli.course_tables import course_tables
+from airrace.cli.mesh_table import mesh_table
+from airrace.cli.price_tables import prices_text
 from airrace.cli.tables import certificate_table, rendered, result_tables, stages_table
+from airrace.documents import load_inputs
+from airrace.documents.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Outcome, Stage
+from airrace.prices import Activity, Group, Price
+from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, Why
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -47,3 +56,60 @@ def test_angles_are_shown_in_degrees_and_a_failed_item_in_capitals() -> None:
 def test_what_is_nowhere_violated_has_no_worst_place() -> None:
     items = (Item("rate", 0.0, 0.02, "", "phase 3"),)
     assert "phase 3" not in rendered(certificate_table(Certificate("solved", items)))
+
+
+def eighty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal of eighty columns."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+
+
+def assert_fits(table: Table, words: set[str]) -> None:
+    """The table fits eighty columns, and breaks none of its words."""
+    lines = STYLE.sub("", rendered(table)).splitlines()
+    assert max(map(len, lines)) <= 80
+    shown = set(" ".join(lines).split())
+    assert words - shown == set()
+
+
+def words_of(table: Table) -> set[str]:
+    """All words of a table's head and cells."""
+    cells = [str(cell) for column in table.columns for cell in (column.header, *column.cells)]
+    return {word for cell in cells for word in cell.split()}
+
+
+def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    eighty(monkeypatch)
+    flown = replace(stage_result(Stage.POINT_MASS), facts=Facts(0.012, "point-mass", 123.45))
+    ladder = [replace(flown, stage=stage) for stage in Stage]
+    failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), facts=flown.facts)
+    for results in (ladder, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
+        table = stages_table(results)
+        assert_fits(table, words_of(table))
+
+
+def test_the_mesh_of_a_stage_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    eighty(monkeypatch)
+    result = stage_result(Stage.POINT_MASS)
+    why = np.array([Why.HAMILTONIAN, Why.RACE_TIME, Why.CALM, Why.LIMITS], np.int8)
+    record = MeshRecord(why, np.ones(5, np.bool_), np.full(4, 1.234e-7), np.full(4, 5.678e-3))
+    table = mesh_table(replace(result, mesh=record))
+    assert_fits(table, words_of(table))
+
+
+@pytest.mark.parametrize("name", TRACKS.names)
+def test_every_shipped_course_is_shown_in_eighty_columns(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    eighty(monkeypatch)
+    for table in course_tables(load_inputs(name).race):
+        assert_fits(table, words_of(table))
+
+
+def test_long_keys_take_two_lines_where_the_terminal_is_narrow() -> None:
+    key = "aircraft.point_mass.roll_acceleration_max_rad_s2"
+    price = Price(key, Group.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
+    narrow = prices_text(stage_result(Stage.POINT_MASS), [price], 80)
+    assert max(map(len, narrow.splitlines())) <= 80
+    assert "aircraft.point_mass.\n  roll_acceleration_max_rad_s2" in re.sub(
+        r" +\n", "\n", re.sub(r"(\.) .*", r"\1", narrow)
+    )
+    assert key in prices_text(stage_result(Stage.POINT_MASS), [price])

@@ -15,11 +15,11 @@ from typer.testing import CliRunner
 
 from airrace.checkpoint import read_checkpoint
 from airrace.cli.main import app
-from airrace.cli.summary import run_object, stage_object
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
+from airrace.runs.run_object import run_object, stage_object
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
@@ -61,13 +61,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that has explored."""
     monkeypatch.chdir(tmp_path)
 
-    def optimise(*arguments: Any, **named: Any) -> Iterator[StageResult]:
-        for result in canned_procedure.optimise(*arguments, **named):
+    def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
+        for result in canned_procedure.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,))) if result.stage is Stage.POINT_MASS else result
 
     for name in ("STAGES", "derived_quantities", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
-    monkeypatch.setattr(procedure, "optimise", optimise)
+    monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path
 
 
@@ -146,11 +146,11 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
 def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def optimise(*_: Any, **__: Any) -> Iterator[StageResult]:
+    def optimize(*_: Any, **__: Any) -> Iterator[StageResult]:
         yield contested(explored(loops=(LOOP,)))
         yield stage_result(Stage.TRANSFER_FUNCTION)
 
-    monkeypatch.setattr(procedure, "optimise", optimise)
+    monkeypatch.setattr(procedure, "optimize", optimize)
     flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")
     assert (flown.code, shown.code) == (0, 0)
     for told in (flown.out, shown.out):

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.cli.main import app
-from airrace.cli.running import stored_run
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, Stage
+from airrace.runs.stored import stored_run
 
 TRACKS = Path(__file__).parents[2] / "tracks"
 TRACK = TRACKS / "rovinj_2014.yaml"
@@ -38,7 +38,7 @@ def airrace(*arguments: str | Path) -> Ran:
 def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A finished run, with an override of its own."""
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "derived_quantities", "optimise", "recertified", "sampler"):
+    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--out", "RUN.h5", "--quiet").code == 0
     return tmp_path / "RUN.h5"
@@ -191,7 +191,7 @@ def test_start_that_is_interrupted_before_its_first_stage_is_to_be_asked_again(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(procedure, "optimise", interrupted)
+    monkeypatch.setattr(procedure, "optimize", interrupted)
     ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
     assert ran.code == 130
     assert "start from RUN.h5 again with --force" in ran.err

@@ -114,7 +114,7 @@ def test_a_lever_that_does_not_lag_leaves_the_flight(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_optimum_of_half_a_cuban_eight_is_flown_by_jsbsim(tmp_path: Path) -> None:
     run = tmp_path / "run.h5"
-    optimize = [sys.executable, "-c", "from airrace.cli.main import main; main()", "optimize"]
+    optimize = [sys.executable, "-m", "airrace", "optimize"]
     track = str(ROOT / "tracks/half_cuban_eight.yaml")
     subprocess.run([*optimize, track, "--threads", "1", "--quiet", "--out", str(run)], check=True)
     script = [sys.executable, str(ROOT / "scripts/crosscheck.py"), str(run)]

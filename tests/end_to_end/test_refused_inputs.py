@@ -17,6 +17,7 @@ def course(tmp_path: Path) -> Path:
     for folder, source in (("tracks", ROVINJ), ("configs", AIRCRAFT)):
         (tmp_path / folder).mkdir()
         shutil.copy(source, tmp_path / folder)
+    spoil(tmp_path / "tracks" / ROVINJ.name, "aircraft: edge540", "aircraft: ../configs/edge540.yaml")
     return tmp_path / "tracks" / ROVINJ.name
 
 

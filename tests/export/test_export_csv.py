@@ -242,7 +242,7 @@ def test_without_comments_the_header_is_the_first_line() -> None:
 
 def test_splits_are_exported_with_their_legs() -> None:
     stream = io.StringIO(newline="")
-    export_splits_csv(result(), stream)
+    export_splits_csv(result().splits, stream)
     columns = table(stream.getvalue())
     expected = {
         "passage": ["1:g1", "1:g2"],
@@ -265,7 +265,7 @@ def test_splits_are_exported_with_their_legs() -> None:
 @given(heading=st.floats(-20.0, 20.0))
 def test_a_heading_lies_on_the_compass(heading: float) -> None:
     stream = io.StringIO(newline="")
-    export_splits_csv(replace(result(), splits=(replace(SPLITS[0], heading=heading),)), stream)
+    export_splits_csv((replace(SPLITS[0], heading=heading),), stream)
     degrees = float(table(stream.getvalue())["heading_deg"][0])
     assert 0.0 <= degrees < 360.0
     assert math.remainder(degrees - math.degrees(heading), 360.0) == pytest.approx(0.0, abs=1e-6)
@@ -273,5 +273,5 @@ def test_a_heading_lies_on_the_compass(heading: float) -> None:
 
 def test_a_flight_without_passages_has_an_empty_table_of_splits() -> None:
     stream = io.StringIO(newline="")
-    export_splits_csv(replace(result(), splits=()), stream)
+    export_splits_csv((), stream)
     assert table(stream.getvalue())["passage"] == []

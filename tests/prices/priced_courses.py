@@ -8,7 +8,7 @@ from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.prices import Price, prices
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
@@ -56,7 +56,7 @@ def inputs(text: str = COURSE, *overrides: str) -> Inputs:
 def optimum(text: str = COURSE, *overrides: str) -> StageResult:
     """The certified point mass."""
     given = inputs(text, *overrides)
-    *_, result = optimise(given.race, given.settings, until=Stage.POINT_MASS, threads=1, progress=Silent())
+    *_, result = optimize(given.race, given.settings, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
     return result
 

@@ -13,7 +13,7 @@ from airrace.planning.race import Race
 from airrace.procedure.flight import iterate_of, mesh_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.trajectory import Array
 
@@ -37,7 +37,7 @@ def climbed(race: Race, chosen: Settings = PLAN) -> tuple[StageResult, ...]:
 
 @functools.cache
 def _climbed(race: Race, chosen: Settings) -> tuple[StageResult, ...]:
-    return tuple(optimise(race, chosen, until=Stage.SIX_DOF, threads=1, progress=Silent()))
+    return tuple(optimize(race, chosen, until=Stage.SIX_DOF, threads=1, progress=Silent()))
 
 
 def rung(name: str, stage: Stage) -> StageResult:

@@ -13,7 +13,7 @@ from airrace.planning.race import Race
 from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
@@ -100,7 +100,7 @@ def settings(guess: GuessKind, *, compiled: bool = True, explore: Explore = Expl
 @functools.cache
 def flown(race: Race, chosen: Settings) -> tuple[StageResult, ...]:
     """All stages of a race; flown once however many tests ask."""
-    return tuple(optimise(race, chosen, until=Stage.POINT_MASS, threads=1, progress=Silent()))
+    return tuple(optimize(race, chosen, until=Stage.POINT_MASS, threads=1, progress=Silent()))
 
 
 def optimum(race: Race, chosen: Settings) -> StageResult:

@@ -11,7 +11,7 @@ from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings
 from airrace.quantities import Interval
 
@@ -115,7 +115,7 @@ class Recorder(Progress):
 
 def test_watcher_is_told_of_stages_phases_and_iterations() -> None:
     watcher = Recorder()
-    list(optimise(SMALL, settings(GuessKind.HOMOTOPY), until=Stage.POINT_MASS, threads=1, progress=watcher))
+    list(optimize(SMALL, settings(GuessKind.HOMOTOPY), until=Stage.POINT_MASS, threads=1, progress=watcher))
     marks = [text for text in watcher.told if text.startswith(("start", "finish"))]
     assert marks == ["start homotopy", "finish homotopy", "start point-mass", "finish point-mass"]
     for a, b in (("first", "pylon"), ("pylon", "edge"), ("edge", "last")):
@@ -125,14 +125,14 @@ def test_watcher_is_told_of_stages_phases_and_iterations() -> None:
 
 
 def test_run_until_the_homotopy_ends_there() -> None:
-    until = optimise(SMALL, settings(GuessKind.HOMOTOPY), until=Stage.HOMOTOPY, threads=1, progress=Silent())
+    until = optimize(SMALL, settings(GuessKind.HOMOTOPY), until=Stage.HOMOTOPY, threads=1, progress=Silent())
     assert [result.stage for result in until] == [Stage.HOMOTOPY]
 
 
 def test_finished_stages_are_not_run_again_and_lead_to_the_same_optimum() -> None:
     chosen = settings(GuessKind.HOMOTOPY)
     pieces, joint = flown(SMALL, chosen)
-    (again,) = optimise(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=(pieces,), progress=Silent())
+    (again,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=(pieces,), progress=Silent())
     assert again.stage is Stage.POINT_MASS
     assert again.trajectory.race_time == pytest.approx(joint.trajectory.race_time, rel=1e-9)
 
@@ -140,10 +140,10 @@ def test_finished_stages_are_not_run_again_and_lead_to_the_same_optimum() -> Non
 def test_finished_run_solves_nothing() -> None:
     chosen = settings(GuessKind.HOMOTOPY)
     done = flown(SMALL, chosen)
-    assert list(optimise(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=done, progress=Silent())) == []
+    assert list(optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=done, progress=Silent())) == []
 
 
 def test_more_threads_fly_the_same_race() -> None:
     chosen = settings(GuessKind.PLAN)
-    (result,) = optimise(SMALL, chosen, until=Stage.POINT_MASS, threads=2, progress=Silent())
+    (result,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=2, progress=Silent())
     assert (result.trajectory.state == optimum(SMALL, chosen).trajectory.state).all()

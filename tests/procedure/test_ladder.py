@@ -19,7 +19,7 @@ from airrace.procedure.flight import history, mesh_of
 from airrace.procedure.handover import FEWEST, coarser_nodes, first_nodes, recorded, settled
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.procedure.run import derived_quantities, optimise
+from airrace.procedure.run import derived_quantities, optimize
 from airrace.procedure.settings import Settings
 from airrace.trajectory import Array
 
@@ -59,7 +59,7 @@ def test_what_the_linear_state_space_gains_is_the_thrust_that_carries_the_aircra
 
     monkeypatch.setattr(state_space_inversion, "surrounding", without_pull)
     monkeypatch.setattr(assembly, "functions", assembly.functions.__wrapped__)  # what is kept knows nothing of patches
-    (level,) = optimise(
+    (level,) = optimize(
         SMALL,
         PLAN,
         until=Stage.STATE_SPACE_INVERSION,
@@ -200,7 +200,7 @@ def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> 
 @pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
 def test_run_resumed_behind_any_stage_ends_in_the_same_race_time(kept: int) -> None:
     whole = climbed(SMALL)
-    rest = list(optimise(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=whole[:kept], progress=Silent()))
+    rest = list(optimize(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=whole[:kept], progress=Silent()))
     assert [result.stage for result in rest] == list(OPTIMA[kept:])
     for again, before in zip(rest, whole[kept:], strict=True):
         assert again.trajectory.race_time == pytest.approx(before.trajectory.race_time, rel=1e-9)
@@ -209,7 +209,7 @@ def test_run_resumed_behind_any_stage_ends_in_the_same_race_time(kept: int) -> N
 def test_run_ends_with_the_stage_that_fails() -> None:
     hurried = dataclasses.replace(PLAN, solver=dataclasses.replace(PLAN.solver, iterations_max=4))
     rest = list(
-        optimise(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=climbed(SMALL)[:1], progress=Silent())
+        optimize(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=climbed(SMALL)[:1], progress=Silent())
     )
     assert [(result.stage, result.outcome) for result in rest] == [(Stage.TRANSFER_FUNCTION, Outcome.NOT_CONVERGED)]
 

@@ -14,7 +14,7 @@ from airrace.procedure import restart
 from airrace.procedure.progress import Silent
 from airrace.procedure.restart import ensure_same_passings, passings_of
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.trajectory import Trajectory
@@ -29,7 +29,7 @@ def stored() -> StageResult:
 
 def started(race: Race, *start: StageResult, until: Stage = Stage.POINT_MASS) -> list[StageResult]:
     """The stages of a race that is started from others."""
-    return list(optimise(race, PLAN, until=until, threads=1, start=start, start_name="calm.h5", progress=Silent()))
+    return list(optimize(race, PLAN, until=until, threads=1, start=start, start_name="calm.h5", progress=Silent()))
 
 
 def with_trajectory(result: StageResult, **changes: object) -> StageResult:
@@ -146,14 +146,14 @@ def test_course_that_goes_on_longer_is_told_apart() -> None:
 
 def test_run_without_lower_stages_goes_on_upwards() -> None:
     inversion = climbed(SMALL)[2]
-    rest = list(optimise(SMALL, PLAN, until=Stage.STATE_SPACE, threads=1, finished=[inversion], progress=Silent()))
+    rest = list(optimize(SMALL, PLAN, until=Stage.STATE_SPACE, threads=1, finished=[inversion], progress=Silent()))
     assert [result.stage for result in rest] == [Stage.STATE_SPACE]
     assert rest[0].certified
 
 
 def test_whole_ladder_is_not_climbed_below_what_is_finished() -> None:
     top = climbed(SMALL)[-1]
-    assert list(optimise(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=[top], progress=Silent())) == []
+    assert list(optimize(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=[top], progress=Silent())) == []
 
 
 # long courses

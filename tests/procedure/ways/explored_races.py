@@ -9,7 +9,7 @@ from airrace.environment.air import Air
 from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Pylon
@@ -46,4 +46,4 @@ WOUND = wound(6.0)
 @functools.cache
 def optimum(race: Race, chosen: Settings = QUICK, threads: int = 1) -> StageResult:
     """The point mass of a race, certified."""
-    return list(optimise(race, chosen, until=Stage.POINT_MASS, threads=threads, progress=Silent()))[-1]
+    return list(optimize(race, chosen, until=Stage.POINT_MASS, threads=threads, progress=Silent()))[-1]

@@ -11,7 +11,7 @@ from airrace.procedure.flight import stage_flight
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.ways.around import faster_way
 
@@ -37,7 +37,7 @@ def test_of_a_good_flight_nothing_is_told() -> None:
 
 
 def started(start: StageResult, chosen: Settings) -> StageResult:
-    (result,) = optimise(
+    (result,) = optimize(
         WINDY, chosen, until=Stage.POINT_MASS, threads=1, start=[start], start_name="calm.h5", progress=Silent()
     )
     assert result.certified

@@ -19,7 +19,7 @@ from airrace.procedure.joint import Start
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Stage, StageResult, Way
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.exploring import Exploration
@@ -31,7 +31,7 @@ BOTH = dataclasses.replace(QUICK, climb=2)
 @functools.cache
 def climbed() -> tuple[StageResult, ...]:
     """The point mass and the stage above it, on two ways round."""
-    return tuple(optimise(HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, progress=Silent()))
+    return tuple(optimize(HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, progress=Silent()))
 
 
 def seconds(result: StageResult) -> float:
@@ -70,7 +70,7 @@ def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
     checkpoint = Checkpoint(StoredInputs(document, document, None, (), "{}"), {}).with_stage(climbed()[0])
     write_checkpoint(tmp_path / "run.h5", checkpoint)
     (stored,) = read_checkpoint(tmp_path / "run.h5").stages
-    going_on = optimise(
+    going_on = optimize(
         HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, finished=[stored.result], progress=Silent()
     )
     (higher,) = going_on

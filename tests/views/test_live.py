@@ -7,9 +7,11 @@ import pytest
 from canned_procedure import stage_result
 from rich.console import Console
 
-from airrace.cli.live import LINE_INTERVAL, LiveView, PlainLines, outcome_line, watching
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Outcome, Stage
+from airrace.views.live import LINE_INTERVAL, LiveView, PlainLines, outcome_line, watching
+
+STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 
 
 class Clock:
@@ -42,7 +44,7 @@ def test_plain_lines_tell_stages_and_hold_no_control_codes() -> None:
 
 def test_plain_lines_thin_iterations_out() -> None:
     stream, clock = io.StringIO(), Clock()
-    lines = PlainLines(stream, clock)
+    lines = PlainLines(stream, clock=clock)
     lines.stage_started(Stage.POINT_MASS)
     for number in range(100):
         clock.now = number * LINE_INTERVAL / 10.0
@@ -53,7 +55,7 @@ def test_plain_lines_thin_iterations_out() -> None:
 def test_the_live_view_shows_all_there_is_to_know() -> None:
     clock = Clock()
     console = Console(file=io.StringIO(), force_terminal=True, width=80, color_system=None)
-    view = LiveView("Rovinj 2014", console, clock)
+    view = LiveView("Rovinj 2014", console, STAGES, clock)
     view.stage_started(Stage.HOMOTOPY)
     view.activity("phase 3 of 16: g2 -> g3", 2, 16)
     view.iteration(Iteration(42, 57.25, 1.5e-4))
@@ -61,8 +63,42 @@ def test_the_live_view_shows_all_there_is_to_know() -> None:
     with console.capture() as capture:
         console.print(view.live.get_renderable())
     shown = capture.get()
-    for piece in ("Rovinj 2014", "homotopy", "phase 3 of 16", "42", "57.250 s", "1.5e-04", "3.2 s"):
+    for piece in ("Rovinj 2014", "homotopy, stage 1 of 2", "phase 3 of 16", "42", "57.250 s", "1.5e-04", "3.2 s"):
         assert piece in shown
+
+
+@pytest.mark.parametrize(("columns", "width"), [(80, 76), (120, 76), (50, 50)])
+def test_the_box_keeps_its_size_whatever_happens_in_it(columns: int, width: int) -> None:
+    clock = Clock()
+    console = Console(file=io.StringIO(), force_terminal=True, width=columns, color_system=None)
+    view = LiveView("Rovinj 2014", console, STAGES, clock)
+
+    def size() -> tuple[int, set[int]]:
+        with console.capture() as capture:
+            console.print(view.live.get_renderable())
+        lines = capture.get().splitlines()
+        return len(lines), {len(line) for line in lines}
+
+    sizes = [size()]
+    view.stage_started(Stage.HOMOTOPY)
+    sizes.append(size())
+    view.activity("phase 3 of 16: " + 10 * "a long name -> ", 2, 16)
+    sizes.append(size())
+    view.iteration(Iteration(42, 57.25, 1.5e-4))
+    clock.now = 4000.0
+    sizes.append(size())
+    view.activity("joint problem", 0, 0)
+    sizes.append(size())
+    assert sizes == [(9, {width})] * 5
+
+
+def test_plain_lines_say_which_stage_of_how_many_it_is() -> None:
+    stream = io.StringIO()
+    lines = PlainLines(stream, STAGES)
+    lines.stage_started(Stage.POINT_MASS)
+    lines.stage_started(Stage.SIX_DOF)
+    assert "point-mass: started (stage 2 of 2)" in stream.getvalue()
+    assert stream.getvalue().endswith("six-dof: started\n")
 
 
 def test_a_new_activity_forgets_the_iterations_of_the_old_one() -> None:

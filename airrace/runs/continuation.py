@@ -1,39 +1,19 @@
 """What `resume` does with each stage: keep it, or run it and why."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 from airrace.checkpoint import inputs_hash, stale_stages
-from airrace.cli.running import Run
 from airrace.errors import UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import GuessKind
+from airrace.runs.run import Run
+from airrace.runs.task import Step, Task
 
 
-@dataclass(frozen=True)
-class Step:
-    """One stage; `reason` is a clause for the user, empty where the stage is kept."""
-
-    stage: Stage
-    reason: str
-
-    def as_object(self) -> dict[str, object]:
-        return {"stage": self.stage.value, "action": "run" if self.reason else "keep", "reason": self.reason}
-
-
-@dataclass(frozen=True)
-class Continuation:
-    """The stages up to `until`, and the results of those that are kept."""
-
-    until: Stage
-    steps: tuple[Step, ...]
-    kept: tuple[StageResult, ...]
-
-
-def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continuation:
+def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> Task:
     """Decide for every stage up to `until`. What follows a stage that runs, runs, too.
 
     Args:
@@ -46,7 +26,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
     stale = dict(stale_stages(run.checkpoint, inputs_hash(run.checkpoint.inputs.resolved)))
     stages = tuple(procedure.STAGES)
     if from_stage is not None and stages.index(from_stage) > stages.index(until):
-        raise UsageError(f"--from {from_stage.value} comes after --until {until.value}: nothing would run")
+        raise UsageError(f"{from_stage.value} comes after {until.value}, the last stage: nothing would run")
     steps: list[Step] = []
     kept: list[StageResult] = []
     for stage in stages[: stages.index(until) + 1]:
@@ -64,7 +44,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None) -> Continu
         steps.append(Step(stage, reason))
         if stored is not None and not reason:
             kept.append(stored.result)
-    return Continuation(until, tuple(steps), tuple(kept))
+    return Task(run, until, tuple(kept), tuple(steps))
 
 
 def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
@@ -74,12 +54,6 @@ def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
     climbed = itertools.pairwise(stages[stages.index(first) : stages.index(until) + 1])
     later = (Step(stage, f"{before.value} runs before it") for before, stage in climbed)
     return (Step(first, f"started from the one of {start.name}"), *later)
-
-
-def described(steps: Sequence[Step]) -> Iterator[str]:
-    """One line per stage."""
-    for step in steps:
-        yield f"{step.stage.value}: run ({step.reason})" if step.reason else f"{step.stage.value}: keep"
 
 
 def _went_without(

@@ -59,7 +59,7 @@ def stage_result(stage: Stage, outcome: Outcome = Outcome.SOLVED, *, kkt_error: 
     )
 
 
-def optimise(
+def optimize(
     race: Race,
     settings: Settings,
     *,
@@ -144,7 +144,7 @@ def main() -> None:
     from airrace.cli.main import main as airrace
     from airrace.procedure import run
 
-    for name in ("STAGES", "derived_quantities", "optimise", "recertified", "sampler"):
+    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
         setattr(run, name, globals()[name])
     airrace()
 

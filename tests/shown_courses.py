@@ -5,7 +5,7 @@ from pathlib import Path
 from airrace.documents import load_inputs
 from airrace.planning.race import Race
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"
 SHIPPED = sorted((ROOT / "tracks").glob("*.yaml"))
 

@@ -10,9 +10,6 @@ from typing import Any
 import numpy as np
 
 from airrace.checkpoint.atomic import replace_file
-from airrace.cli.labels import Box, placed
-from airrace.cli.running import ensure_free
-from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
 from airrace.errors import UsageError
@@ -22,6 +19,8 @@ from airrace.track.element import Drawing
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
+from airrace.views.labels import Box, placed
+from airrace.views.scenery import Mark, Scenery
 
 # Any: the stubs of matplotlib leave keyword arguments untyped.
 Figure = Any
@@ -42,16 +41,14 @@ PAD = 0.06  # of the extent, around what is drawn
 RASTER = 300  # points along an edge, for the distance from people
 
 
-def ensure_drawable(path: Path, *, force: bool) -> None:
-    """Find out now whether a drawing can be made and written.
+def ensure_drawable(path: Path) -> None:
+    """Find out now whether a drawing can be made in the format that the name of the file says.
 
     Raises:
-        UsageError: the file exists, its name says no known format, or matplotlib is not installed.
-        StorageError: the folder takes no files.
+        UsageError: the name says no known format, or matplotlib is not installed.
     """
     if path.suffix.lower() not in FORMATS:
         raise UsageError(f"cannot draw into {path}; its name must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
-    ensure_free(path, force=force)
     if find_spec("matplotlib") is None:
         raise UsageError("drawing needs matplotlib: pip install 'airrace[plot]'")
 

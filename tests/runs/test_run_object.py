@@ -6,9 +6,9 @@ import math
 import pytest
 from canned_procedure import stage_result
 
-from airrace.cli.answer import Answer
-from airrace.cli.summary import is_certified, run_object, summarise
 from airrace.procedure.result import Outcome, Stage
+from airrace.runs.answer import Answer
+from airrace.runs.run_object import is_certified, run_object, summarise
 
 
 def test_the_object_has_the_documented_keys() -> None:

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from airrace.cli.answer import Answer
-from airrace.cli.exit_codes import ExitCode, worst
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.result import Explored, Outcome, StageResult, Way, Why
+from airrace.runs.answer import Answer
+from airrace.runs.exit_codes import ExitCode, worst
 
 _CODES = {
     Outcome.SOLVED: ExitCode.DONE,
@@ -39,14 +39,19 @@ def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: 
         wall: seconds the command took.
     """
     answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
-    for code, result in zip(_codes(results), results, strict=True):
-        if code is not ExitCode.DONE:
-            answer.fail(code, f"{result.stage.value}: {_verdict(result)}")
+    code, sentence = verdict(results)
+    if code is not ExitCode.DONE:
+        answer.fail(code, sentence)
 
 
-def is_flight(result: StageResult) -> bool:
-    """Whether a stage found a flight at all; otherwise its trajectory is only where the solver gave up."""
-    return result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
+    """How stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
+    codes = _codes(results)
+    code = worst(codes)
+    if code is ExitCode.DONE:
+        return code, ""
+    result = results[codes.index(code)]
+    return code, f"{result.stage.value}: {_verdict(result)}"
 
 
 def is_certified(results: Sequence[StageResult]) -> bool:
@@ -72,7 +77,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "stage": result.stage.value,
         "status": result.outcome.value,
         "message": result.message,
-        "race_time_s": finite(result.trajectory.race_time) if is_flight(result) else None,
+        "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
         "regularisation_s": finite(result.facts.regularisation),
         "started_from": result.facts.source or None,
         "strayed_m": finite(result.facts.strayed) if result.facts.source else None,

@@ -1,7 +1,7 @@
 """The process of one job of a batch: reads it from standard input, flies it, and tells on a pipe how it goes.
 
-`python -m airrace.cli.batch_job FD`; what is read and told, `airrace/batch/process.py` says. It takes its checkpoint up
-where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
+`python -m airrace.batch.job_process FD`; what is read and told, `airrace/batch/process.py` says. It takes its
+checkpoint up where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
 """
 
 import ctypes
@@ -15,12 +15,11 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, TYPE_CHECKING
 
-from airrace.cli.answer import Answer, record_failure, unflown
-from airrace.cli.exit_codes import ExitCode
-from airrace.cli.summary import is_flight
 from airrace.optimal_control.spawn import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
+from airrace.runs.answer import Answer, record_failure, unflown
+from airrace.runs.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
@@ -54,7 +53,7 @@ class Told(Progress):
                 {
                     "stage_finished": result.stage.value,
                     "status": result.outcome.value,
-                    "race_time_s": float(result.trajectory.race_time) if is_flight(result) else None,
+                    "race_time_s": float(result.trajectory.race_time) if result.is_flight else None,
                     "certified": result.certified,
                 }
             )
@@ -89,14 +88,14 @@ def main() -> None:
 
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """All stages up to the job's last one but those in the checkpoint that still stand."""
-    from airrace.cli.continuation import continuation
-    from airrace.cli.running import fly_stages, new_run, stage_named, taken_up
     from airrace.documents import inputs_from_documents
+    from airrace.runs.flying import fly_stages
+    from airrace.runs.resuming import continued_task
+    from airrace.runs.stored import new_run, taken_up
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = taken_up(new_run(inputs, path))
-    plan = continuation(run, until=stage_named(job.until), from_stage=None)
-    fly_stages(answer, run, finished=plan.kept, until=plan.until, threads=1, progress=progress)
+    fly_stages(answer, continued_task(run, until=job.until), threads=1, progress=progress)
 
 
 def _die_with(parent: int) -> None:

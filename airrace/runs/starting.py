@@ -6,13 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import read_checkpoint
-from airrace.cli.running import Run, document_of, ensure_free, library_versions, new_run, stored_run
-from airrace.documents import inputs_from_documents
+from airrace.documents import Document, inputs_from_documents
 from airrace.documents.document import read_document
+from airrace.documents.inputs import read_named
+from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
 from airrace.procedure.result import Stage
+from airrace.runs.run import Run
+from airrace.runs.stored import document_of, library_versions, new_run, stored_run
 
 logger = logging.getLogger(__name__)
 
@@ -21,10 +24,10 @@ logger = logging.getLogger(__name__)
 class Changes:
     """What a run has otherwise than the one that it is started from; None and empty for what stays as it is."""
 
-    track: Path | None
-    aircraft: Path | None
-    settings: Path | None
-    overrides: Sequence[str]
+    track: str | Path | Document | None = None
+    aircraft: str | Path | Document | None = None
+    settings: str | Path | None = None
+    overrides: Sequence[str] = ()
 
     def __bool__(self) -> bool:
         return any((self.track, self.aircraft, self.settings, self.overrides))
@@ -54,7 +57,7 @@ def other_run(path: Path) -> Run:
     return stored_run(checkpoint, path)
 
 
-def changed_run(before: Run, changes: Changes, out: Path) -> Run:
+def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
     """A new run: the inputs of a stored one with changes.
 
     The files that are named replace the stored texts; stored overrides are made before the new ones.
@@ -64,11 +67,14 @@ def changed_run(before: Run, changes: Changes, out: Path) -> Run:
     """
     findings: list[Finding] = []
     stored = before.checkpoint.inputs
-    track = document_of(stored.track) if changes.track is None else read_document(changes.track, findings)
-    aircraft = document_of(stored.aircraft) if changes.aircraft is None else read_document(changes.aircraft, findings)
+    track, aircraft = document_of(stored.track), document_of(stored.aircraft)
+    if changes.track is not None:
+        track = read_named(TRACKS, changes.track, findings)
+    if changes.aircraft is not None:
+        aircraft = read_named(AIRCRAFT, changes.aircraft, findings)
     settings = None if stored.settings is None else document_of(stored.settings)
     if changes.settings is not None:
-        settings = read_document(changes.settings, findings)
+        settings = read_document(Path(changes.settings), findings)
     if findings or track is None or aircraft is None:
         raise InputError(findings)
     return new_run(inputs_from_documents(track, aircraft, settings, (*stored.overrides, *changes.overrides)), out)
@@ -80,7 +86,7 @@ def another(before: Run, run: Run, until: Stage) -> Another:
     Raises:
         UsageError: it has other passings, or no certified stage up to `until`.
     """
-    known = Another(before.path.name, tuple(stored.result for stored in before.checkpoint.stages))
+    known = Another(before.label, before.results)
     there, here = (passings_of(one.inputs.race.course) for one in (before, run))
     ensure_same_passings(here, there, known.name)
     stages = tuple(procedure.STAGES)
@@ -98,32 +104,12 @@ def ensure_other_file(path: Path, out: Path) -> None:
         raise UsageError(f"{out} is the run to start from, which stays as it is; name another file with --out")
 
 
-def ensure_sensible(changes: Changes, run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:
-    """Refuse options of `resume` that do not go together.
-
-    Raises:
-        UsageError: changes without a file for the changed run, or such a file without changes; a stage to compute
-            again in a run that is started from another one; a file that exists or is the run itself.
-        StorageError: the folder of the new file does not exist or takes no files.
-    """
-    if not changes:
-        if out is not None or force:
-            raise UsageError("--out and --force belong to a changed run: say with --set, --track, ... what changes")
-        return
-    if out is None:
-        raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --out NEW.h5")
-    if from_stage is not None:
-        raise UsageError("--from goes on in the same run; a changed run starts from the highest stage up to --until")
-    ensure_other_file(run, out)
-    ensure_free(out, force=force)
-
-
 def last_stage(run: Run) -> Stage:
     """The last stage that a run holds.
 
     Raises:
         UsageError: it holds none.
     """
-    if not run.checkpoint.stages:
-        raise UsageError(f"{run.path.name} has no finished stage to start from")
-    return run.checkpoint.stages[-1].result.stage
+    if not run.results:
+        raise UsageError(f"{run.label} has no finished stage to start from")
+    return run.results[-1].stage

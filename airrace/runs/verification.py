@@ -2,14 +2,12 @@
 
 from dataclasses import dataclass
 
-from airrace.checkpoint import inputs_hash, stale_stages
-from airrace.cli.answer import Answer
-from airrace.cli.exit_codes import ExitCode
-from airrace.cli.running import Run
-from airrace.cli.summary import certificate_object
+from airrace.errors import NotCertified
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, StageResult
+from airrace.runs.run import Run
+from airrace.runs.run_object import certificate_object
 
 
 @dataclass(frozen=True)
@@ -19,6 +17,11 @@ class Verification:
     result: StageResult
     again: Certificate
     objection: str
+
+    @property
+    def verified(self) -> bool:
+        """Whether nothing speaks against the stage."""
+        return not self.objection
 
     def as_object(self) -> dict[str, object]:
         stored = self.result.certificate
@@ -31,25 +34,29 @@ class Verification:
         }
 
 
-def verified_stages(answer: Answer, run: Run) -> list[Verification]:
-    """Measure every stage that carries a certificate; fail the answer if one is stale or does not hold."""
-    stale = dict(stale_stages(run.checkpoint, inputs_hash(run.checkpoint.inputs.resolved)))
+def verified(run: Run) -> tuple[Verification, ...]:
+    """Measure every stage that carries a certificate.
+
+    Returns:
+        One verification each, in order; with an objection where the stage is stale or does not hold.
+
+    Raises:
+        NotCertified: there is no certificate in this run.
+        CheckpointError: the stored multipliers do not belong to a flight of this race.
+        SolverCrash: the solver process died.
+    """
+    stale = run.stale
+    claimed = [result for result in run.results if result.certificate is not None]
+    if not claimed:
+        unsolved = [one for one in run.results if one.outcome is not Outcome.SOLVED]
+        ended = [f"; {result.stage.value} ended {result.outcome.value}" for result in unsolved]
+        raise NotCertified(f"there is no certificate in this run{''.join(ended)}")
     verifications: list[Verification] = []
-    claimed = [stored.result for stored in run.checkpoint.stages if stored.result.certificate is not None]
     for result, again in procedure.recertified(run.inputs.race, run.inputs.settings, claimed):
         assert result.certificate is not None  # claimed
         objection = stale.get(result.stage, "") or objection_to(result, result.certificate, again)
         verifications.append(Verification(result, again, objection))
-        if objection:
-            answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {objection}")
-    if not verifications:
-        ended = [
-            f"; {stored.result.stage.value} ended {stored.result.outcome.value}"
-            for stored in run.checkpoint.stages
-            if stored.result.outcome is not Outcome.SOLVED
-        ]
-        answer.fail(ExitCode.NOT_CERTIFIED, f"there is no certificate in this run{''.join(ended)}")
-    return verifications
+    return tuple(verifications)
 
 
 def objection_to(result: StageResult, stored: Certificate, again: Certificate) -> str:

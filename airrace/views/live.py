@@ -3,40 +3,48 @@
 import logging
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TextIO
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.answer import debugging
-from airrace.cli.summary import is_flight
+from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 
+BOX_WIDTH = 76  # columns of the live view, as long as the terminal has them
+NAME_WIDTH = 13
+ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 # Seconds between two plain lines about iterations: enough to see that it lives, few enough for a log.
 LINE_INTERVAL = 2.0
 
 
 @contextmanager
-def watching(title: str, *, quiet: bool) -> Generator[Progress, None, None]:
-    """The observer that suits stderr, for the duration of a run."""
+def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Generator[Progress, None, None]:
+    """The observer that suits stderr, for the duration of a run.
+
+    Args:
+        title: of the run.
+        stages: all stages of the run in their order, those that are kept as well.
+        quiet: whether nothing is shown at all.
+    """
     if quiet:
         with _logged_by(logging.NullHandler()):
             yield Silent()
     elif commands_cursor(sys.stderr):
-        view = LiveView(title, Console(stderr=True))
+        view = LiveView(title, Console(stderr=True), stages)
         with view.live, _logged_by(_Lines(view.live.console.print)):
             yield view
     else:
         with _logged_by(_Lines(lambda text: print(text, file=sys.stderr, flush=True))):
-            yield PlainLines(sys.stderr)
+            yield PlainLines(sys.stderr, stages)
 
 
 def outcome_line(result: StageResult) -> str:
@@ -45,21 +53,25 @@ def outcome_line(result: StageResult) -> str:
     guess = result.certificate is None and result.outcome is Outcome.SOLVED
     certified = "certified" if result.certified else "a guess" if guess else "NOT certified"
     verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
-    race_time = f"race time {result.trajectory.race_time:.3f} s, " if is_flight(result) else ""
+    race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
     return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
 
 
 class PlainLines(Progress):
     """One line per event, no control codes; iterations are thinned out."""
 
-    def __init__(self, stream: TextIO, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, stream: TextIO, stages: Sequence[Stage] = (), clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._stream = stream
+        self._stages = stages
         self._clock = clock
         self._started = clock()
         self._last_line = -LINE_INTERVAL
 
     def stage_started(self, stage: Stage) -> None:
-        self._line(f"{stage.value}: started")
+        number = place(stage, self._stages)
+        self._line(f"{stage.value}: started{number and f' ({number})'}")
 
     def activity(self, text: str, done: int, total: int) -> None:
         self._line(f"  {text}")
@@ -81,9 +93,11 @@ class PlainLines(Progress):
 
 @dataclass(frozen=True)
 class _Seen:
-    """What is known of the stage under way."""
+    """What is known of the stage under way: which one, the how many-th, since when, and what it is doing."""
 
     stage: Stage
+    number: str
+    since: float
     activity: str = ""
     done: int = 0
     total: int = 0
@@ -93,8 +107,16 @@ class _Seen:
 class LiveView(Progress):
     """A panel that renews itself; finished stages scroll away above it."""
 
-    def __init__(self, title: str, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        title: str,
+        console: Console,
+        stages: Sequence[Stage] = (),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._title = title
+        self._console = console
+        self._stages = stages
         self._clock = clock
         self._started = clock()
         self._seen: _Seen | None = None
@@ -107,42 +129,61 @@ class LiveView(Progress):
         )
 
     def stage_started(self, stage: Stage) -> None:
-        self._seen = _Seen(stage)
+        self._seen = _Seen(stage, place(stage, self._stages), self._clock())
 
     def activity(self, text: str, done: int, total: int) -> None:
         if self._seen is not None:
-            self._seen = _Seen(self._seen.stage, text, done, total)
+            self._seen = replace(self._seen, activity=text, done=done, total=total, iteration=None)
 
     def iteration(self, iteration: Iteration) -> None:
         if self._seen is not None:
-            seen = self._seen
-            self._seen = _Seen(seen.stage, seen.activity, seen.done, seen.total, iteration)
+            self._seen = replace(self._seen, iteration=iteration)
 
     def stage_finished(self, result: StageResult) -> None:
         self._seen = None
         self.live.console.print(Text(outcome_line(result)))
 
     def _render(self) -> RenderableType:
-        elapsed = f"{self._clock() - self._started:.1f} s"
-        rows = Table.grid(padding=(0, 2))
-        rows.add_column(style="dim")
-        rows.add_column()
-        if self._seen is not None:
-            for name, value in _rows(self._seen):
-                rows.add_row(name, value)
-        rows.add_row("elapsed", elapsed)
-        return Panel(Group(rows), title=Text(self._title), title_align="left", expand=False, padding=(0, 1))
+        now = self._clock()
+        rows = Table.grid(padding=(0, 2), expand=True)
+        rows.add_column(style="dim", width=NAME_WIDTH)
+        rows.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
+        for name, value in _rows(self._seen, now):
+            rows.add_row(name, value)
+        rows.add_row("elapsed", _duration(now - self._started))
+        # A box of the same size whatever happens in it, so that nothing jumps.
+        width = min(BOX_WIDTH, self._console.width)
+        return Panel(rows, title=Text(self._title), title_align="left", width=width, padding=(0, 1))
 
 
-def _rows(seen: _Seen) -> Iterator[tuple[str, RenderableType]]:
-    yield "stage", Text(seen.stage.value, style="bold")
-    yield "doing", Text(seen.activity or "preparing")
-    if seen.total:
-        yield "", ProgressBar(total=seen.total, completed=seen.done, width=40)
+def place(stage: Stage, stages: Sequence[Stage]) -> str:
+    """The how many-th stage of a run it is, `stage 3 of 6`; empty where that is not known."""
+    return f"stage {stages.index(stage) + 1} of {len(stages)}" if stage in stages else ""
+
+
+def _rows(seen: _Seen | None, now: float) -> Iterator[tuple[str, RenderableType]]:
+    """Always the same rows; without a stage they are empty."""
+    if seen is None:
+        yield from ((name, Text("")) for name in ROWS)
+        return
     iteration = seen.iteration
-    yield "iteration", Text("-" if iteration is None else str(iteration.number))
-    yield "race time", Text("-" if iteration is None else f"{iteration.objective:.3f} s")
-    yield "infeasibility", Text("-" if iteration is None else f"{iteration.infeasibility:.1e}")
+    measured = ("-", "-", "-")
+    if iteration is not None:
+        measured = (str(iteration.number), f"{iteration.objective:.3f} s", f"{iteration.infeasibility:.1e}")
+    number = f", {seen.number}" if seen.number else ""
+    done = ProgressBar(total=seen.total, completed=seen.done, width=40) if seen.total else Text("")
+    values = (
+        Text.assemble((seen.stage.value, "bold"), f"{number}, {_duration(now - seen.since)}"),
+        Text(seen.activity or "preparing"),
+        done,
+        *(Text(one) for one in measured),
+    )
+    yield from zip(ROWS, values, strict=True)
+
+
+def _duration(seconds: float) -> str:
+    """Seconds, from a minute on as minutes and seconds."""
+    return f"{seconds:.1f} s" if seconds < 60.0 else f"{int(seconds) // 60}:{int(seconds) % 60:02d} min"
 
 
 class _Lines(logging.Handler):

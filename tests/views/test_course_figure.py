@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shown_courses import SHIPPED, everything, race
 
-from airrace.cli.course_figure import course_figure
-from airrace.cli.labels import Box, placed
-from airrace.cli.scenery import scenery
 from airrace.track.gates import Gate
+from airrace.views.course_figure import course_figure
+from airrace.views.labels import Box, placed
+from airrace.views.scenery import scenery
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

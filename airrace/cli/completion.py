@@ -1,0 +1,43 @@
+"""What a shell offers when a name is begun and the tab key is pressed."""
+
+from pathlib import Path
+
+from airrace.resources import shipped_folder
+
+STAGES = ("homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
+"""The names of `airrace.procedure.result.Stage`, which takes too long to import for a key press."""
+
+
+def tracks(incomplete: str) -> list[str]:
+    """Courses that come along, track files and folders that begin so."""
+    return _named("tracks", incomplete)
+
+
+def aircraft(incomplete: str) -> list[str]:
+    """Aircraft that come along, files and folders that begin so."""
+    return _named("configs", incomplete)
+
+
+def stages(incomplete: str) -> list[str]:
+    """Stages that begin so."""
+    return [stage for stage in STAGES if stage.startswith(incomplete)]
+
+
+def _named(folder: str, incomplete: str) -> list[str]:
+    names = sorted(file.stem for file in shipped_folder(folder).glob("*.yaml"))
+    return [name for name in names if name.startswith(incomplete)] + _files(incomplete)
+
+
+def _files(incomplete: str) -> list[str]:
+    """YAML files and folders whose path begins so."""
+    folder, slash, begin = incomplete.rpartition("/")
+    try:
+        entries = sorted(Path(folder or (slash or ".")).iterdir())
+    except OSError:
+        return []
+    wanted = [entry for entry in entries if entry.name.startswith(begin) and not entry.name.startswith(".")]
+    return [
+        f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}"
+        for entry in wanted
+        if entry.is_dir() or entry.suffix == ".yaml"
+    ]

@@ -1,0 +1,81 @@
+"""A flight as columns over time, ready to be written in any format."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from airrace.export.columns import DEGREE, KNOT, Column, Derived, columns_of
+from airrace.export.sampling import Sampler, Samples, at_nodes, at_rate
+from airrace.procedure.result import GateSplit
+from airrace.quantities import Quantity
+from airrace.trajectory import Array, Trajectory
+
+NO_DERIVED: Derived = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class FlightTable:
+    """Rows at the times of `samples`, n of them.
+
+    Attributes:
+        samples: named histories in SI units and radians.
+        quantities: declarations of the histories.
+        columns: the same in units for people, with what follows from them; each of shape (n,).
+        phases: the name of the leg that each row belongs to.
+    """
+
+    samples: Samples
+    quantities: tuple[Quantity, ...]
+    columns: tuple[Column, ...]
+    phases: tuple[str, ...]
+
+
+def flight_table(
+    trajectory: Trajectory,
+    *,
+    rate_hz: float | None = None,
+    derived: Derived = NO_DERIVED,
+    sampler: Sampler | None = None,
+) -> FlightTable:
+    """Read a flight off.
+
+    Args:
+        trajectory: the flight.
+        rate_hz: rows per second from the start to the end, both included; None for one row per node of the mesh.
+        derived: further columns.
+        sampler: gives the states between the nodes; without one they are interpolated linearly, see `sampling`.
+
+    Raises:
+        UsageError: the rate cannot be exported.
+    """
+    samples = at_nodes(trajectory) if rate_hz is None else at_rate(trajectory, rate_hz, sampler)
+    columns = columns_of(trajectory, samples, derived)
+    phases = tuple(np.array(trajectory.phases)[samples.phase].tolist())
+    return FlightTable(samples, (*trajectory.states, *trajectory.controls), tuple(columns), phases)
+
+
+def split_columns(splits: Sequence[GateSplit]) -> tuple[Column, ...]:
+    """When every passing was, how long since the one before, and how it was flown; each of shape (n,).
+
+    The first passing is the start, which is since itself.
+    """
+    time = np.array([split.time for split in splits], np.float64)
+    speed = np.array([split.V_K for split in splits], np.float64)
+    return (
+        Column("time_s", time),
+        Column("leg_s", np.diff(time, prepend=0.0)),
+        Column("V_K_m_s", speed),
+        Column("V_K_kt", speed / KNOT),
+        Column("height_m", np.array([split.height for split in splits], np.float64)),
+        Column("n_z", np.array([split.n_z for split in splits], np.float64)),
+        Column("bank_deg", np.array([split.bank for split in splits], np.float64) / DEGREE),
+        Column("climb_deg", np.array([split.climb for split in splits], np.float64) / DEGREE),
+        Column("heading_deg", _compass(np.array([split.heading for split in splits], np.float64))),
+    )
+
+
+def _compass(heading: Array) -> Array:
+    """Degrees from 0 up to, not including, 360 also after rounding."""
+    return np.mod(np.round(heading / DEGREE, 7), 360.0)

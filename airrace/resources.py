@@ -1,0 +1,15 @@
+"""Where files that come with the package lie. Nothing heavy is imported here: a shell that completes names asks it."""
+
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent
+
+
+def shipped_folder(name: str) -> Path:
+    """The folder of the courses (`tracks`) or of the aircraft (`configs`) that come along.
+
+    In an installed package it lies in the package's own folder `shipped`. In a source tree, and where the package is
+    installed from one as editable, it is the folder of that tree: there is no second copy of the files.
+    """
+    installed = PACKAGE / "shipped" / name
+    return installed if installed.is_dir() else PACKAGE.parent / name

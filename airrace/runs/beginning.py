@@ -1,0 +1,52 @@
+"""A run that is begun: from a course, or from another run's optimum."""
+
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+
+from airrace.documents import Document, load_inputs
+from airrace.runs.run import Run
+from airrace.runs.stage_names import stage_named
+from airrace.runs.starting import another, ensure_other_file, other_run
+from airrace.runs.stored import new_run
+from airrace.runs.task import Task
+
+
+def new_task(
+    track: str | Path | Document,
+    *,
+    aircraft: str | Path | Document | None = None,
+    settings: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    until: str | None = None,
+    path: Path | None = None,
+    start: Run | str | Path | None = None,
+) -> Task:
+    """All stages of a course up to the last.
+
+    Args:
+        track, aircraft, settings, overrides: as of `load_inputs`.
+        until: the name of the last stage; None for the last one there is.
+        path: the checkpoint to be written; None for a run that is kept in memory alone.
+        start: another run, or its file, whose highest certified stage is started from.
+
+    Raises:
+        InputError: with all findings.
+        UsageError: no such stage; the other run has other passings or no certified stage, or is the file to be written.
+        CheckpointError: the other run cannot be read.
+    """
+    last = stage_named(until)
+    run = new_run(load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides), path)
+    if start is None:
+        return Task(run, last)
+    if not isinstance(start, Run):
+        if path is not None:
+            ensure_other_file(Path(start), path)
+        start = other_run(Path(start))
+    return Task(run, last, start=another(start, run, last))
+
+
+def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
+    """Settings that have options of their own, as `key=value` texts; None leaves a setting alone."""
+    plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
+    return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]

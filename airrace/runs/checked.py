@@ -1,0 +1,79 @@
+"""A course before anyone flies it: read, reviewed, ready to be shown."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from airrace.documents import Document, Inputs, load_inputs
+from airrace.planning.race import Race
+from airrace.planning.review import Remark, review
+from airrace.views.course_figure import draw_course, ensure_drawable
+from airrace.views.course_page import course_page
+from airrace.views.course_rows import course_object
+from airrace.views.scenery import scenery
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Checked:
+    """A course that is valid, and what a race director would ask about it.
+
+    Attributes:
+        inputs: what a run would be given.
+        warnings: remarks of the review; the course is valid with them.
+    """
+
+    inputs: Inputs
+    warnings: tuple[Remark, ...]
+
+    @property
+    def race(self) -> Race:
+        """Course, aircraft and air."""
+        return self.inputs.race
+
+    def draw(self, path: str | Path) -> Path:
+        """Draw the course from above into a file.
+
+        Args:
+            path: its name ends in `.png`, `.svg` or `.pdf`; a file that exists is replaced.
+
+        Returns:
+            The path.
+
+        Raises:
+            UsageError: the name says no known format, or matplotlib is not installed.
+            StorageError: the system refused.
+        """
+        ensure_drawable(Path(path))
+        draw_course(self.race, scenery(self.race), Path(path))
+        return Path(path)
+
+    def as_object(self) -> dict[str, object]:
+        """What `airrace check --json` prints of the course."""
+        return course_object(self.race, self.warnings)
+
+    def __repr__(self) -> str:
+        course, count = self.race.course, len(self.warnings)
+        passages = f"{len(course.passages)} passages"
+        return f"<Checked {course.name}: {passages}, {count} warning{'' if count == 1 else 's'}>"
+
+    def _repr_html_(self) -> str:
+        return course_page(self.race, [remark.text for remark in self.warnings])
+
+
+def checked(
+    track: str | Path | Document,
+    *,
+    aircraft: str | Path | Document | None = None,
+    settings: str | Path | None = None,
+    overrides: Sequence[str] = (),
+) -> Checked:
+    """Read a course and review it.
+
+    Args:
+        track, aircraft, settings, overrides: as of `load_inputs`.
+
+    Raises:
+        InputError: with all findings.
+    """
+    inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
+    return Checked(inputs, tuple(review(inputs.race)))

@@ -1,0 +1,232 @@
+"""The commands as functions, for Python and notebooks: their options are the keyword arguments.
+
+Nothing is printed unless it is asked for, and nothing is written but the files that are named.
+"""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from airrace.errors import UsageError
+from airrace.procedure.progress import Progress, Silent
+from airrace.procedure.result import Stage
+from airrace.procedure.settings import Explore, GuessKind
+from airrace.runs.beginning import new_task, settings_texts
+from airrace.runs.checked import Checked, checked
+from airrace.runs.flying import available_cores, flown
+from airrace.runs.given import (
+    AircraftGiven,
+    SettingsGiven,
+    TrackGiven,
+    Values,
+    aircraft_of,
+    document_or_path,
+    stage_name,
+    value_texts,
+)
+from airrace.runs.output import ensure_free
+from airrace.runs.resuming import changed_task, continued_task
+from airrace.runs.run import Run
+from airrace.runs.shipped import ShippedTrack, shipped
+from airrace.runs.starting import Changes, ensure_other_file, other_run
+from airrace.runs.stored import opened_run
+from airrace.runs.task import Task
+from airrace.views.live import watching
+
+
+def optimize(
+    track: TrackGiven,
+    *,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    guess: str | GuessKind | None = None,
+    explore: str | Explore | None = None,
+    climb: int | None = None,
+    until: str | Stage | None = None,
+    out: str | Path | None = None,
+    force: bool = False,
+    start: Run | str | Path | None = None,
+    set: Values = (),
+    threads: int | None = None,
+    progress: bool | Progress = False,
+) -> Run:
+    """Fly a course as fast as can be, stage by stage, each certified.
+
+    >>> run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+    >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
+    8.634 s, certified: True
+
+    Args:
+        track: a course that comes along, by name (see `airrace.tracks`); a file; or a `Course` or a `Race` that was
+            built in Python.
+        aircraft: another aircraft than the one that the track names: `edge540` or `pc9`, a file, or an `Aircraft`.
+            A `Course` names none, so that one must be given.
+        settings: a settings file; None for the defaults.
+        guess: where the point mass starts from, `homotopy` or `plan`; None for what the settings say.
+        explore: how much is tried to find the fastest way round: `off`, `quick` or `thorough`; None likewise.
+        climb: how many ways round climb the ladder side by side; None likewise.
+        until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
+        out: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
+        force: whether a file that exists may be overwritten.
+        start: another run, or its file, to start from.
+        set: single values by their keys, e.g. `{"rules.n_z_max": 9}`; or texts, e.g. `["rules.n_z_max=9"]`.
+        threads: threads that evaluate derivatives; None for all cores. Results do not depend on it.
+        progress: whether a view of the run under way is shown on stderr; or who watches.
+
+    Returns:
+        The run. A stage that ends without a certified optimum is the last one, and no error: `Run.certified` tells, and
+        `Run.message` says why.
+
+    Raises:
+        InputError: track, aircraft, settings or values are not valid; with all findings.
+        UsageError: no such stage, a file that exists, or a run that cannot be started from.
+        SolverCrash: the solver process died.
+        StorageError: the system refused to write the file.
+    """
+    path = None if out is None else Path(out)
+    if path is not None:
+        ensure_free(path, force=force)
+    aircraft = aircraft_of(track, aircraft)
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    task = new_task(
+        named,
+        aircraft=document_or_path(aircraft),
+        settings=settings,
+        overrides=[*value_texts(set), *settings_texts(guess=guess, explore=explore, climb=climb)],
+        until=stage_name(until),
+        path=path,
+        start=start,
+    )
+    return _fly(task, threads, progress)
+
+
+def resume(
+    run: Run | str | Path,
+    *,
+    until: str | Stage | None = None,
+    from_: str | Stage | None = None,
+    set: Values = (),
+    track: TrackGiven | None = None,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    out: str | Path | None = None,
+    force: bool = False,
+    threads: int | None = None,
+    progress: bool | Progress = False,
+) -> Run:
+    """Continue a run, or fly it again with something changed.
+
+    Without changes it goes on after the last stage that still stands, in the file of the run if it has one. With `set`,
+    `track`, `aircraft` or `settings` the changed run is a new one, started from the highest certified stage of this
+    run, which stays as it is.
+
+    >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
+    >>> print(f"{windy.race_time - run.race_time:+.3f} s")
+    -0.052 s
+
+    Args:
+        run: a run, or its file.
+        until: the last stage; None for the last one there is, of a changed run for the last one of this run.
+        from_: a stage that is computed again although it still stands, and all after it.
+        set: single values that are otherwise, as of `optimize`.
+        track, aircraft, settings: what is flown instead, as of `optimize`.
+        out: the file to be written; None for the file of the run, of a changed run for none.
+        force: whether a file that exists may be overwritten.
+        threads, progress: as of `optimize`.
+
+    Returns:
+        The run with all its stages.
+
+    Raises:
+        CheckpointError: the file cannot be read.
+        InputError: the changed inputs are not valid.
+        UsageError: no such stage, a file that exists, or nothing to start from.
+        SolverCrash: the solver process died.
+        StorageError: the system refused to write the file.
+    """
+    changes = Changes(
+        document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
+    )
+    path = None if out is None else Path(out)
+    if path is not None:
+        ensure_free(path, force=force)
+    if not changes:
+        before = run if isinstance(run, Run) else opened_run(Path(run))
+        before = before if path is None else before.moved(path)
+        return _fly(continued_task(before, until=stage_name(until), from_stage=stage_name(from_)), threads, progress)
+    if from_ is not None:
+        raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
+    before = run if isinstance(run, Run) else other_run(Path(run))
+    if path is not None and before.path is not None:
+        ensure_other_file(before.path, path)
+    return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, progress)
+
+
+def open(path: str | Path) -> Run:
+    """The run in a file that `airrace optimize` or `Run.save` has written.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
+        InputError: this version of airrace no longer accepts what the run was given.
+    """
+    return opened_run(Path(path))
+
+
+def check(
+    track: TrackGiven,
+    *,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    set: Values = (),
+) -> Checked:
+    """Read a course, review it as a race director would, and show it; nothing is flown.
+
+    >>> airrace.check("rovinj_2014")
+    <Checked Rovinj 2014: 17 passages, 0 warnings>
+
+    Args:
+        track, aircraft, settings, set: as of `optimize`.
+
+    Returns:
+        Course, aircraft and air, with the warnings of the review. A notebook shows the course from above.
+
+    Raises:
+        InputError: with all findings.
+    """
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    flown_by = document_or_path(aircraft_of(track, aircraft))
+    return checked(named, aircraft=flown_by, settings=settings, overrides=value_texts(set))
+
+
+def tracks() -> tuple[ShippedTrack, ...]:
+    """The courses that come along; their names stand for files everywhere.
+
+    >>> [track.name for track in airrace.tracks()][:3]
+    ['abu_dhabi_2016', 'air_race_x_2024', 'chiba_2015']
+    """
+    return shipped().tracks
+
+
+def _fly(task: Task, threads: int | None, progress: bool | Progress) -> Run:
+    """All stages of a task."""
+    with _watched(task, progress) as watcher:
+        steps = list(flown(task, threads=threads or available_cores(), progress=watcher))
+    return steps[-1] if steps else task.run
+
+
+@contextmanager
+def _watched(task: Task, progress: bool | Progress) -> Generator[Progress, None, None]:
+    if isinstance(progress, Progress):
+        yield progress
+    elif progress:
+        with watching(task.run.race.course.name, task.stages, quiet=False) as view:
+            yield view
+    else:
+        yield Silent()

@@ -1,0 +1,185 @@
+"""A finished stage of a run: its flight, and what can be told of it."""
+
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from airrace.documents import Inputs
+from airrace.errors import NotCertified
+from airrace.export import Provenance, export_csv
+from airrace.export.columns import Derived
+from airrace.export.flight_table import FlightTable, flight_table
+from airrace.export.sampling import Sampler
+from airrace.optimal_control.certificate import Certificate
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Stage, StageResult
+from airrace.runs.output import write_text
+from airrace.runs.run_object import stage_object
+from airrace.runs.run_page import run_line, stage_page
+from airrace.runs.splits import Splits
+from airrace.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+    from airrace.runs.priced import Prices
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FlownStage:
+    """One stage of a run: the optimum that one fidelity of the aircraft found, and its certificate.
+
+    >>> run["point-mass"]
+    <FlownStage half_cuban_eight: point-mass, 8.634 s, certified>
+    >>> run["point-mass"].to_dataframe(rate=10).index[:3].tolist()
+    [0.0, 0.1, 0.2]
+
+    Attributes:
+        inputs: what the run was given.
+        result: all that the procedure handed on: histories, multipliers, attempts, timings.
+        versions: of airrace and of the libraries that have computed it.
+        stale: why the stage no longer stands, a clause; empty where it does.
+    """
+
+    inputs: Inputs
+    result: StageResult
+    versions: Mapping[str, str]
+    stale: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name of the stage, e.g. `point-mass`."""
+        return self.result.stage.value
+
+    @property
+    def stage(self) -> Stage:
+        """Which stage it is."""
+        return self.result.stage
+
+    @property
+    def race_time(self) -> float:
+        """Race time, s; NaN where no flight was found."""
+        return self.result.trajectory.race_time if self.result.is_flight else math.nan
+
+    @property
+    def certified(self) -> bool:
+        """Whether the stage found an optimum, and its certificate holds."""
+        return self.result.certified
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """What was measured of the optimum; None where nothing is measured by design (the homotopy)."""
+        return self.result.certificate
+
+    @property
+    def message(self) -> str:
+        """One sentence on what users should know, such as the limit that cannot be kept; often empty."""
+        return self.result.message
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Named histories on the nodes of the mesh, SI and radians."""
+        return self.result.trajectory
+
+    @property
+    def splits(self) -> Splits:
+        """When and how every gate was passed; empty where no flight was found."""
+        return Splits(self.result.splits if self.result.is_flight else ())
+
+    def to_dataframe(self, rate: float | None = None) -> "DataFrame":
+        """The flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
+
+        Columns name their units, angles are in degrees. `phase` is the leg that a row belongs to.
+
+        Args:
+            rate: rows per second; None for one row per node of the mesh.
+
+        Raises:
+            UsageError: pandas is not installed, or the rate cannot be exported.
+        """
+        from airrace.export.dataframe import flight_frame
+
+        return flight_frame(self._flight(rate))
+
+    def to_xarray(self, rate: float | None = None) -> "Dataset":
+        """The flight as a dataset of xarray over the dimension `time`: SI and radians, units in the attributes.
+
+        Args:
+            rate: as of `to_dataframe`.
+
+        Raises:
+            UsageError: xarray is not installed, or the rate cannot be exported.
+        """
+        from airrace.export.xarray_dataset import flight_dataset
+
+        return flight_dataset(self._flight(rate), self.result, self._provenance)
+
+    def to_csv(self, path: str | Path | None = None, rate: float | None = None) -> str:
+        """The flight as comma-separated values, as `airrace export csv` writes them.
+
+        Args:
+            path: a file to be written; None for none.
+            rate: as of `to_dataframe`.
+
+        Returns:
+            The text.
+
+        Raises:
+            UsageError: the rate cannot be exported.
+            StorageError: the system refused.
+        """
+        stream = io.StringIO(newline="")
+        derived, sampler = self._derived, self._sampler(rate)
+        export_csv(self.result, stream, rate_hz=rate, derived=derived, sampler=sampler, provenance=self._provenance)
+        if path is not None:
+            write_text(Path(path), stream.getvalue())
+        return stream.getvalue()
+
+    def prices(self, by: str | None = None) -> "Prices":
+        """What every number of the inputs costs, in seconds per unit, by the multipliers of this optimum.
+
+        Nothing is solved again. The dearest numbers come first.
+
+        Args:
+            by: only the numbers of `track`, `aircraft`, `rules` or `environment`.
+
+        Raises:
+            NotCertified: the stage is no certified optimum, or no longer stands.
+            UsageError: there is no such group, or course or aircraft were built in Python.
+        """
+        from airrace.runs.priced import priced
+
+        if self.stale:
+            raise NotCertified(f"{self.name} has no prices: {self.stale}")
+        return priced(self.inputs, self.result, by)
+
+    def as_object(self) -> dict[str, object]:
+        """The object of this stage in `airrace show --json`."""
+        return stage_object(self.result)
+
+    def __repr__(self) -> str:
+        return f"<FlownStage {run_line(Path(self.inputs.track.path).stem, [self.result])}>"
+
+    def _repr_html_(self) -> str:
+        return stage_page(self.inputs.race, self.result)
+
+    @property
+    def _provenance(self) -> Provenance:
+        race = self.inputs.race
+        return Provenance(race.course.name, race.aircraft.name, self.versions.get("airrace", "unknown"))
+
+    @property
+    def _derived(self) -> Derived:
+        return procedure.derived_quantities(self.inputs.race, self.inputs.settings, self.result)
+
+    def _sampler(self, rate: float | None) -> Sampler | None:
+        """What integrates between the nodes; not needed on the mesh."""
+        return None if rate is None else procedure.sampler(self.inputs.race, self.inputs.settings, self.result)
+
+    def _flight(self, rate: float | None) -> FlightTable:
+        trajectory = self.result.trajectory
+        return flight_table(trajectory, rate_hz=rate, derived=self._derived, sampler=self._sampler(rate))

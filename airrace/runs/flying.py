@@ -1,0 +1,88 @@
+"""Flying the stages of a run and keeping each as soon as it is finished."""
+
+import os
+import platform
+import time
+from collections.abc import Iterator, Sequence
+
+from airrace.checkpoint import write_checkpoint
+from airrace.procedure import run as procedure
+from airrace.procedure.progress import Progress
+from airrace.procedure.result import StageResult
+from airrace.runs.answer import Answer
+from airrace.runs.comparison import comparison_object
+from airrace.runs.exit_codes import ExitCode
+from airrace.runs.run import Run
+from airrace.runs.run_object import summarise
+from airrace.runs.task import Task
+
+
+def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
+    """Fly the stages that are not kept; yield the run after each, written to its file if it has one.
+
+    The file is written before anything is computed, too: whatever ends the run, it can be resumed.
+
+    Args:
+        task: what is to be flown.
+        threads: threads that evaluate derivatives.
+        progress: who watches.
+    """
+    run, start = task.run, task.start
+    _keep(run)
+    for result in procedure.optimize(
+        run.inputs.race,
+        run.inputs.settings,
+        until=task.until,
+        threads=threads,
+        finished=task.kept,
+        start=() if start is None else start.results,
+        start_name="" if start is None else start.name,
+        progress=progress,
+    ):
+        run = run.with_stage(result)
+        _keep(run)
+        yield run
+
+
+def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) -> Sequence[StageResult]:
+    """Fly the stages that are not kept, and fill in the answer's object, exit code and sentence.
+
+    Args:
+        answer: what the command has to say.
+        task: what is to be flown.
+        threads: threads that evaluate derivatives.
+        progress: who watches.
+
+    Returns:
+        All stages of the run by now, in order.
+    """
+    started = time.perf_counter()
+    results = list(task.kept)
+    try:
+        for run in flown(task, threads=threads, progress=progress):
+            results.append(run.results[-1])
+    except KeyboardInterrupt:
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_remedy(task, results)}")
+    finally:
+        summarise(answer, task.run.name, results, time.perf_counter() - started)
+        if task.start is not None:
+            answer.fields["compared"] = comparison_object(task.start, results)
+    return results
+
+
+def available_cores() -> int:
+    """Cores this process may use, which can be fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if os.name == "posix" and platform.system() == "Linux" else os.cpu_count() or 1
+
+
+def _keep(run: Run) -> None:
+    if run.path is not None:
+        write_checkpoint(run.path, run.checkpoint)
+
+
+def _remedy(task: Task, results: Sequence[StageResult]) -> str:
+    """How an interrupted run is continued."""
+    if task.start is not None and not results:  # going on would climb from the course alone
+        return f"no stage is finished; start from {task.start.name} again with --force"
+    finished = ", ".join(result.stage.value for result in results) or "none"
+    return f"go on with `airrace resume {task.run.path}` (finished: {finished})"

@@ -1,0 +1,55 @@
+"""What may be given to a run in Python: names, paths or objects; and what all of them come to."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.documents import Document
+from airrace.documents.batch import set_texts
+from airrace.documents.objects import Scene, document_of_objects
+from airrace.environment.air import Air
+from airrace.planning.race import Race
+from airrace.procedure.result import Stage
+from airrace.track.course import Course
+
+TrackGiven = str | Path | Course | Race
+"""A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
+AircraftGiven = str | Path | Aircraft
+"""An aircraft by name, its file, or an object."""
+SettingsGiven = str | Path
+"""A settings file."""
+Values = Mapping[str, str | int | float | bool] | Sequence[str]
+"""Single values by their keys, or texts `key=value`."""
+
+
+def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
+    """A name or a path as it is, an object as the document that holds it."""
+    match given:
+        case Race(course, _, air):
+            return document_of_objects(Scene(course, air), _file_name(course.name))
+        case Course():
+            return document_of_objects(Scene(given, Air(elevation=given.origin.elevation)), _file_name(given.name))
+        case Aircraft():
+            return document_of_objects(given, _file_name(given.name))
+        case _:
+            return given
+
+
+def aircraft_of(track: TrackGiven | None, aircraft: AircraftGiven | None) -> AircraftGiven | None:
+    """The aircraft that is asked for: the one that is named, else that of a race."""
+    return track.aircraft if aircraft is None and isinstance(track, Race) else aircraft
+
+
+def value_texts(values: Values) -> list[str]:
+    """Values as `key=value` texts, as `--set` takes them."""
+    return set_texts(values) if isinstance(values, Mapping) else [values] if isinstance(values, str) else list(values)
+
+
+def stage_name(stage: str | Stage | None) -> str | None:
+    """A stage by its name."""
+    return stage.value if isinstance(stage, Stage) else stage
+
+
+def _file_name(name: str) -> str:
+    """A name as a file could bear it: runs are called after it."""
+    return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"

@@ -1,0 +1,37 @@
+"""Files that a run writes: refused before anything is computed, replaced as a whole."""
+
+import tempfile
+from pathlib import Path
+
+from airrace.checkpoint.atomic import replace_file
+from airrace.errors import StorageError, UsageError
+
+
+def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
+    """Refuse an output that exists, and find out now whether its folder can be written to.
+
+    Args:
+        remedy: what to do besides `--force`, a clause.
+
+    Raises:
+        UsageError: the file exists and `force` is not given, or it is a folder.
+        StorageError: the folder does not exist or takes no files.
+    """
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name a file in it")
+    if path.exists() and not force:
+        raise UsageError(f"{path} exists; {remedy}overwrite it with --force")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise StorageError(f"cannot write to the folder {path.parent}: {error.strerror}") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file as a whole.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    replace_file(path, text.encode())

@@ -1,0 +1,43 @@
+"""A run that is resumed: continued where it ended, or flown again with something changed."""
+
+from pathlib import Path
+
+from airrace.runs.continuation import continuation, starting_steps
+from airrace.runs.run import Run
+from airrace.runs.stage_names import stage_named
+from airrace.runs.starting import Changes, another, changed_run, last_stage
+from airrace.runs.task import Task
+
+
+def continued_task(run: Run, *, until: str | None = None, from_stage: str | None = None) -> Task:
+    """What is left of a run: the stages after the last one that still stands.
+
+    Args:
+        run: as stored.
+        until: the name of the last stage; None for the last one there is.
+        from_stage: the name of a stage that is computed again although it may still stand; None for none.
+
+    Raises:
+        UsageError: no such stage, or `from_stage` comes after `until`.
+    """
+    again = None if from_stage is None else stage_named(from_stage)
+    return continuation(run, until=stage_named(until), from_stage=again)
+
+
+def changed_task(before: Run, changes: Changes, *, until: str | None = None, out: Path | None = None) -> Task:
+    """A new run with other inputs, started from the highest certified stage of one that exists.
+
+    Args:
+        before: the run that exists.
+        changes: what is otherwise.
+        until: the name of the last stage; None for the last one that the other run holds.
+        out: the checkpoint to be written; None for a run that is kept in memory alone.
+
+    Raises:
+        InputError: with all findings on the changed inputs.
+        UsageError: there is nothing to start from.
+    """
+    last = last_stage(before) if until is None else stage_named(until)
+    run = changed_run(before, changes, out)
+    start = another(before, run, last)
+    return Task(run, last, steps=starting_steps(start, last), start=start)

@@ -1,0 +1,230 @@
+"""A run: what it was asked for, and what is finished of it."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages, write_checkpoint
+from airrace.documents import Inputs
+from airrace.errors import UsageError
+from airrace.planning.race import Race
+from airrace.procedure.comparison import Comparison, compared, last_common
+from airrace.procedure.progress import Progress
+from airrace.procedure.result import Stage, StageResult
+from airrace.runs.flown_stage import FlownStage
+from airrace.runs.run_object import is_certified, run_object, verdict
+from airrace.runs.run_page import run_line, run_page
+from airrace.runs.splits import Splits
+
+if TYPE_CHECKING:
+    from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
+    from airrace.runs.priced import Prices
+    from airrace.runs.verification import Verification
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A race that is flown stage by stage: what was asked for, and the stages that are finished.
+
+    A run is a value: what continues or changes it returns another one. Its stages are found by their names, and the
+    numbers of a run are those of its last stage:
+
+    >>> run
+    <Run half_cuban_eight: point-mass, 8.634 s, certified>
+    >>> run["point-mass"].race_time == run.race_time
+    True
+    >>> [stage.name for stage in run]
+    ['homotopy', 'point-mass']
+
+    Attributes:
+        inputs: course, aircraft, air and settings, with the documents that they come from.
+        checkpoint: what a file holds of the run.
+        path: its file, which is renewed after every stage; None for a run that is kept in memory alone.
+    """
+
+    inputs: Inputs
+    checkpoint: Checkpoint
+    path: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The track's name: that of its file."""
+        return Path(self.inputs.track.path).stem
+
+    @property
+    def label(self) -> str:
+        """What users call the run: its file, or the track's name."""
+        return self.name if self.path is None else self.path.name
+
+    @property
+    def race(self) -> Race:
+        """Course, aircraft and air."""
+        return self.inputs.race
+
+    @property
+    def results(self) -> tuple[StageResult, ...]:
+        """The finished stages as the procedure left them, in their order."""
+        return tuple(stored.result for stored in self.checkpoint.stages)
+
+    @property
+    def stale(self) -> Mapping[Stage, str]:
+        """The stages that no longer stand, each with the reason, a clause."""
+        return dict(stale_stages(self.checkpoint, inputs_hash(self.checkpoint.inputs.resolved)))
+
+    @property
+    def stages(self) -> tuple[FlownStage, ...]:
+        """The finished stages in their order."""
+        stale, versions = self.stale, self.checkpoint.versions
+        return tuple(FlownStage(self.inputs, one, versions, stale.get(one.stage, "")) for one in self.results)
+
+    def stage(self, name: str | Stage | None = None) -> FlownStage:
+        """The stage of this name, by default the last one.
+
+        Raises:
+            UsageError: it is not in this run.
+        """
+        stages = {stage.name: stage for stage in self.stages}
+        if not stages:
+            raise UsageError("no stage of this run is finished yet")
+        wanted = list(stages)[-1] if name is None else name.value if isinstance(name, Stage) else name
+        if wanted not in stages:
+            raise UsageError(f"this run has no stage {wanted!r}; it has: {', '.join(stages)}")
+        return stages[wanted]
+
+    def __getitem__(self, name: str | Stage) -> FlownStage:
+        return self.stage(name)
+
+    def __contains__(self, name: object) -> bool:
+        return any(name in (one.stage, one.stage.value) for one in self.results)
+
+    def __iter__(self) -> Iterator[FlownStage]:
+        return iter(self.stages)
+
+    @property
+    def race_time(self) -> float:
+        """Race time of the last stage, s; NaN where that found no flight."""
+        return self.stages[-1].race_time if self.results else math.nan
+
+    @property
+    def splits(self) -> Splits:
+        """When and how every gate was passed in the last stage; empty where that found no flight."""
+        return self.stages[-1].splits if self.results else Splits(())
+
+    @property
+    def certified(self) -> bool:
+        """Whether the last stage is certified, and none before it failed."""
+        return is_certified(self.results)
+
+    @property
+    def message(self) -> str:
+        """Why the run is not certified, a sentence; empty where it is."""
+        return verdict(self.results)[1] if self.results else "no stage is finished yet"
+
+    def with_stage(self, result: StageResult) -> Self:
+        """This run with one more finished stage, which replaces the stages from there on."""
+        return replace(self, checkpoint=self.checkpoint.with_stage(result))
+
+    def moved(self, path: Path) -> Self:
+        """This run with another file, which is not written yet."""
+        return replace(self, path=path)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the run into a file, which every command of `airrace` takes.
+
+        A file that exists is replaced as a whole.
+
+        Returns:
+            The path.
+
+        Raises:
+            StorageError: the system refused; a file that exists is left as it is.
+        """
+        write_checkpoint(Path(path), self.checkpoint)
+        return Path(path)
+
+    def resume(
+        self,
+        *,
+        until: str | Stage | None = None,
+        from_: str | Stage | None = None,
+        set: "Values" = (),
+        track: "TrackGiven | None" = None,
+        aircraft: "AircraftGiven | None" = None,
+        settings: "SettingsGiven | None" = None,
+        out: str | Path | None = None,
+        force: bool = False,
+        threads: int | None = None,
+        progress: bool | Progress = False,
+    ) -> "Run":
+        """Continue this run, or fly it again with something changed; see `airrace.resume`."""
+        from airrace.runs.doors import resume
+
+        return resume(
+            self,
+            until=until,
+            from_=from_,
+            set=set,
+            track=track,
+            aircraft=aircraft,
+            settings=settings,
+            out=out,
+            force=force,
+            threads=threads,
+            progress=progress,
+        )
+
+    def verify(self) -> "tuple[Verification, ...]":
+        """Measure every certificate again from the stored histories and multipliers alone.
+
+        Returns:
+            One verification per certified stage; those with an `objection` do not hold.
+
+        Raises:
+            NotCertified: there is no certificate in this run.
+        """
+        from airrace.runs.verification import verified
+
+        return verified(self)
+
+    def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
+        """What every number of the inputs costs, by the multipliers of a certified stage; see `FlownStage.prices`."""
+        return self.stage(stage).prices(by)
+
+    def compare(self, other: "Run") -> Comparison:
+        """Hold another run of the same passings against this one, leg by leg, at the highest stage certified in both.
+
+        Returns:
+            Race times (s) and legs; `difference` is positive where the other run is slower.
+
+        Raises:
+            UsageError: no stage is certified in both, or the other run has other passings.
+        """
+        common = last_common(self.results, other.results)
+        if common is None:
+            raise UsageError(f"no stage is certified both in {self.label} and in {other.label}")
+        try:
+            return compared(*common)
+        except ValueError as error:
+            raise UsageError(f"{other.label} has other passings than {self.label}") from error
+
+    def as_object(self) -> dict[str, object]:
+        """The object that `airrace show --json` prints."""
+        return run_object(self.name, self.results, wall_of(self.results), certified=self.certified)
+
+    def __repr__(self) -> str:
+        return f"<Run {run_line(self.name, self.results)}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the stages, the splits of the last one, and its flight from above."""
+        return run_page(self.race, self.name, self.results)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Names that notebooks complete within the brackets of `run[...]`."""
+        return [one.stage.value for one in self.results]
+
+
+def wall_of(results: Sequence[StageResult]) -> float:
+    """Wall time of all stages together, s."""
+    return sum(result.timings.wall for result in results)

@@ -1,0 +1,65 @@
+"""A run in a line, and as a piece of HTML for notebooks."""
+
+import html
+from collections.abc import Sequence
+
+from airrace.planning.race import Race
+from airrace.procedure.result import StageResult
+from airrace.runs.run_object import is_certified, verdict
+from airrace.runs.splits import Splits
+from airrace.views.plan_svg import plan_svg
+from airrace.views.scenery import scenery
+from airrace.views.tables import html_table
+
+HEADS = ("stage", "race time s", "certified", "iterations", "wall s")
+ITEMS = ("item", "value", "limit", "unit", "holds")
+
+
+def run_line(name: str, results: Sequence[StageResult]) -> str:
+    """Which run it is, how far it has come and whether it is certified."""
+    if not results:
+        return f"{name}: no stage is finished yet"
+    last = results[-1]
+    race_time = f"{last.trajectory.race_time:.3f} s" if last.is_flight else last.outcome.value
+    return f"{name}: {last.stage.value}, {race_time}, {'' if is_certified(results) else 'not '}certified"
+
+
+def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
+    """The stages, the gate splits of the last one, and its flight from above."""
+    title = f"{race.course.name}, flown by {race.aircraft.name}"
+    stages = html_table(title, HEADS, [_stage_cells(result) for result in results])
+    sentence = verdict(results)[1] if results else "no stage is finished yet"
+    remark = f"<p>{html.escape(sentence)}</p>" if sentence else ""
+    return f"<div>{stages}{remark}{_flight(race, results[-1]) if results else ''}</div>"
+
+
+def stage_page(race: Race, result: StageResult) -> str:
+    """One stage: its gate splits, its flight from above, and its certificate."""
+    certificate = result.certificate
+    measured = ""
+    if certificate is not None:
+        cells = [
+            (item.name, f"{item.value:.3g}", f"{item.limit:.3g}", item.unit, "yes" if item.holds else "NO")
+            for item in certificate.items
+        ]
+        measured = html_table(f"certificate ({certificate.solver_status})", ITEMS, cells)
+    return (
+        f"<div><p><b>{html.escape(run_line(race.course.name, [result]))}</b></p>{_flight(race, result)}{measured}</div>"
+    )
+
+
+def _stage_cells(result: StageResult) -> tuple[str, ...]:
+    return (
+        result.stage.value,
+        f"{result.trajectory.race_time:.3f}" if result.is_flight else result.outcome.value,
+        "yes" if result.certified else "no" if result.certificate is not None else "a guess",
+        str(result.iterations),
+        f"{result.timings.wall:.1f}",
+    )
+
+
+def _flight(race: Race, result: StageResult) -> str:
+    """Splits and picture; nothing where no flight was found."""
+    if not result.is_flight:
+        return ""
+    return f"{Splits(result.splits).to_html()}{plan_svg(scenery(race), result.trajectory)}"

@@ -1,0 +1,21 @@
+"""Stages by the names that users give them."""
+
+from airrace.errors import UsageError
+from airrace.procedure import run as procedure
+from airrace.procedure.result import Stage
+
+
+def stage_named(text: str | None) -> Stage:
+    """The stage a user names, the last available one by default.
+
+    Raises:
+        UsageError: no such stage, or not one that can be run.
+    """
+    stages = tuple(procedure.STAGES)
+    if text is None:
+        return stages[-1]
+    for stage in stages:
+        if stage.value == text:
+            return stage
+    available = ", ".join(stage.value for stage in stages)
+    raise UsageError(f"there is no stage {text!r}; available: {available}")

@@ -1,0 +1,96 @@
+"""Runs that are begun and runs that are read: between documents, checkpoints and `Run`."""
+
+import json
+import platform
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+from airrace.checkpoint import (
+    Checkpoint,
+    StoredDocument,
+    StoredInputs,
+    inputs_hash,
+    read_checkpoint,
+    stale_stages,
+)
+from airrace.documents import Document, Inputs, inputs_from_documents
+from airrace.errors import CheckpointError
+from airrace.runs.run import Run
+
+
+def new_run(inputs: Inputs, path: Path | None = None) -> Run:
+    """A run of which nothing is finished yet."""
+    stored = StoredInputs(
+        track=_stored(inputs.track),
+        aircraft=_stored(inputs.aircraft),
+        settings=None if inputs.settings_file is None else _stored(inputs.settings_file),
+        overrides=tuple(inputs.overrides),
+        resolved=resolved_text(inputs),
+    )
+    return Run(inputs, Checkpoint(stored, {**library_versions(), "python": platform.python_version()}), path)
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of airrace and of the libraries that its numbers depend on."""
+    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
+
+
+def resolved_text(inputs: Inputs) -> str:
+    """The configuration as understood; equal configurations give equal texts."""
+    return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
+
+
+def opened_run(path: Path) -> Run:
+    """The run in a file.
+
+    Raises:
+        CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
+        InputError: this version of airrace no longer accepts its inputs.
+    """
+    return stored_run(read_checkpoint(path), path)
+
+
+def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:
+    """A run read from its checkpoint; its inputs are understood anew from their stored texts.
+
+    Raises:
+        InputError: this version of airrace no longer accepts them.
+    """
+    stored = checkpoint.inputs
+    inputs = inputs_from_documents(
+        document_of(stored.track),
+        document_of(stored.aircraft),
+        None if stored.settings is None else document_of(stored.settings),
+        stored.overrides,
+    )
+    # Stages link to the configuration they were computed from; new ones to the one understood now.
+    current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
+    return Run(inputs, current, path)
+
+
+def taken_up(run: Run) -> Run:
+    """A new run together with the stages that still stand of the checkpoint at its path.
+
+    What is damaged, of other inputs or from other versions, is left aside.
+    """
+    if run.path is None:
+        return run
+    try:
+        earlier = read_checkpoint(run.path)
+    except CheckpointError:
+        return run
+    if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
+        return run
+    stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
+    standing = tuple(one for one in earlier.stages if one.result.stage not in stale)
+    return replace(run, checkpoint=replace(run.checkpoint, stages=standing))
+
+
+def document_of(stored: StoredDocument) -> Document:
+    """A stored document as it was read."""
+    return Document(stored.path, stored.text)
+
+
+def _stored(document: Document) -> StoredDocument:
+    return StoredDocument(document.path, document.text)

@@ -1,0 +1,34 @@
+"""A course before anyone flies it, as a piece of HTML for notebooks."""
+
+import html
+import math
+from collections.abc import Sequence
+
+from airrace.planning.race import Race
+from airrace.views.course_rows import rows
+from airrace.views.plan_svg import plan_svg
+from airrace.views.scenery import scenery
+from airrace.views.tables import html_table
+
+HEADS = ("passage", "type", "north m", "east m", "height m", "heading deg")
+ROWS_MAX = 60  # passages; of more, only the first are listed
+
+
+def course_page(race: Race, warnings: Sequence[str]) -> str:
+    """The passages, the course from above as planned, and what a race director would ask about it."""
+    cells = [
+        (row.passage.name, row.kind, _cell(row.north), _cell(row.east), _cell(row.height), _degrees(row.heading))
+        for row in rows(race)
+    ]
+    title = f"{race.course.name}, flown by {race.aircraft.name}"
+    listed = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
+    remarks = f"<ul>{listed}</ul>" if listed else ""
+    return f"<div>{html_table(title, HEADS, cells[:ROWS_MAX])}{plan_svg(scenery(race))}{remarks}</div>"
+
+
+def _cell(value: float | None) -> str:
+    return "free" if value is None else f"{value:.1f}"
+
+
+def _degrees(angle: float | None) -> str:
+    return "free" if angle is None else f"{math.degrees(angle):.0f}"

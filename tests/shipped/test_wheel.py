@@ -1,0 +1,93 @@
+"""The wheel holds all that is needed: in an empty folder, with nothing but it, courses are flown by their names."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PYTHON = """
+import airrace
+run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+print(airrace.__file__, run.certified, run.save("flown.h5"), len(run.splits), len(run["point-mass"].to_dataframe()))
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of this source tree, built with the tools that are installed."""
+    folder = tmp_path_factory.mktemp("wheel")
+    program = (
+        f"import hatchling.build, os; os.chdir({str(ROOT)!r}); print(hatchling.build.build_wheel({str(folder)!r}))"
+    )
+    built = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return folder / built.stdout.split()[-1]
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that holds the package as the wheel installs it, and nothing else of this tree."""
+    folder = tmp_path_factory.mktemp("site")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def test_the_wheel_holds_courses_aircraft_rules_types_and_sources(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+    for folder in ("tracks", "configs"):
+        files = sorted((ROOT / folder).glob("*.yaml"))
+        assert {f"airrace/shipped/{folder}/{file.name}" for file in files} <= names
+    assert {
+        "airrace/py.typed",
+        "airrace/__main__.py",
+        "airrace/documents/presets/rbar-2014.yaml",
+        "airrace/documents/templates/course.yaml",
+        "airrace/optimal_control/step_kernel.c",
+    } <= names
+    assert not [name for name in names if name.startswith(("tests/", "tracks/", "configs/"))]
+
+
+def run(installed: Path, folder: Path, *arguments: str) -> str:
+    """Python with the installed package in an empty folder; what it printed."""
+    ran = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(installed)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
+def test_what_comes_along_is_found_in_the_installed_package(installed: Path, tmp_path: Path) -> None:
+    listed = json.loads(run(installed, tmp_path, "-m", "airrace", "tracks", "--json"))
+    assert [one["name"] for one in listed["tracks"]] == sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
+    where = run(installed, tmp_path, "-c", "from airrace.documents.shipped import TRACKS; print(TRACKS.path)")
+    assert Path(where.strip()) == installed / "airrace" / "shipped" / "tracks"
+
+
+@pytest.mark.slow
+def test_a_course_is_flown_in_an_empty_folder_through_every_door(installed: Path, tmp_path: Path) -> None:
+    until = ("--until", "point-mass", "--json")
+    flown = json.loads(run(installed, tmp_path, "-m", "airrace", "optimize", "rovinj_2014", *until))
+    assert flown["certified"] is True
+    where, certified, saved, *_ = run(installed, tmp_path, "-c", PYTHON).split()
+    assert Path(where).is_relative_to(installed)
+    assert (certified, saved) == ("True", "flown.h5")
+    run(installed, tmp_path, "-m", "airrace", "init", "sprint")
+    sprint = json.loads(run(installed, tmp_path, "-m", "airrace", "optimize", "sprint.yaml", *until))
+    assert sprint["certified"] is True
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "flown.h5",
+        "rovinj_2014.h5",
+        "sprint.h5",
+        "sprint.yaml",
+    ]
