@@ -53,16 +53,17 @@ def _section(name: str, node: Node) -> str:
         notes = [f"A bare text stands for a mapping with this text as its `{meant}`."]
     described = mapping.get("description") or node.get("description")
     notes += [_sentence(described)] if described else []
-    heading = f"## {node.get('title', name).capitalize()} {{ #{name} }}"
-    return "\n\n".join([heading, *notes, _table(mapping)])
+    title = node.get("title", name)
+    heading = f"`{title}`" if "_" in title else title[0].upper() + title[1:]
+    return "\n\n".join([f"## {heading} {{ #{name} }}", *notes, _table(mapping)])
 
 
 def _table(mapping: Node) -> str:
     required = mapping.get("required", [])
-    lines = ["| key | value | without it | meaning |", "|---|---|---|---|"]
+    lines = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for key, node in mapping["properties"].items():
-        absent = "required" if key in required else _default(node)
-        lines.append(f"| `{key}` | {_value(node)} | {absent} | {node.get('description', '')} |")
+        default = "required" if key in required else _default(node)
+        lines.append(f"| `{key}` | {_value(node)} | {default} | {node.get('description', '')} |")
     return "\n".join(lines)
 
 
@@ -105,9 +106,12 @@ def _plain(node: Node) -> str:
 
 
 def _range(node: Node) -> str:
-    ends = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
+    """The ends of a range; `minimum` and `maximum` belong to it, the exclusive ones do not."""
+    if "minimum" in node and "maximum" in node:
+        return f" from {node['minimum']:g} to {node['maximum']:g}"
+    ends = {"minimum": "at least", "exclusiveMinimum": "above", "maximum": "at most", "exclusiveMaximum": "below"}
     said = [f"{word} {node[key]:g}" for key, word in ends.items() if key in node]
-    return f" {', '.join(said)}" if said else ""
+    return f" {' and '.join(said)}" if said else ""
 
 
 def _count(node: Node, what: str) -> str:

@@ -65,8 +65,8 @@ def test_every_part_of_a_language_has_a_place_that_links_lead_to(generators: Mod
 def test_values_are_described_in_words(generators: Modules) -> None:
     page = generators["language_pages"].language_page("track")
     assert "| `bank` | `right` or `left` or `either` | `either` | the wing that points down |" in page
-    assert "| `laps` | whole number from 1, to 100 |  | how often the lap is flown; once by default |" in page
-    assert "| `n_z_max` | number above 1, to 25 |" in page
+    assert "| `laps` | whole number from 1 to 100 |  | how often the lap is flown; once by default |" in page
+    assert "| `n_z_max` | number above 1 and at most 25 |" in page
     assert "A bare text stands for a mapping with this text as its `gate`." in page
     assert "| `each_lap` | list of: list of: [flown](#FlownEntry), at most 10000, at most 100 |" in page
 
@@ -111,6 +111,14 @@ def test_documents_of_the_root_keep_their_links(generators: Modules) -> None:
     text = "[a](docs/ways.md#x) [b](ARCHITECTURE.md) [c](#d)"
     expected = "[a](../ways.md#x) [b](../project/architecture.md) [c](#d)"
     assert generators["site_hooks"].moved(text) == expected
+
+
+def test_names_that_share_a_description_get_one_each(generators: Modules) -> None:
+    docstring = "What it is.\n\nAttributes:\n    x, y: position,\n        m.\n    z: height.\n"
+    expected = (
+        "What it is.\n\nAttributes:\n    x: position,\n        m.\n    y: position,\n        m.\n    z: height.\n"
+    )
+    assert generators["grouped_names"].separated(docstring) == expected
 
 
 def test_every_page_stands_in_the_navigation(generators: Modules) -> None:
