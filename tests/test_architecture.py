@@ -58,16 +58,20 @@ def test_every_path_in_the_documents_exists() -> None:
         assert [path for path in paths if not (ROOT / path).exists()] == [], document.name
 
 
+def prose(document: Path) -> str:
+    """The text of a document without its blocks of code."""
+    return re.sub(r"^```.*?^```", "", document.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+
+
 def headings(document: Path) -> set[str]:
     """Where a link into a document can lead: its headings, lower-case, without punctuation, words joined by hyphens."""
-    text = re.sub(r"^```.*?^```", "", document.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    titles = re.findall(r"^#+ (.+)$", prose(document), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
 def links(document: Path) -> list[tuple[str, str]]:
     """The links and pictures of a document that stay in the repository: paths, and what follows a `#`."""
-    found = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", document.read_text(encoding="utf-8"))
+    found = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", prose(document))
     return [(path, place) for path, place in found if not path.startswith(("http:", "https:"))]
 
 
