@@ -93,7 +93,7 @@ def test_a_wrong_default_would_be_found() -> None:
     assert load_inputs(TRACK, overrides=["settings.mesh.intervals_min=7"]).settings != load_inputs(TRACK).settings
 
 
-def test_the_readme_is_a_door_and_not_the_house() -> None:
+def test_the_readme_has_at_most_150_lines() -> None:
     assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
 
 

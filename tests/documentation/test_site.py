@@ -89,6 +89,13 @@ def test_pages_fetch_nothing_from_elsewhere(site: Path) -> None:
         assert "arithmatex" not in parser.classes, "a formula was left to a script"
 
 
+def test_every_formula_is_drawn(site: Path) -> None:
+    for page in (site / "theory").glob("*.html"):
+        source = (ROOT / "docs" / "theory" / f"{page.stem}.md").read_text(encoding="utf-8")
+        text = page.read_text(encoding="utf-8")
+        assert text.count("<math ") == source.count("\\(") + source.count("\\[") > 0, page.name
+
+
 def test_style_sheets_fetch_nothing_from_elsewhere(site: Path) -> None:
     sheets = list(site.rglob("*.css"))
     assert len(sheets) > 2
