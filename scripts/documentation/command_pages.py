@@ -55,9 +55,5 @@ def _section(name: str, command: Command) -> str:
 
 
 def _row(written: str, meaning: str) -> str:
-    return f"| `{_cell(written)}` | {_cell(meaning)} |"
-
-
-def _cell(text: str) -> str:
-    """One line that ends no cell of a table."""
-    return " ".join(text.split()).replace("|", "\\|")
+    """A row of a table; a bar within code ends no cell."""
+    return f"| `{' '.join(written.split())}` | {' '.join(meaning.split()).replace('|', chr(92) + '|')} |"

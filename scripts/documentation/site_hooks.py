@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from command_pages import commands_page
+from flow_tables import with_tables
 from language_pages import language_pages
 from mathml import with_formulas
 from mkdocs.config.defaults import MkDocsConfig
@@ -42,7 +43,7 @@ def on_page_content(html: str, **_: object) -> str:
 
 def moved(text: str) -> str:
     """A document of the root as a page one folder below that of the documentation: its links lead on."""
-    text = re.sub(r"\]\(docs/", "](../", text)
+    text = re.sub(r"\]\(docs/", "](../", with_tables(text))
     for name, page in ROOT_DOCUMENTS.items():
         text = text.replace(f"]({name}", f"](../{page}")
     return text

@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from pages import ROOT
 
-MODULES = ("command_pages", "grouped_names", "language_pages", "mathml", "notebook_pages", "site_hooks")
+MODULES = ("command_pages", "flow_tables", "grouped_names", "language_pages", "mathml", "notebook_pages", "site_hooks")
 
 
 @pytest.fixture(scope="session")

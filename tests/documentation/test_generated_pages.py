@@ -113,6 +113,37 @@ def test_documents_of_the_root_keep_their_links(generators: Modules) -> None:
     assert generators["site_hooks"].moved(text) == expected
 
 
+def test_a_flow_chart_becomes_a_table_of_its_arrows(generators: Modules) -> None:
+    chart = """flowchart LR
+    subgraph all ["everything"]
+        a[(A,<br/>first)] & b -- "x, y" --> c --> d["D"]
+    end
+    c <-- "pipe" --> a
+    b -. "dots" .-> d
+"""
+    rows = generators["flow_tables"].with_tables(f"before\n\n```mermaid\n{chart}```\n\nafter").splitlines()
+    assert rows == [
+        "before",
+        "",
+        "| from | what flows | to |",
+        "|---|---|---|",
+        "| A, first | x, y | c |",
+        "| b | x, y | c |",
+        "| c |  | D |",
+        "| c | pipe | A, first |",
+        "| A, first | pipe | c |",
+        "| b | dots | D |",
+        "",
+        "after",
+    ]
+
+
+def test_the_chart_of_the_architecture_is_a_table_in_the_site(generators: Modules) -> None:
+    text = generators["site_hooks"].moved((ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8"))
+    assert "mermaid" not in text
+    assert "| procedure | Problem, guess | optimal_control |" in text
+
+
 def test_names_that_share_a_description_get_one_each(generators: Modules) -> None:
     docstring = "What it is.\n\nAttributes:\n    x, y: position,\n        m.\n    z: height.\n"
     expected = (

@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 import typer.main
-from pages import ROOT, name_of, shell_lines
+from pages import ROOT, languages, name_of, shell_lines
 
 from airrace.cli.main import app
 
@@ -66,6 +66,10 @@ def parse(words: list[str]) -> None:
         name, *words = words
         command = children[name]
     command.make_context("airrace", words)
+
+
+def test_no_block_is_in_a_language_that_no_test_reads() -> None:
+    assert languages() <= {"python", "yaml", "sh", "diff"}
 
 
 def test_scripts_that_the_pages_run_exist() -> None:
