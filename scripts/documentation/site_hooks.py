@@ -6,6 +6,7 @@ Pages that say what the program says are made from the program while the site is
 import re
 from pathlib import Path
 
+from api_pages import api_page
 from command_pages import commands_page
 from flow_tables import with_tables
 from language_pages import language_pages
@@ -25,7 +26,7 @@ ROOT_DOCUMENTS = {
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are not files of the documentation's folder."""
     root = Path(config.config_file_path).parent
-    pages = {"reference/commands.md": commands_page()}
+    pages = {"reference/commands.md": commands_page(), "reference/api.md": api_page()}
     pages |= {f"reference/{language}.md": page for language, page in language_pages()}
     for name, page in ROOT_DOCUMENTS.items():
         pages[page] = moved((root / name).read_text(encoding="utf-8"))

@@ -10,7 +10,16 @@ from types import ModuleType
 import pytest
 from pages import ROOT
 
-MODULES = ("command_pages", "flow_tables", "grouped_names", "language_pages", "mathml", "notebook_pages", "site_hooks")
+MODULES = (
+    "api_pages",
+    "command_pages",
+    "flow_tables",
+    "grouped_names",
+    "language_pages",
+    "mathml",
+    "notebook_pages",
+    "site_hooks",
+)
 
 
 @pytest.fixture(scope="session")

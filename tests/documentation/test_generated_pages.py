@@ -157,7 +157,7 @@ def test_every_page_stands_in_the_navigation(generators: Modules) -> None:
     pages = {page for title in yaml.safe_load(text)["nav"] for page in leaves(title)}
     written = {str(path.relative_to(DOCS)) for path in DOCS.rglob("*.md")}
     notebooks = {f"notebooks/{path.stem}.md" for path in DOCS.rglob("*.ipynb")}
-    generated = {"reference/commands.md", *(f"reference/{language}.md" for language in LANGUAGES)}
+    generated = {"reference/api.md", "reference/commands.md", *(f"reference/{language}.md" for language in LANGUAGES)}
     assert pages == written | notebooks | generated | set(generators["site_hooks"].ROOT_DOCUMENTS.values())
 
 
