@@ -1,5 +1,9 @@
 """The YAML of the pages is valid: whole files as the command reads them, parts of files against their schema."""
 
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +19,11 @@ from airrace.documents.json_schema import LANGUAGES, json_schema
 BLOCKS = blocks("yaml")
 WORKFLOW = "# .github/workflows/"
 WHOLE = [block for block in BLOCKS if block.text.startswith("schema: ")]
-PARTS = [block for block in BLOCKS if not block.text.startswith(("schema: ", WORKFLOW))]
+WITH = "with: "
+"""Begins the comment above a part of a file that needs an extension, with the path of the extension behind it."""
+
+EXTENDED = [block for block in BLOCKS if block.comment.startswith(WITH)]
+PARTS = [block for block in BLOCKS if not block.text.startswith(("schema: ", WORKFLOW)) and block not in EXTENDED]
 TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"
 
@@ -55,6 +63,22 @@ def test_every_part_of_a_file_in_the_pages_is_valid(block: Block) -> None:
     assert len(fitting) == 1, f"{block}: the keys {', '.join(part)} belong to {len(fitting)} languages"
     (schema,) = fitting
     jsonschema.validate(part, {**schema, "required": []})
+
+
+@pytest.mark.parametrize("block", EXTENDED, ids=str)
+def test_every_part_that_needs_an_extension_is_valid_with_it_alone(block: Block) -> None:
+    extension = ROOT / block.comment.removeprefix(WITH)
+    if not extension.exists():
+        pytest.skip(f"{extension.name} is still to come")
+    program = (
+        "import json; from airrace.documents.json_schema import json_schema; print(json.dumps(json_schema('track')))"
+    )
+    environment = {**os.environ, "AIRRACE_EXTENSIONS": str(extension)}
+    told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    part = yaml.safe_load(block.text)
+    jsonschema.validate(part, {**json.loads(told.stdout), "required": []})
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(part, {**json_schema("track"), "required": []})
 
 
 def test_a_part_with_a_wrong_value_would_be_found() -> None:
