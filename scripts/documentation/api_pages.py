@@ -12,7 +12,6 @@ MODULES = {
         "airrace.system",
         "airrace.quantities",
         "airrace.optimal_control.problem",
-        "airrace.optimal_control.solvers",
     ),
     "Errors": ("airrace.errors",),
 }
@@ -21,8 +20,7 @@ MODULES = {
 OPENING = """# Python API
 
 Everything in the first two sections can be imported from `airrace`; names are looked up when they are first used, so
-`import airrace` is quick. [The tutorial](../tutorial.md) shows how they are used together. The optimiser knows nothing
-of aircraft: [Solve another optimal control problem](../how_to/problem.md) shows the modules for problems of one's own.
+`import airrace` is quick. [The tutorial](../tutorial.md) shows how they are used together.
 """
 
 

@@ -8,7 +8,6 @@ import pytest
 from pages import ROOT, Block, blocks
 
 import airrace
-import airrace.system
 from airrace.checkpoint import read_checkpoint
 from airrace.documents import load_inputs
 
@@ -25,7 +24,6 @@ BY_PAGE = {page: [block for block in RUN if block.page == page] for page in dict
 AWAITED = {
     "airrace.optimize(": hasattr(airrace, "optimize"),
     "airrace.open(": hasattr(airrace, "open"),
-    "import system_of": hasattr(airrace.system, "system_of"),
 }
 """What the pages use of the package, and whether it is there already; without effect once all of it is."""
 
