@@ -5,12 +5,18 @@ Nothing here knows of aircraft; dynamics builds systems, optimal control optimis
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
-from airrace.quantities import Quantity
+from airrace.quantities import Quantity, Vector, vector
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
+
+
+@vector
+class NoQuantities(Vector[Any]):  # Any: there is no component whose type it could be
+    """A vector without components, such as the controls of a free fall."""
 
 
 @dataclass(frozen=True)
@@ -72,3 +78,73 @@ def side_by_side(one: Observation, other: Observation) -> Observation:
         parameters=(*one.parameters, *other.parameters),
         values=ca.Function("side_by_side", [x, _vertcat(b, c)], [values], {"cse": True}),
     )
+
+
+def system_of(
+    name: str,
+    State: type[Vector[Any]],
+    Control: type[Vector[Any]],
+    rates: Callable[[Any, Any], Vector[Any]],  # Any: each system has vectors of its own
+    *,
+    Path: type[Vector[Any]] = NoQuantities,
+    path: Callable[[Any, Any], Vector[Any]] | None = None,
+    projection: Callable[[Any], Vector[Any]] | None = None,
+) -> System:
+    """Write down a system `x_dot = rates(x, u)` whose states and controls are declared as typed vectors.
+
+    The equations read as in a textbook, with components by name; what is constant is a number in them, so the system
+    has no parameters:
+
+        @vector
+        class State(Vector[T]):
+            x: T = quantity("m")
+            v: T = quantity("m/s")
+
+        @vector
+        class Force(Vector[T]):
+            f: T = quantity("m/s2", lower=-1.0, upper=1.0)
+
+        system_of("sliding mass", State, Force, lambda x, u: State(x=x.v, v=u.f))
+
+    Args:
+        name: identifies the system in messages.
+        State: the class of x.
+        Control: the class of u; `NoQuantities` for none.
+        rates: from x and u, with SX components, to their rates as a State, in units per second.
+        Path: the class of what is limited along the path.
+        path: from x and u to the path quantities as a Path; None without path quantities.
+        projection: from x to x, applied at the end of each shooting interval; None for none.
+    """
+    x, u, p = ca.SX.sym("x", State.size()), ca.SX.sym("u", Control.size()), ca.SX.sym("p", 0)
+    state, control = State.split(x), Control.split(u)
+    return System(
+        name=name,
+        states=State.quantities(),
+        controls=Control.quantities(),
+        parameters=(),
+        rates=ca.Function("rates", [x, u, p], [_column(rates(state, control))]),
+        path=Path.quantities(),
+        path_values=ca.Function("path", [x, u, p], [_column(path(state, control))]) if path else None,
+        projection=ca.Function("project", [x], [_column(projection(state))]) if projection else None,
+    )
+
+
+def observation_of(
+    name: str, State: type[Vector[Any]], Seen: type[Vector[Any]], observe: Callable[[Any], Vector[Any]]
+) -> Observation:
+    """Write down an observation `observe(x)` of states that are declared as a typed vector, without parameters.
+
+    Args:
+        name: identifies it in messages.
+        State: the class of x.
+        Seen: the class of what is observed.
+        observe: from x, with SX components, to the observed quantities as a Seen.
+    """
+    x, b = ca.SX.sym("x", State.size()), ca.SX.sym("b", 0)
+    values = ca.Function("observe", [x, b], [_column(observe(State.split(x)))])
+    return Observation(name, Seen.quantities(), (), values)
+
+
+def _column(components: Vector[Any]) -> ca.SX:
+    """The components one below the other; numbers among them become constants."""
+    return _vertcat(*components.join())

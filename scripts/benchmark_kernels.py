@@ -22,9 +22,9 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5
 from airrace.optimal_control.kernel_library import compile_library, generated_source
 from airrace.optimal_control.kernels import build_kernels, symbolic_kernels
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 
 ROOT = Path(__file__).resolve().parent.parent
 WIND = Air(

@@ -1,11 +1,11 @@
-"""Observations put side by side."""
+"""Systems and observations written down with typed vectors, and observations put side by side."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from airrace.quantities import Quantity
-from airrace.system import Observation, side_by_side
+from airrace.quantities import Quantity, T, Vector, quantity, vector
+from airrace.system import NoQuantities, Observation, observation_of, side_by_side, system_of
 
 x, a, b = ca.SX.sym("x", 2), ca.SX.sym("a"), ca.SX.sym("b", 2)
 SUM = Observation("sum", (Quantity("s", "m"),), (Quantity("a", "m"),), ca.Function("sum", [x, a], [x[0] + x[1] + a]))
@@ -27,3 +27,58 @@ def test_side_by_side_every_observation_sees_with_its_own_parameters() -> None:
 def test_side_by_side_no_name_means_two_quantities() -> None:
     with pytest.raises(ValueError, match="sum and sum both observe s"):
         side_by_side(SUM, SUM)
+
+
+# written down with typed vectors
+
+
+@vector
+class State(Vector[T]):
+    s: T = quantity("m", scale=100.0, text="distance")
+    v: T = quantity("m/s", lower=0.0)
+
+
+@vector
+class Pull(Vector[T]):
+    f: T = quantity("m/s2", scale=3.0, lower=-1.0, upper=1.0)
+
+
+@vector
+class Power(Vector[T]):
+    w: T = quantity("W/kg", upper=5.0)
+
+
+CAR = system_of(
+    "car",
+    State,
+    Pull,
+    lambda x, u: State(s=x.v, v=u.f - 0.1 * x.v**2),
+    Path=Power,
+    path=lambda x, u: Power(w=u.f * x.v),
+    projection=lambda x: State(s=x.s, v=ca.fmax(x.v, 0.0)),
+)
+
+
+def test_a_system_of_vectors_has_their_declarations_and_their_equations() -> None:
+    assert CAR.states == (Quantity("s", "m", 100.0, text="distance"), Quantity("v", "m/s", lower=0.0))
+    assert CAR.controls == (Quantity("f", "m/s2", 3.0, -1.0, 1.0),)
+    assert CAR.parameters == ()
+    assert np.asarray(CAR.rates([7.0, 2.0], [0.5], [])).ravel() == pytest.approx([2.0, 0.1])
+    assert CAR.path == (Quantity("w", "W/kg", upper=5.0),)
+    assert float(CAR.path_values([7.0, 2.0], [0.5], [])) == pytest.approx(1.0)
+    assert np.asarray(CAR.projection([7.0, -2.0])).ravel() == pytest.approx([7.0, 0.0])
+
+
+def test_a_system_of_vectors_may_have_no_controls_and_constant_rates() -> None:
+    fall = system_of("fall", State, NoQuantities, lambda x, _: State(s=x.v, v=9.81))
+    assert fall.controls == fall.path == ()
+    assert fall.path_values is None
+    assert fall.projection is None
+    assert np.asarray(fall.rates([7.0, 2.0], [], [])).ravel() == pytest.approx([2.0, 9.81])
+
+
+def test_an_observation_of_vectors_sees_what_it_is_told_to() -> None:
+    energy = observation_of("energy", State, Power, lambda x: Power(w=0.5 * x.v**2))
+    assert energy.quantities == Power.quantities()
+    assert energy.parameters == ()
+    assert float(energy.values([7.0, 2.0], [])) == pytest.approx(2.0)

@@ -48,7 +48,18 @@ class Audit:
 def audit(
     problem: Problem, iterate: Iterate, flown: Replay, *, tolerances: Sequence[Tolerance], defect_limit: float
 ) -> Audit:
-    """Measure one solution; every unit of the problem's bounded quantities needs a tolerance."""
+    """Measure a solution against the limits of its problem, between the nodes and at the boundaries.
+
+    Args:
+        problem: with the limits.
+        iterate: the solution, SI.
+        flown: its replay.
+        tolerances: of every unit that a bounded quantity of the problem has.
+        defect_limit: largest allowed end of a replayed interval minus the next node, scaled.
+
+    Raises:
+        ValueError: a quantity is bounded and no tolerance has its unit.
+    """
     defect = np.abs(flown.defect)
     worst = np.unravel_index(int(defect.argmax()), defect.shape)
     system = problem.system
@@ -144,7 +155,7 @@ def _violation(problem: Problem, quantity: Quantity, history: Array) -> Array:
 
 
 def outside(values: Array, lower: Array | float, upper: Array | float) -> Array:
-    """Distance of values from the range between two bounds."""
+    """Compute how far values lie outside the range between two bounds, zero within; all of one shape."""
     return np.maximum(np.maximum(lower - values, values - upper), 0.0)
 
 
@@ -152,8 +163,9 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
     worst = {tolerance.name: (0.0, "") for tolerance in tolerances}
     kind = {unit: tolerance.name for tolerance in tolerances for unit in tolerance.units}
     boundaries = [problem.start, *(phase.end for phase in problem.phases)]
-    for node, boundary in zip(problem.first_node, boundaries, strict=True):
-        values = observed(problem, boundary, iterate.state[:, node])
+    seen = np.hstack([iterate.state[:, :1], problem.arrivals(iterate.state)[:, np.array(problem.first_node[1:]) - 1]])
+    for x, boundary in zip(seen.T, boundaries, strict=True):
+        values = observed(problem, boundary, x)
         for quantity, bounds, value in values:
             violation = float(outside(np.asarray(value), bounds.lower, bounds.upper))
             if np.isnan(violation) or violation >= worst[kind[quantity.unit]][0]:  # NaN is the worst, and stays it
@@ -168,7 +180,7 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
 
 
 def observed(problem: Problem, boundary: Boundary, x: Array) -> list[tuple[Quantity, Interval, float]]:
-    """(quantity, range, value) of everything a boundary bounds, at the state x (n_x,)."""
+    """List (quantity, range, value) of everything that a boundary bounds, at the state x (n_x,) in SI."""
     declared: list[Quantity] = list(problem.system.states)
     values: list[float] = [float(value) for value in x]
     if boundary.observation is not None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Item:
-    """One check.
+    """One measured value with the largest one that still holds.
 
     Attributes:
         name: stable identifier, e.g. `kkt_error`.
@@ -23,7 +23,7 @@ class Item:
 
     @property
     def holds(self) -> bool:
-        """NaN never holds."""
+        """Whether the value keeps the limit, which NaN never does."""
         return self.value <= self.limit
 
 

@@ -21,16 +21,19 @@ from pathlib import Path
 import casadi as ca
 
 from airrace.errors import KernelError
-from airrace.optimal_control import kernel_library, preparation
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control import background_compilation, kernel_library
 from airrace.optimal_control.kernel_library import Source, generated_source
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_kernel import driver_text, step_sources
 from airrace.system import Observation, System
 
 logger = logging.getLogger(__name__)
 
-DRIVER_FLAGS = ("-O3",)  # loops over sensitivities: a third faster than with -O2
+DRIVER_FLAGS = ("-O3",)
+"""Flags for the driver's loops over sensitivities, which then run a third faster than with -O2."""
+
 FORMAT = 3
+"""Number of the form of the generated code; it changes with that, so that no cached library of another form is used."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def compile_kernels(system: System, scheme: RungeKutta) -> Path:
         KernelError: it cannot be built.
     """
     library = _library(system, scheme)
-    preparation.finish(library)
+    background_compilation.finish(library)
     if not kernel_library.is_intact(library):
         kernel_library.compile_library(_sources(system, scheme), library)
     return library
@@ -114,7 +117,7 @@ def prepare(system: System, scheme: RungeKutta) -> bool:
     """Compile the kernels in the background if they need it, and tell whether; `build_kernels` waits where it must."""
     needed = needs_compiling(system, scheme)
     if needed:
-        preparation.start(_library(system, scheme), system, scheme)
+        background_compilation.start(_library(system, scheme), system, scheme)
     return needed
 
 
@@ -125,9 +128,9 @@ def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], N
         on_wait: called if it takes a while.
     """
     library = _library(system, scheme)
-    if preparation.under_way(library):
+    if background_compilation.under_way(library):
         on_wait()
-    preparation.finish(library)
+    background_compilation.finish(library)
 
 
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:

@@ -8,7 +8,10 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.transcription import NonlinearProgram
 from airrace.trajectory import Array
 
-MULTIPLIER_SCALE = 100.0  # as IPOPT's s_max: multipliers beyond it relax the dual conditions in proportion
+MULTIPLIER_SCALE = 100.0
+"""Mean size of the scaled multipliers beyond which the dual conditions are relaxed in proportion.
+
+It is IPOPT's `s_max` [Wächter & Biegler 2006, (6)], so that the error means the same here as there."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class KktError:
 def kkt_error(
     program: NonlinearProgram, layout: Layout, w: Array, p: Array, lam_g: Array
 ) -> tuple[KktError, Array, int]:
-    """Errors at (w, lam_g), the multipliers of the bounds and the most violated constraint.
+    """Measure the errors at (w, lam_g), and find the multipliers of the bounds and the most violated constraint.
 
     The gradient of the Lagrangian is balanced by the multipliers of the bounds: what a bound cannot take, because it is
     absent, is the dual error; what a distant bound takes shows as complementarity error.

@@ -14,14 +14,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.problem import Boundary, Iterate, Problem
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.sightings import Sighting, boundaries_of, sightings_of
+from airrace.optimal_control.validity import require_valid
 from airrace.quantities import Interval, Quantity
-from airrace.system import Observation
 from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
-
-WHOLE = 1e-6  # by which the fractions of a phase may miss 1: what rounding leaves of thousands of them is far less
 
 
 @dataclass(frozen=True)
@@ -39,56 +38,18 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Sighting:
-    """One look at an observation.
-
-    Attributes:
-        node: where.
-        name: of the boundary, or of phase and watch, for people.
-        bounds: ranges by name of the observation's quantities.
-        offset: place of the observation's parameters among those of all sightings; a watch shares them.
-    """
-
-    node: int
-    name: str
-    observation: Observation
-    bounds: Mapping[str, Interval]
-    offset: int
-
-
-@dataclass(frozen=True)
 class Layout:
     """Index arrays of one problem (N intervals, n_x states, n_u controls, n phases)."""
 
     problem: Problem
 
     def __post_init__(self) -> None:
-        """Refuse bounds and weights of what does not exist, which would silently be dropped, and impossible meshes.
+        """Refuse a problem that does not say what it seems to say.
 
         Raises:
-            ValueError: a name is misspelt, fractions of a phase are no shares of it, or its duration may be negative.
+            ValueError: see `require_valid`.
         """
-        system, objective = self.problem.system, self.problem.objective
-        along = {quantity.name for quantity in (*system.states, *system.controls, *system.path)}
-        at_ends = {quantity.name for quantity in system.states}
-        if unknown := objective.terminal.keys() - at_ends:
-            raise ValueError(f"the objective weighs unknown states: {', '.join(sorted(unknown))}")
-        if unknown := objective.regularisation.keys() - {quantity.name for quantity in system.controls}:
-            raise ValueError(f"the objective regularises unknown controls: {', '.join(sorted(unknown))}")
-        for phase in self.problem.phases:
-            if min(phase.fractions, default=0.0) <= 0.0 or abs(sum(phase.fractions) - 1.0) > WHOLE:
-                raise ValueError(f"the fractions of phase {phase.name!r} are not positive, or do not add up to 1")
-            if phase.duration.lower < 0.0:
-                raise ValueError(f"phase {phase.name!r} may not last {phase.duration.lower} s")
-            if unknown := phase.bounds.keys() - along:
-                raise ValueError(f"phase {phase.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
-            for watch in phase.watches:
-                if unknown := watch.bounds.keys() - {quantity.name for quantity in watch.observation.quantities}:
-                    raise ValueError(f"watch {watch.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
-        for _, boundary in self.boundaries:
-            seen = boundary.observation.quantities if boundary.observation is not None else ()
-            if unknown := boundary.bounds.keys() - at_ends - {quantity.name for quantity in seen}:
-                raise ValueError(f"boundary {boundary.name!r} bounds unknown quantities: {', '.join(sorted(unknown))}")
+        require_valid(self.problem)
 
     @cached_property
     def n_x(self) -> int:
@@ -185,36 +146,14 @@ class Layout:
     # constraints
 
     @cached_property
-    def boundaries(self) -> list[tuple[int, Boundary]]:
-        """(node, boundary) of the start and of every phase's end."""
-        problem = self.problem
-        ends = [(int(node), phase.end) for node, phase in zip(self.first_node[1:], problem.phases, strict=True)]
-        return [(0, problem.start), *ends]
+    def jump_at(self) -> dict[int, int]:
+        """Number of the jump at each node that has one."""
+        nodes = [int(node) for node, phase in zip(self.first_node[1:], self.problem.phases, strict=True) if phase.jump]
+        return {node: number for number, node in enumerate(nodes)}
 
     @cached_property
     def _sightings(self) -> tuple[list[Sighting], list[tuple[float, ...]]]:
-        """All sightings, and the parameters they share."""
-        sightings: list[Sighting] = []
-        values: list[tuple[float, ...]] = []
-        offset = 0
-        for node, boundary in self.boundaries:
-            if boundary.observation is not None:
-                sightings.append(Sighting(node, boundary.name, boundary.observation, boundary.bounds, offset))
-                values.append(boundary.values)
-                offset += len(boundary.values)
-        for index, phase in enumerate(self.problem.phases):
-            before = self.problem.phases[index - 1].watches if index else ()
-            for watch in phase.watches:
-                # Where a watch goes on from the phase before, the node between the two has its rows already.
-                begun = any(watch.same_conditions(other) for other in before)
-                first = int(self.first_node[index]) + (1 if begun else 0)
-                sightings += [
-                    Sighting(node, f"{phase.name}, {watch.name}", watch.observation, watch.bounds, offset)
-                    for node in range(first, int(self.first_node[index + 1]) + 1)
-                ]
-                values.append(watch.values)
-                offset += len(watch.values)
-        return sightings, values
+        return sightings_of(self.problem, self.jump_at)
 
     @property
     def sightings(self) -> list[Sighting]:
@@ -237,7 +176,10 @@ class Layout:
         return rows
 
     def _path_limits(self) -> list[list[tuple[Quantity, Interval]]]:
-        """Ranges of the path quantities per node; those that depend on u have none at the last node."""
+        """Ranges of the path quantities per node; those that depend on u have none at the last node.
+
+        Where phases meet, those of both hold; after a jump, those of the phase that begins.
+        """
         system = self.problem.system
         per_phase = [
             [(quantity, narrowed(quantity, phase.bounds)) for quantity in system.path] for phase in self.problem.phases
@@ -245,6 +187,8 @@ class Layout:
         phases: list[int] = self.phase_of_interval.tolist()
         limits = [list(per_phase[phase]) for phase in phases]
         for phase, node in enumerate(self.first_node[1:-1]):
+            if int(node) in self.jump_at:
+                continue
             limits[node] = [
                 (quantity, before.intersect(after))
                 for (quantity, before), (_, after) in zip(per_phase[phase], per_phase[phase + 1], strict=True)
@@ -320,33 +264,55 @@ class Layout:
             lower[places] = np.maximum(lower[places], bounds.lower)
             upper[places] = np.minimum(upper[places], bounds.upper)
 
-        system = self.problem.system
+        system, jumps = self.problem.system, self.problem.jumps
         for index, phase in enumerate(self.problem.phases):
             first, last = self.first_node[index], self.first_node[index + 1]
             for component, quantity in enumerate(system.states):
-                narrow(self.state_index[first : last + 1, component], narrowed(quantity, phase.bounds))
+                bounds = narrowed(quantity, phase.bounds)
+                narrow(self.state_index[first : last if phase.jump else last + 1, component], bounds)
+                if phase.jump:
+                    narrow(int(self.state_index[last, component]), moved(bounds, float(jumps[component, index])))
             for component, quantity in enumerate(system.controls):
                 narrow(self.control_index[first:last, component], narrowed(quantity, phase.bounds))
             place = self.duration_index[0] if index == 0 else self.duration_source[first - 1]
             narrow(int(place), phase.duration)
         names = [quantity.name for quantity in system.states]
-        for node, boundary in self.boundaries:
+        for node, boundary in boundaries_of(self.problem):
             for name, bounds in boundary.bounds.items():
                 if name in names:
-                    narrow(int(self.state_index[node, names.index(name)]), bounds)
+                    component = names.index(name)
+                    change = float(jumps[component, self._phase_before(node)]) if node else 0.0
+                    narrow(int(self.state_index[node, component]), moved(bounds, change))
         return lower / self.scale, upper / self.scale
 
     def constraint_bounds(self) -> tuple[Array, Array]:
-        """Scaled lower and upper bounds of the constraints, each (n_g,); gaps are zero."""
+        """Scaled lower and upper bounds of the constraints, each (n_g,); gaps are zero, or the jump between phases."""
         lower, upper = np.zeros(self.constraints), np.zeros(self.constraints)
+        ends, states = self.gap_index[self.first_node[1:] - 1, :-1], self.problem.system.states
+        lower[ends] = upper[ends] = (self.problem.jumps / np.array([[one.scale] for one in states])).T
         scale = np.array([row.quantity.scale for row in self.flat_rows])
         lower[self.row_index] = np.array([row.bounds.lower for row in self.flat_rows]) / scale
         upper[self.row_index] = np.array([row.bounds.upper for row in self.flat_rows]) / scale
         return lower, upper
 
     def parameter_values(self) -> Array:
-        """Parameters of the nonlinear program: the system's, the fractions, those of all sightings."""
-        return np.concatenate([self.problem.parameters, self.fractions, *self._sightings[1]])
+        """Parameters of the nonlinear program.
+
+        They are the system's, the fractions, those of all sightings, the jumps, those of the objective's observation.
+        """
+        jumps = [self.problem.jumps[:, self._phase_before(node)] for node in self.jump_at]
+        parts = [self.problem.parameters, self.fractions, *self._sightings[1], *jumps, self.problem.objective.values]
+        return np.concatenate(parts)
+
+    @property
+    def jump_offset(self) -> int:
+        """Place of the first jump among the parameters of the nonlinear program."""
+        jumps = self.n_x * len(self.jump_at)
+        return len(self.parameter_values()) - len(self.problem.objective.values) - jumps
+
+    def _phase_before(self, node: int) -> int:
+        """The phase that ends at a node or goes on through it; not for the first node."""
+        return int(self.phase_of_interval[node - 1])
 
     def describe(self, constraint: int) -> str:
         """What a constraint is, for people."""
@@ -359,6 +325,11 @@ class Layout:
         row = self.rows[stage][within - gaps]
         place = phase.name if row.source < 0 else self.sightings[row.source].name
         return f"{place}: {row.quantity.text or row.quantity.name}"
+
+
+def moved(bounds: Interval, change: float) -> Interval:
+    """The range of `x + change` where `bounds` is that of x."""
+    return Interval(bounds.lower + change, bounds.upper + change) if change else bounds
 
 
 def narrowed(quantity: Quantity, bounds: Mapping[str, Interval]) -> Interval:

@@ -1,7 +1,8 @@
 """The problem language: what is to be optimised, with no word of how.
 
 A problem is a `System` flown through phases. Each phase has a mesh, limits along its path, a range for its duration and
-conditions at its end; the first also has conditions at its start. States are continuous from phase to phase.
+conditions at its end; the first also has conditions at its start. States are continuous from phase to phase, unless a
+phase ends in a jump: a rocket that drops a stage.
 
 A page of Python states a textbook problem (see tests/validation). A free constant (a parameter to be found) is a state
 whose rate is zero; a periodic condition ties a state to such a constant through an `Observation`.
@@ -14,8 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RungeKutta
-from airrace.quantities import Interval
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
+from airrace.quantities import Interval, Vector
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
@@ -64,15 +65,19 @@ class Watch:
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of the flight.
+    """One of the stretches that a flight is made of.
 
     Attributes:
         name: for messages.
         fractions: lengths of the mesh intervals as fractions of the phase's duration; they add up to 1.
-        duration: allowed duration, s; the lower end must be positive.
+        duration: allowed duration, s; the lower end must not be negative.
         end: conditions at the end of the phase.
         bounds: ranges of states, controls or path quantities within this phase; they narrow the system's own.
         watches: what else holds along it.
+        jump: what is added to states, by name and in their units, between the end of this phase and the beginning of
+            the next: `{"m": -6840.0}` for a stage of 6840 kg that is dropped. Conditions at the end of this phase are
+            asked of the states before it, those of the next phase of the states after it; path quantities are asked at
+            the beginning of the next phase, not at the end of this one. The last phase has none.
     """
 
     name: str
@@ -81,20 +86,46 @@ class Phase:
     end: Boundary = field(default_factory=Boundary)
     bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
     watches: tuple[Watch, ...] = ()
+    jump: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass(frozen=True)
 class Objective:
-    """Minimised: `time * t_f + sum terminal_i x_i(t_f) + integral of sum regularisation_j (u_j / scale_j)^2 dt`."""
+    """What is minimised: the time, a cost of the final state, and what it takes to move the controls.
+
+        time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (u_j / scale_j)^2 dt
+
+    The c_i are states, or what an observation sees of the final state, which may be any smooth function of it. A cost
+    that is integrated along the flight is a state of its own, whose rate is the integrand.
+
+    Attributes:
+        time: weight of the final time t_f, per s.
+        terminal: weights by name: of states, or of the observation's quantities, per unit of these.
+        regularisation: weights of controls by name, per s.
+        observation: what is observed of the final state; None if only states are weighed.
+        values: the observation's parameters (n_b,).
+    """
 
     time: float = 1.0
     terminal: Mapping[str, float] = field(default_factory=dict[str, float])
     regularisation: Mapping[str, float] = field(default_factory=dict[str, float])
+    observation: Observation | None = None
+    values: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A multi-phase optimal control problem; `time_scale` is the typical duration of a phase, s."""
+    """An optimal control problem of one or several phases.
+
+    Attributes:
+        system: what is controlled.
+        parameters: values of the system's parameters (n_p,).
+        start: conditions at the beginning of the first phase.
+        phases: in the order in which they are flown.
+        objective: what is minimised.
+        scheme: integrates an interval.
+        time_scale: typical duration of a phase, s.
+    """
 
     system: System
     parameters: tuple[float, ...]
@@ -121,6 +152,26 @@ class Problem:
             nodes.append(nodes[-1] + len(phase.fractions))
         return nodes
 
+    @property
+    def jumps(self) -> Array:
+        """What is added to every state at the end of every phase; shape (n_x, n)."""
+        names = [quantity.name for quantity in self.system.states]
+        return np.array([[phase.jump.get(name, 0.0) for phase in self.phases] for name in names]).reshape(
+            len(names), len(self.phases)
+        )
+
+    def arrivals(self, state: Array) -> Array:
+        """The states in which the intervals end, before any jump; shape (n_x, N).
+
+        Args:
+            state: at the nodes, as an `Iterate` has them: after the jump, where a phase ends in one; (n_x, N + 1).
+        """
+        if not any(phase.jump for phase in self.phases):
+            return state[:, 1:]
+        before = state[:, 1:].copy()
+        before[:, np.array(self.first_node[1:]) - 1] -= self.jumps
+        return before
+
     def phase_of(self, interval: int) -> Phase:
         """The phase that an interval belongs to."""
         return self.phases[bisect.bisect_right(self.first_node, interval) - 1]
@@ -130,13 +181,20 @@ class Problem:
         """All observations, each once."""
         boundaries = [self.start, *(phase.end for phase in self.phases)]
         watches = [watch for phase in self.phases for watch in phase.watches]
-        seen = [one.observation for one in (*boundaries, *watches) if one.observation is not None]
+        seen = [one.observation for one in (*boundaries, *watches, self.objective) if one.observation is not None]
         return list({id(one): one for one in seen}.values())
 
 
 @dataclass(frozen=True)
 class Iterate:
-    """Values of all unknowns: `durations` (n,), `state` (n_x, N + 1) at the nodes, `control` (n_u, N)."""
+    """Values of all unknowns of a problem: a guess, or a solution.
+
+    Attributes:
+        durations: of the phases, s; shape (n,).
+        state: at the nodes, in SI; where a phase ends in a jump, the state after it, in which the next interval begins
+            (`Problem.arrivals` has those before it). Shape (n_x, N + 1).
+        control: held on the intervals; shape (n_u, N).
+    """
 
     durations: Array
     state: Array
@@ -144,22 +202,34 @@ class Iterate:
 
 
 def uniform(intervals: int) -> tuple[float, ...]:
-    """Fractions of a mesh of equal intervals."""
+    """Make the fractions of a mesh of so many equal intervals."""
     return (1.0 / intervals,) * intervals
 
 
+def corners(*states: Vector[float]) -> Array:
+    """Put the states at the start and at the end of each phase side by side for `interpolated`; shape (n_x, n + 1)."""
+    return np.array([state.join() for state in states], dtype=float).T
+
+
 def interpolated(problem: Problem, durations: ArrayLike, state: ArrayLike, control: ArrayLike) -> Iterate:
-    """A guess that runs straight from state to state.
+    """Make a guess that runs straight from state to state.
 
     Args:
+        problem: whose mesh the guess is on.
         durations: of the phases, s; shape (n,).
-        state: at the start and at the end of each phase; shape (n_x, n + 1).
+        state: at the start and at the end of each phase, there before any jump; shape (n_x, n + 1).
         control: held throughout; shape (n_u,).
     """
-    corners = np.asarray(state, dtype=float)
-    columns = [corners[:, :1]]
+    at_corners, jumps = np.asarray(state, dtype=float), problem.jumps
+    begin = at_corners[:, :1]
+    columns = [begin]
     for index, phase in enumerate(problem.phases):
-        share = np.cumsum(phase.fractions)
-        columns.append(corners[:, index : index + 1] * (1 - share) + corners[:, index + 1 : index + 2] * share)
+        share, end = np.cumsum(phase.fractions), at_corners[:, index + 1 : index + 2]
+        columns.append(begin * (1 - share) + end * share)
+        if phase.jump:
+            begin = end + jumps[:, index : index + 1]
+            columns[-1][:, -1:] = begin
+        else:
+            begin = end
     held = np.repeat(np.asarray(control, dtype=float)[:, None], problem.intervals, axis=1)
     return Iterate(np.asarray(durations, dtype=float), np.hstack(columns), held)

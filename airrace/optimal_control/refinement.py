@@ -16,17 +16,19 @@ Mesh = list[Fractions]
 Marks = NDArray[np.bool_]
 
 
-def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay, parts: Indices) -> tuple[Mesh, Iterate]:
+def divide(mesh: Sequence[Fractions], iterate: Iterate, flown: Replay | None, parts: Indices) -> tuple[Mesh, Iterate]:
     """Cut every interval into so many equal parts; `parts` has shape (N,).
 
     Returns:
-        The new mesh, and the iterate on it: the new nodes lie on the replayed flight.
+        The new mesh, and the iterate on it: the new nodes lie on the replayed flight, or without one straight between
+        those that there were.
     """
     counts = iter(parts.tolist())
     finer = [tuple(fraction / n for fraction in phase for n in [next(counts)] for _ in range(n)) for phase in mesh]
     parent = np.repeat(np.arange(len(parts)), parts)
     share = _numbers_within(parts) / parts[parent]
-    state = np.hstack([_between(flown, parent, share), iterate.state[:, -1:]])
+    between = _straight(iterate, parent, share) if flown is None else _between(flown, parent, share)
+    state = np.hstack([between, iterate.state[:, -1:]])
     state[:, :-1][:, share == 0.0] = iterate.state[:, :-1]
     return finer, Iterate(iterate.durations, state, iterate.control[:, parent])
 
@@ -49,8 +51,16 @@ def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[
     return coarser, Iterate(iterate.durations, iterate.state[:, kept], held)
 
 
-def resampled(mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int]) -> tuple[Mesh, Iterate]:
-    """Equal intervals, so many in each phase; a phase that has as many intervals as wanted keeps its own.
+def resampled(
+    mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int], *, jumps: Array | None = None
+) -> tuple[Mesh, Iterate]:
+    """Carry an iterate over to so many equal intervals in each phase; a phase that has as many already keeps its own.
+
+    Args:
+        mesh: fractions of every phase.
+        iterate: on that mesh.
+        counts: wanted numbers of intervals.
+        jumps: of the states at the ends of the phases, as `Problem.jumps` has them; None for none.
 
     Returns:
         The new mesh, and the iterate on it: states straight between the nodes, mean controls.
@@ -59,8 +69,10 @@ def resampled(mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int]
     fractions: Mesh = []
     state: list[Array] = []
     control: list[Array] = []
-    for phase, count, first, last in zip(mesh, counts, first_node, first_node[1:], strict=False):
+    for index, (phase, count, first, last) in enumerate(zip(mesh, counts, first_node, first_node[1:], strict=False)):
         x, u = iterate.state[:, first : last + 1], iterate.control[:, first:last]
+        if jumps is not None:
+            x = np.hstack([x[:, :-1], x[:, -1:] - jumps[:, index : index + 1]])
         if len(phase) != count:
             old, new = np.concatenate([[0.0], np.cumsum(phase)]), np.linspace(0.0, 1.0, count + 1)
             added = np.hstack([np.zeros((len(u), 1)), np.cumsum(u * np.asarray(phase), axis=1)])
@@ -74,14 +86,14 @@ def resampled(mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int]
 
 
 def inherited(parts: Indices) -> Marks:
-    """Which nodes of a divided mesh were nodes before; shape (parts.sum() + 1,)."""
+    """Tell which nodes of a mesh that was divided into these parts were nodes before; shape (parts.sum() + 1,)."""
     kept = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
     kept[np.concatenate([[0], np.cumsum(parts)])] = True
     return kept
 
 
 def widened(marked: Marks) -> Marks:
-    """Intervals and those beside them: where one alone is made finer, what is wrong moves to the next."""
+    """Mark the intervals beside marked ones as well: where one alone is made finer, what is wrong moves to the next."""
     wider = marked.copy()
     wider[1:] |= marked[:-1]
     wider[:-1] |= marked[1:]
@@ -100,3 +112,8 @@ def _between(flown: Replay, interval: Indices, share: Array) -> Array:
     before = np.minimum(place.astype(np.int64), SAMPLES - 1)
     weight = place - before
     return flown.state[:, interval, before] * (1.0 - weight) + flown.state[:, interval, before + 1] * weight
+
+
+def _straight(iterate: Iterate, interval: Indices, share: Array) -> Array:
+    """States at shares of intervals, straight between their nodes; shape (n_x, n)."""
+    return iterate.state[:, interval] * (1.0 - share) + iterate.state[:, interval + 1] * share

@@ -9,24 +9,43 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.optimal_control.integration import integrate
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
 
 SAMPLES = 10
+"""Number of equal parts into which a replayed interval is sampled.
+
+Of what a quantity exceeds its values at the nodes by between them, samples at tenths miss 1.2 % at most, at fifths 7 %
+and at twentieths 0.3 %. This was measured against 200 samples on the optima of the hang glider and the heated
+shuttle."""
+
 RELATIVE_TOLERANCE = 1e-10
-SHORTER = 4  # steps in the place of one, to estimate the error of that
-PHASE_TOLERANCE = 1e-7  # scaled, of each interval where hundreds follow each other: millimetres at the end
+"""Tolerance of the replay from node to node, as a fraction of a state or of its scale.
+
+On the same optima the defects of all intervals are then known to 1e-10 of the scales, four orders below what a
+certificate allows; a tolerance of 1e-8 leaves errors of 6e-9 and takes hardly less time."""
+
+SHORTER = 4
+"""Number of steps in the place of one with which the shooting scheme estimates its own defect.
+
+On the same optima the estimate is right within 0.1 % of the largest defect; with two steps it is right within 2.5 %."""
+
+PHASE_TOLERANCE = 1e-7
+"""Tolerance of the replay from phase to phase, for each of the intervals that follow each other, as the one above.
+
+The shuttle's 120 intervals end within 5e-8 of the states' scales of where a tolerance of 1e-11 leads, which is 5 mm at
+a scale of 100 km; 1e-6 leaves eight times as much and takes little less time."""
 
 
 @dataclass(frozen=True)
 class Replay:
-    """A flight flown again.
+    """A flight that was flown again by the independent integrator.
 
     Attributes:
         state: on a grid `SAMPLES` times finer than the mesh; shape (n_x, N, SAMPLES + 1), both ends included.
         path: path quantities on that grid; shape (n_c, N, SAMPLES + 1).
-        defect: end of each replayed interval minus the next node, in scaled units; shape (n_x, N).
+        defect: end of each replayed interval minus the next node, before any jump, in scaled units; shape (n_x, N).
     """
 
     state: Array
@@ -35,13 +54,13 @@ class Replay:
 
 
 def interval_durations(problem: Problem, durations: Array) -> Array:
-    """Duration of every interval, s; shape (N,)."""
+    """Compute the duration of every interval from those of the phases, s; shapes (n,) -> (N,)."""
     parts = [np.asarray(phase.fractions) * T for phase, T in zip(problem.phases, durations, strict=True)]
     return np.concatenate(parts)
 
 
 def replay(problem: Problem, iterate: Iterate) -> Replay:
-    """Integrate every interval from its own node with its own control."""
+    """Integrate every interval from its own node with its own control, by the independent integrator."""
     system = problem.system
     n_x, intervals = len(system.states), problem.intervals
     scale = np.array([quantity.scale for quantity in system.states])
@@ -59,48 +78,63 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     grid = np.linspace(0.0, 1.0, SAMPLES + 1)
     histories = integrate(side_by_side, start, grid, relative=max(tolerance, 1e-13), absolute=tolerance)
     state = histories.reshape(n_x, intervals, SAMPLES + 1)
-    defect = state[:, :, -1] - iterate.state[:, 1:] / scale[:, None]
+    defect = state[:, :, -1] - problem.arrivals(iterate.state) / scale[:, None]
     state = state * scale[:, None, None]
     return Replay(state, _path_values(problem, state, iterate.control), defect)
 
 
 def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
-    """About what `Replay.defect` is, from the shooting scheme itself with shorter steps; scaled, shape (n_x, N).
+    """Estimate `Replay.defect` by the shooting scheme itself with shorter steps; scaled, shape (n_x, N).
 
     It takes a tenth of the time, and shares code with what it measures: enough to compare flights, not to certify one.
     """
-    system = problem.system
-    mapped = system.rates.map(problem.intervals)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], problem.intervals, axis=1)
-    scheme = dataclasses.replace(problem.scheme, steps=SHORTER * problem.scheme.steps)
-    steps = interval_durations(problem, iterate.durations)
+    return (_stepped(problem, iterate, SHORTER) - problem.arrivals(iterate.state)) / _scale(problem)
 
-    def rates(x: Array, u: Array, p: Array) -> Array:
-        return np.asarray(mapped(x, u, p))
 
-    ends: Array = scheme.advance(rates, iterate.state[:, :-1], iterate.control, p, steps)
-    scale = np.array([quantity.scale for quantity in system.states])[:, None]
-    return (ends - iterate.state[:, 1:]) / scale
+def estimated_error(problem: Problem, iterate: Iterate) -> Array:
+    """About the scheme's own error in every interval, even if the nodes do not join; scaled, shape (n_x, N)."""
+    return (_stepped(problem, iterate, SHORTER) - _stepped(problem, iterate, 1)) / _scale(problem)
 
 
 def replay_phases(problem: Problem, iterate: Iterate) -> Array:
-    """How far each phase ends from its last node when it is flown in one go from its first; shape (n_x, n phases)."""
-    system = problem.system
+    """Measure how far each phase ends from its last node, before any jump, when it is flown in one go from its first.
+
+    Returns:
+        The end that is flown minus that node, in the states' units; shape (n_x, n phases).
+    """
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
-    scale = np.array([quantity.scale for quantity in system.states])[:, None]
+    scale = _scale(problem)
     steps = interval_durations(problem, iterate.durations)
     x = iterate.state[:, first] / scale
     for number in range(int((ends - first).max())):
         flying = np.flatnonzero(first + number < ends)
         interval = first[flying] + number
         x[:, flying] = _across(problem, x[:, flying], iterate.control[:, interval], steps[interval])
-    return x * scale - iterate.state[:, ends]
+    return x * scale - problem.arrivals(iterate.state)[:, ends - 1]
+
+
+def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
+    """The ends of all intervals by the shooting scheme, with so many steps in the place of one; shape (n_x, N)."""
+    mapped = problem.system.rates.map(problem.intervals)
+    p = np.repeat(np.asarray(problem.parameters)[:, None], problem.intervals, axis=1)
+    scheme = dataclasses.replace(problem.scheme, steps=shorter * problem.scheme.steps)
+    steps = interval_durations(problem, iterate.durations)
+
+    def rates(x: Array, u: Array, p: Array) -> Array:
+        return np.asarray(mapped(x, u, p))
+
+    return scheme.advance(rates, iterate.state[:, :-1], iterate.control, p, steps)
+
+
+def _scale(problem: Problem) -> Array:
+    """Of the states, shape (n_x, 1)."""
+    return np.array([quantity.scale for quantity in problem.system.states])[:, None]
 
 
 def _across(problem: Problem, x: Array, control: Array, steps: Array) -> Array:
     """Scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
     system, (n_x, count) = problem.system, x.shape
-    scale = np.array([quantity.scale for quantity in system.states])[:, None]
+    scale = _scale(problem)
     rates = system.rates.map(count)
     p = np.repeat(np.asarray(problem.parameters)[:, None], count, axis=1)
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from airrace.optimal_control.integration import integrate
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
 
 
 def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Array:
-    """States at any times of a flight.
+    """Compute the states at any times of a flight.
 
     Args:
         problem: whose system flies.
@@ -17,7 +17,7 @@ def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Arr
         times: wanted, s, within the flight; shape (n,).
 
     Returns:
-        Shape (n_x, n).
+        The states, in their units; at the instant of a jump between phases the state after it. Shape (n_x, n).
     """
     interval = np.clip(np.searchsorted(time, times, side="right") - 1, 0, len(time) - 2)
     lengths = times - time[interval]

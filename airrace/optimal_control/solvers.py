@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.fatrop_solver import FatropSolver
-from airrace.optimal_control.fatrop_stages import Bounds
+from airrace.optimal_control.fatrop.solver import FatropSolver
+from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
@@ -24,7 +24,14 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """`tolerance` on the scaled KKT conditions; `barrier` is the first value of the barrier parameter."""
+    """The tolerance, the number of iterations and the barrier that a solver is told.
+
+    Attributes:
+        tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
+        iterations_max: number of iterations after which a solve has failed.
+        barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
+            that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
+    """
 
     tolerance: float = 1e-7
     iterations_max: int = 500
@@ -41,7 +48,7 @@ class Multipliers:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a solver returned.
+    """The answer of a solver, whether it found an optimum or not.
 
     Attributes:
         solver: its name.
@@ -54,8 +61,8 @@ class Solution:
         kkt: errors of the optimality conditions, measured here and not taken from the solver.
         worst: the most violated constraint, for people.
         iterations: number of iterations.
-        seconds: inside the solver.
-        derivative_seconds: of these, in the program's functions.
+        seconds: that the solver took.
+        derivative_seconds: how many of them were spent in the program's functions.
     """
 
     solver: str
@@ -157,7 +164,7 @@ class FatropByCasadi(Solver):
 
 
 def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
-    """By fatrop's own names."""
+    """Translate the options to fatrop's own names."""
     return {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier}
 
 
@@ -273,11 +280,3 @@ class PreparedProblem:
         if not all(np.isfinite(np.asarray(one)).all() for one in values):
             return "the guess has no finite objective and constraints"
         return ""
-
-
-def solve(
-    layout: Layout, kernels: Kernels, guess: Iterate, *, solver: str = "fatrop", options: SolverOptions | None = None
-) -> Solution:
-    """Prepare and solve a problem here and now, in this process."""
-    prepared = PreparedProblem(layout, kernels, SOLVERS[solver], options or SolverOptions(), threads=1)
-    return prepared.solve(layout, guess)

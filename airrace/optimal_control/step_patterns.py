@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.runge_kutta import RungeKutta
 
 Pattern = NDArray[np.bool_]
 

@@ -7,18 +7,24 @@ length and evaluated by a few mapped calls whatever the number of phases. Sparse
 nonzero of the Jacobian (of the Hessian) is a weighted sum of kernel outputs, and the weights carry the scaling.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from airrace.optimal_control.final_cost import final_cost
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
-from airrace.optimal_control.layout import Indices, Layout, Row
+from airrace.optimal_control.layout import Indices, Layout, Row, Sighting
 from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
-MAP_IN_THREADS = 64  # fewer calls than this are not worth a thread
+MAP_IN_THREADS = 64
+"""Number of calls of a kernel from which on they are spread over threads.
+
+Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
+a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
+step. For fewer calls little of the gain would be left."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,7 @@ class _Calls:
         shared: `shared`, shape (n_shared,).
         rows: places of c among the constraints, the number of constraints where not constrained; shape (calls, n_c).
         weights: factors from c to the scaled constraints; shape (calls, n_c).
+        jumps: what is taken off the unknowns before they become y, shape (n_y, calls); None for nothing.
     """
 
     kernel: Kernel
@@ -63,6 +70,7 @@ class _Calls:
     shared: ca.MX
     rows: Indices
     weights: Array
+    jumps: ca.MX | None = None
 
 
 def transcribe(layout: Layout, kernels: Kernels, threads: int = 1) -> NonlinearProgram:
@@ -89,6 +97,8 @@ class _Transcription:
         self.system_parameters = self.p[: len(layout.problem.parameters)]
         first = len(layout.problem.parameters)
         self.fractions = self.p[first : first + layout.intervals]
+        final = len(layout.parameter_values()) - len(layout.problem.objective.values)
+        self.final = final_cost(layout.problem, self.unscaled[layout.state_index[-1].tolist()], self.p[final:])
         self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._sightings()]
 
     def program(self) -> NonlinearProgram:
@@ -154,7 +164,20 @@ class _Transcription:
         count, first = len(observation.parameters), len(layout.problem.parameters) + layout.intervals
         places = np.concatenate([first + sighting.offset + np.arange(count) for sighting in sightings])
         own = ca.reshape(self.p[places.tolist()], count, len(members))
-        return _Calls(kernel, inputs, own, ca.MX(0, 1), rows, weights)
+        return _Calls(kernel, inputs, own, ca.MX(0, 1), rows, weights, self._unseen_jumps(sightings))
+
+    def _unseen_jumps(self, sightings: Sequence[Sighting]) -> ca.MX | None:
+        """What has to be taken off the states at these nodes, shape (n_x, sightings); None if none of them jumps."""
+        layout = self.layout
+        if all(sighting.jump is None for sighting in sightings):
+            return None
+        padded = ca.vertcat(self.p, ca.MX.zeros(1))
+        nothing = np.full(layout.n_x, len(layout.parameter_values()))
+        places = [
+            nothing if one.jump is None else layout.jump_offset + one.jump * layout.n_x + np.arange(layout.n_x)
+            for one in sightings
+        ]
+        return ca.reshape(padded[np.concatenate(places).tolist()], layout.n_x, len(sightings))
 
     def _rows(self, kernel: Kernel, calls: int, call_of: Callable[[Row], int | None]) -> tuple[Indices, Array]:
         """Places and weights of the outputs that are constrained."""
@@ -171,6 +194,8 @@ class _Transcription:
         """The outputs of a kernel function over all its calls, as columns of nonzeros."""
         count, n_y = calls.inputs.shape
         y = ca.reshape(self.unscaled[calls.inputs.ravel().tolist()], n_y, count)
+        if calls.jumps is not None:
+            y -= calls.jumps
         how = "thread" if self.threads > 1 and count >= MAP_IN_THREADS else "serial"
         mapped = function.map(count, how, self.threads) if how == "thread" else function.map(count)
         outputs = mapped(y, calls.own, ca.repmat(calls.shared, 1, count), *multipliers)
@@ -194,12 +219,23 @@ class _Transcription:
             linear[layout.state_index[-1, component]] += objective.terminal.get(quantity.name, 0.0)
         linear *= layout.scale
         f, gradient = ca.dot(ca.DM(linear), self.w), ca.MX(ca.DM(linear))
+        if self.final is not None:
+            f += self.final.value()
+            gradient += ca.densify(self._at_the_end(self.final.gradient()))
         weights = self._regularisation_weights()
         if weights.any():
             penalty = self._penalty(weights)
             f += penalty
             gradient += ca.gradient(penalty, self.w)
         return f, gradient
+
+    def _at_the_end(self, gradient: ca.MX) -> ca.MX:
+        """A gradient in the final state, shape (n_x,), as one in the unknowns, shape (n_w,)."""
+        places = self.layout.state_index[-1]
+        column = Scatter(self.layout.unknowns, 1)
+        column.draw_from(gradient)
+        column.add(places, np.zeros_like(places), self.layout.scale[places], np.arange(len(places)))
+        return column.matrix()
 
     def _regularisation_weights(self) -> Array:
         objective = self.layout.problem.objective
@@ -212,7 +248,10 @@ class _Transcription:
         return ca.dot(ca.mtimes(ca.DM(weights).T, controls**2).T, durations * self.fractions)
 
     def _constraints(self, values: list[ca.MX]) -> ca.MX:
-        """g: the gaps `x_next - F(x, u, T)` and `T_next - T`, the rows along the path and at the boundaries."""
+        """g: the gaps `x_next - F(x, u, T)` and `T_next - T`, the rows along the path and at the boundaries.
+
+        The gap at the end of a phase is bounded to that phase's jump, all others to zero.
+        """
         layout = self.layout
         g = Scatter(layout.constraints, 1)
         for calls, value in zip(self.calls, values, strict=True):
@@ -274,6 +313,12 @@ class _Transcription:
             within = np.flatnonzero(layout.stage_of_unknown[rows] == layout.stage_of_unknown[columns])
             rows, columns = rows[within], columns[within]
             matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], within)
+        if self.final is not None:
+            curvature = self.final.hessian(self.lam_f)
+            row, column = _pattern(curvature.sparsity())
+            rows, columns = layout.state_index[-1][row], layout.state_index[-1][column]
+            matrix.draw_from(ca.vec(curvature.nz[:]))
+            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
         weights = self._regularisation_weights()
         if weights.any():
             self._penalty_hessian(matrix, weights)

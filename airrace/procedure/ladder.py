@@ -6,14 +6,18 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
+import numpy as np
+
+from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.procedure.as_flown import plan_as_flown
+from airrace.procedure.choices import ANY, TWIN, Choices
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import BUILDERS
+from airrace.procedure.plan import plan
 from airrace.procedure.race import Race
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Settings
@@ -21,7 +25,7 @@ from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.effort import EFFORTS, Effort
 from airrace.procedure.ways.exploring import Exploration, explore
-from airrace.procedure.ways.sketch import Draught
+from airrace.procedure.ways.sketch import OWN_ITERATIONS, Draught
 
 logger = logging.getLogger(__name__)
 
@@ -116,10 +120,22 @@ class Ladder:
         return dataclasses.replace(_on_record(result, bench), explored=explored)
 
     def _explored(self, effort: Effort, bench: Workbench) -> Exploration:
-        flight, wanted = self.flight(Stage.POINT_MASS), effort.homotopy or Stage.HOMOTOPY in self.done
-        pieces = [self._homotopy(bench)] if wanted else []
-        flown = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
-        return explore(flight, self._race.course, bench, effort, flown)
+        """What exploring finds; the starts without exploring are among its own, so that nothing is lost by it."""
+        flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
+        pieces = [self._homotopy(bench)] if effort.homotopy or asked else []
+        starts = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
+        own, twin = (self._planned(ties, bench) for ties in (ANY, TWIN))
+        starts.append(("plan", own))
+        if not np.array_equal(own.guess.state, twin.guess.state):
+            starts.append(("plan, its twin", twin))
+        return explore(flight, self._race.course, bench, effort, starts)
+
+    def _planned(self, ties: Choices, bench: Workbench) -> Draught:
+        """The race's own plan, on the mesh on which it is solved without exploring."""
+        flight = self.flight(Stage.POINT_MASS)
+        way = plan(self._race.course, flight.plan.cruise, ties)
+        mesh = first_mesh(way, bench.settings.mesh)
+        return Draught(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, OWN_ITERATIONS)
 
     def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
         """The homotopy and the plan, the one the user wants first."""
@@ -212,4 +228,4 @@ def _made(start: Start) -> Start:
 
 def _draught(flight: Flight, pieces: StageResult) -> Draught:
     """The pieces of a homotopy, to be sketched."""
-    return Draught(flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER)
+    return Draught(flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, OWN_ITERATIONS)

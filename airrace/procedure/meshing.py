@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited, restrict, widened
-from airrace.optimal_control.replay import interval_durations
+from airrace.optimal_control.replay import estimated_error, interval_durations
 from airrace.procedure.certification import Evidence
 from airrace.procedure.holding import foreseen, measured
 from airrace.procedure.result import Why
@@ -116,9 +116,20 @@ def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
     if (parts == 1).all():
         return None
     divided = _divided(optimum, parts, why)
-    coarser = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
-    coarser[_places(parts)] = optimum.draft.coarser
-    return Draft(divided.mesh, divided.guess, divided.why, coarser)
+    return Draft(divided.mesh, divided.guess, divided.why, _still_coarser(optimum.draft, parts))
+
+
+def provided(draft: Draft, problem: Problem, limits: CertificateLimits) -> Draft:
+    """Finer where the guess lets foresee that the integrator's error would break its limit, before it is solved on.
+
+    Args:
+        problem: on the mesh of the draft.
+    """
+    error = np.abs(estimated_error(problem, draft.guess)).max(axis=0)
+    parts = np.where(error > SAFETY * limits.replay, 2, 1).astype(np.int64)
+    mesh, guess = divide(draft.mesh, draft.guess, None, parts)
+    why = np.where(parts > 1, Why.INTEGRATION, draft.why).astype(np.int8)
+    return Draft(mesh, guess, np.repeat(why, parts), _still_coarser(draft, parts))
 
 
 def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> Draft:
@@ -234,6 +245,13 @@ def _restricted(draft: Draft, kept: Marks, why_joined: Why | None = None) -> Dra
         alone = np.bincount(np.cumsum(kept[:-1]) - 1) == 1
         why = np.where(alone, why, why_joined).astype(np.int8)
     return Draft(mesh, guess, why, np.ones(int(kept.sum()), dtype=np.bool_))
+
+
+def _still_coarser(draft: Draft, parts: Indices) -> Marks:
+    """The nodes of the coarser mesh behind a draft, when its intervals are cut into so many parts."""
+    coarser = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
+    coarser[_places(parts)] = draft.coarser
+    return coarser
 
 
 def _places(parts: Indices) -> Indices:

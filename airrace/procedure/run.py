@@ -4,7 +4,7 @@ import logging
 from collections.abc import Iterator, Sequence
 
 from airrace.dynamics import handling
-from airrace.optimal_control.integration import load_in_background
+from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService
 from airrace.procedure.derived import derived_quantities
 from airrace.procedure.ladder import STAGES, Ladder, wanted_stages

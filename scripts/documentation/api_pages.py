@@ -12,6 +12,7 @@ MODULES = {
         "airrace.system",
         "airrace.quantities",
         "airrace.optimal_control.problem",
+        "airrace.optimal_control.solve",
     ),
     "Errors": ("airrace.errors",),
 }
@@ -20,7 +21,8 @@ MODULES = {
 OPENING = """# Python API
 
 Everything in the first two sections can be imported from `airrace`; names are looked up when they are first used, so
-`import airrace` is quick. [The tutorial](../tutorial.md) shows how they are used together.
+`import airrace` is quick. [The tutorial](../tutorial.md) shows how they are used together. The optimiser knows
+nothing of aircraft: [A problem of your own](../engine.md) shows how the last modules are used.
 """
 
 

@@ -19,7 +19,7 @@ from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air
 from airrace.frames import quaternion
-from airrace.optimal_control.integrators import RK4
+from airrace.optimal_control.runge_kutta import RK4
 from airrace.quantities import Interval
 from airrace.track.course import Rules
 from airrace.trajectory import Array

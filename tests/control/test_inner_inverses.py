@@ -15,7 +15,7 @@ from airrace.control.outer_loop import Commands
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.frames import quaternion
-from airrace.optimal_control.integrators import RK4
+from airrace.optimal_control.runge_kutta import RK4
 from airrace.trajectory import Array
 
 STEP = 0.005

@@ -11,7 +11,7 @@ from airrace.control.outer_loop import PathGains
 from airrace.control.reference import Reference
 from airrace.control.simulation import STEP, Followed, follow
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.optimal_control.integrators import RK4
+from airrace.optimal_control.runge_kutta import RK4
 from airrace.trajectory import Array
 
 DEGREE = np.pi / 180.0

@@ -56,7 +56,7 @@ def test_the_python_of_a_page_runs(
         "inputs": load_inputs(ROOT / "tracks" / "rovinj_2014.yaml"),
         "result": read_checkpoint(flown).stages[-1].result,
     }
-    names = {name: known[name] for name in GIVEN.get(page, ())}
+    names = {"__name__": "page", **{name: known[name] for name in GIVEN.get(page, ())}}
     for block in found:
         exec(compiled(block), names)
     assert "certified: False" not in capsys.readouterr().out

@@ -11,8 +11,8 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5
 from airrace.optimal_control.kernels import Kernel, build_kernels
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 from airrace.track.course import Rules
 
 WINDY = Air(wind=StaticWind(1.0, 5.0, Profile.POWER), thermals=(Thermal(0.0, 0.0, 2.0, 1000.0),))

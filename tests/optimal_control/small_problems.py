@@ -82,6 +82,27 @@ def rich_problem() -> Problem:
     )
 
 
+def staged_problem() -> Problem:
+    """The rich problem with a jump at the end of each of its phases but the last, of some states only."""
+    problem = rich_problem()
+    first, second, third = problem.phases
+    end = replace(second.end, bounds={**second.end.bounds, "b": Interval(-1.5, 1.5)})
+    phases = (replace(first, jump={"a": -0.3, "c": 0.2}), replace(second, end=end, jump={"b": 0.4}), third)
+    return replace(problem, phases=phases)
+
+
+def ended_problem() -> Problem:
+    """The rich problem with jumps and with a cost of the final state that is curved in all of it."""
+    x, b = ca.SX.sym("x", 3), ca.SX.sym("b", 1)
+    values = ca.vertcat(ca.exp(0.3 * x[0]) * x[1] - b * x[2] ** 2, ca.sin(x[0] * x[2]))
+    quantities = (Quantity("effort", "1", 4.0), Quantity("swing", "1"), Quantity("idle", "1"))
+    seen = ca.Function("ended", [x, b], [ca.vertcat(values, x[1])])
+    ending = Observation("ending", quantities, (Quantity("b", "1"),), seen)
+    problem = staged_problem()
+    terminal = {**problem.objective.terminal, "effort": 0.6, "swing": -0.4}
+    return replace(problem, objective=replace(problem.objective, terminal=terminal, observation=ending, values=(0.7,)))
+
+
 def _modest(states: int, controls: int, path: int) -> Problem:
     """Two phases of a system with few states, controls and path quantities, without observations."""
     x, u, p = ca.SX.sym("x", states), ca.SX.sym("u", controls), ca.SX.sym("p", 0)
@@ -101,6 +122,8 @@ def _modest(states: int, controls: int, path: int) -> Problem:
 
 PROBLEMS: Mapping[str, Problem] = {
     "everything": rich_problem(),
+    "jumps": staged_problem(),
+    "final cost": ended_problem(),
     "one of each": _modest(states=1, controls=1, path=1),
     "no controls": _modest(states=2, controls=0, path=1),
     "no path quantities": _modest(states=2, controls=2, path=0),

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop_library import fatrop
-from airrace.optimal_control.fatrop_matrices import MatrixFamily, destination, entry_offsets, struct_size
+from airrace.optimal_control.fatrop.library import fatrop
+from airrace.optimal_control.fatrop.matrices import MatrixFamily, destination, entry_offsets, struct_size
 
 SHAPES = [(1, 1), (3, 2), (5, 0), (9, 8), (3, 2), (4, 4), (18, 13)]
 

@@ -13,9 +13,9 @@ import pytest
 from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.optimal_control.fatrop_functions import Functions
-from airrace.optimal_control.fatrop_solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
-from airrace.optimal_control.fatrop_stages import Bounds
+from airrace.optimal_control.fatrop.functions import Functions
+from airrace.optimal_control.fatrop.solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
+from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
@@ -107,6 +107,23 @@ def test_multipliers_of_bounds_balance_the_gradient(name: str) -> None:
     assert result.success
     assert np.abs(result.lam_w).max() > 0.01
     assert result.lam_w == pytest.approx(-np.asarray(gradient).ravel(), abs=1e-6)
+
+
+def test_a_problem_without_inequalities_is_solved() -> None:
+    """fatrop leaves its multipliers where they are; one bound that is far away makes it find them."""
+    swing, guess = rest_to_rest()
+    (f,) = swing.system.controls
+    unlimited = replace(swing.system, controls=(replace(f, lower=-np.inf, upper=np.inf),))
+    (phase,) = swing.phases
+    objective = Objective(regularisation={"f": 1.0})
+    problem = replace(swing, system=unlimited, phases=(replace(phase, duration=exactly(2.0)),), objective=objective)
+    lower, upper = Layout(problem).unknown_bounds()
+    assert not ((lower < upper) & (np.isfinite(lower) | np.isfinite(upper))).any()
+    one, other = (optimum(problem, guess, solver) for solver in ("fatrop", "ipopt"))
+    assert one.success
+    assert one.kkt.largest < 1e-8
+    assert one.objective == pytest.approx(other.objective, rel=1e-9)
+    assert not optimum(problem, guess, "fatrop-casadi").success
 
 
 def test_one_solver_serves_bounds_of_changing_kinds() -> None:

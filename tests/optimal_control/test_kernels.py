@@ -15,9 +15,9 @@ import pytest
 from kernel_comparison import needs_compiler
 from small_problems import rich_system
 
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RK4
 from airrace.optimal_control.kernel_library import cache_folder
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling, prepare
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4
 
 SLOW_COMPILER = """#!/bin/sh
 touch "$STARTED"
@@ -201,7 +201,7 @@ def test_a_preparation_that_is_ended_leaves_nothing_behind(cache: Path, tmp_path
     compiler.write_text(SLOW_COMPILER)
     compiler.chmod(0o755)
     environment = dict(os.environ, CC=str(compiler), STARTED=str(started))
-    command = [sys.executable, "-m", "airrace.optimal_control.prepare"]
+    command = [sys.executable, "-m", "airrace.optimal_control.compiler_process"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
         assert process.stdin is not None
         process.stdin.write(pickle.dumps((rich_system(), RK4)))

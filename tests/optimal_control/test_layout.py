@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from small_problems import PROBLEMS, random_iterate, rich_problem
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated
+from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, interpolated
 from airrace.quantities import Interval
 
 
@@ -77,14 +77,6 @@ def test_a_watch_of_another_bound_looks_again_where_two_phases_meet() -> None:
     assert nodes == [0, 1, 2, 3, 3, 4, 5]
 
 
-def test_a_watch_of_what_does_not_exist_is_refused() -> None:
-    problem = rich_problem()
-    first, *rest = problem.phases
-    unknown = replace(first.watches[0], bounds={"distanse": Interval(upper=1.0)})
-    with pytest.raises(ValueError, match="distanse"):
-        Layout(replace(problem, phases=(replace(first, watches=(unknown,)), *rest)))
-
-
 def test_a_constraint_is_described_by_its_place_and_its_quantity() -> None:
     layout = Layout(rich_problem())
     texts = [layout.describe(int(place)) for place in layout.row_index]
@@ -134,30 +126,3 @@ def test_interpolation_meets_the_corners_and_is_straight_in_time() -> None:
     assert guess.state[:, problem.first_node] == pytest.approx(corners)
     assert guess.state[0, :4] == pytest.approx([0.0, 0.2, 0.7, 1.0])
     assert guess.control.shape == (2, problem.intervals)
-
-
-# what is refused
-
-
-def changed(**values: object) -> Problem:
-    """The rich problem with its first phase changed."""
-    problem = rich_problem()
-    first, *others = problem.phases
-    return replace(problem, phases=(replace(first, **values), *others))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("problem", "words"),
-    [
-        (replace(rich_problem(), objective=Objective(terminal={"heigth": 1.0})), "weighs unknown states: heigth"),
-        (replace(rich_problem(), objective=Objective(regularisation={"x": 1.0})), "regularises unknown controls: x"),
-        (changed(bounds={"nothing": Interval(0.0, 1.0)}), "bounds unknown quantities: nothing"),
-        (changed(fractions=(0.5, 0.4)), "do not add up to 1"),
-        (changed(fractions=(1.5, -0.5)), "are not positive"),
-        (changed(fractions=()), "do not add up to 1"),
-        (changed(duration=Interval(-1.0, 1.0)), "may not last -1.0 s"),
-    ],
-)
-def test_what_would_silently_mean_something_else_is_refused(problem: Problem, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        Layout(problem)

@@ -9,7 +9,8 @@ import pytest
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions, solve
+from airrace.optimal_control.solve import solve
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -47,8 +48,7 @@ def guess(problem: Problem) -> Iterate:
 
 
 def optimum(problem: Problem, solver: str = "fatrop") -> Solution:
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
-    solution = solve(Layout(problem), kernels, guess(problem), solver=solver, options=TIGHT)
+    solution = solve(problem, guess(problem), solver=solver, options=TIGHT)
     assert solution.success, solution.status
     return solution
 
@@ -70,13 +70,7 @@ def test_both_solvers_find_the_same_optimum_and_multipliers() -> None:
 def test_optimality_conditions_hold_at_an_optimum_and_nowhere_near(solver: str) -> None:
     solution = optimum(swing(WHOLE), solver)
     assert solution.kkt.largest < 1e-6
-    stopped = solve(
-        Layout(swing(WHOLE)),
-        build_kernels(pendulum(), swing(WHOLE).scheme, compiled=False),
-        guess(swing(WHOLE)),
-        solver=solver,
-        options=SolverOptions(iterations_max=2),
-    )
+    stopped = solve(swing(WHOLE), guess(swing(WHOLE)), solver=solver, options=SolverOptions(iterations_max=2))
     assert not stopped.success
     assert stopped.kkt.largest > 1e-3
 
@@ -152,15 +146,13 @@ def test_a_problem_without_controls_is_solved_for_its_durations(solver: str) -> 
         ),
     )
     start = interpolated(problem, [1.0, 1.0], np.array([[0.0, 1.0, 4.0], [0.0, 4.0, 8.0]]), [])
-    kernels = build_kernels(system, problem.scheme, compiled=False)
-    solution = solve(Layout(problem), kernels, start, solver=solver)
+    solution = solve(problem, start, solver=solver)
     assert solution.success, solution.status
     assert solution.iterate.durations == pytest.approx(np.sqrt(2 / 9.81), rel=1e-7)
 
 
 def attempt(problem: Problem, start: Iterate, solver: str) -> Solution:
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
-    return solve(Layout(problem), kernels, start, solver=solver, options=SolverOptions(iterations_max=100))
+    return solve(problem, start, solver=solver, options=SolverOptions(iterations_max=100))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

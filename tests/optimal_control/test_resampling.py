@@ -1,15 +1,19 @@
 """A flight on equal intervals, so many in each phase: what it ends with and what its controls add up to is kept."""
 
+import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from known_flights import exact, flight, node_times, problem
+from known_flights import FREQUENCY, exact, flight, node_times, problem
+from scipy.linalg import expm
 
 from airrace.optimal_control.refinement import resampled
-from airrace.optimal_control.replay import estimated_defect, interval_durations, replay
+from airrace.optimal_control.replay import estimated_defect, estimated_error, interval_durations, replay
+from airrace.optimal_control.runge_kutta import RK4
 
 STATED, FLOWN = problem(), flight(problem())
 OWN = [len(phase.fractions) for phase in STATED.phases]
@@ -88,3 +92,29 @@ def test_estimated_defect_is_nearly_that_of_the_independent_integrator(count: in
 
 def test_exact_flight_has_no_estimated_defect() -> None:
     assert np.abs(estimated_defect(STATED, FLOWN)).max() < 1e-3 * np.abs(FLOWN.state).max()
+
+
+def test_nodes_that_do_not_join_are_no_error_of_the_integrator() -> None:
+    """Held at rest by its force in every interval, at another place in each: nothing moves, and nothing joins."""
+    places = np.random.default_rng(1).uniform(-1.0, 1.0, 41)
+    force = FREQUENCY**2 * places[None, :-1]
+    at_rest = type(FLOWN)(FLOWN.durations, np.stack([places, 0.0 * places]), force)
+    stated = problem((0.05,) * 20, (0.05,) * 20)
+    assert np.abs(estimated_error(stated, at_rest)).max() < 1e-12
+    assert np.abs(estimated_defect(stated, at_rest)).max() > 0.1
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_error_of_the_integrator_is_what_its_series_leaves_out(count: int) -> None:
+    """About rest under its force an oscillator turns by the duration of an interval; RK4 has four terms of that."""
+    mesh, iterate = resampled(STATED.mesh, FLOWN, (count, count))
+    stated = dataclasses.replace(problem(*mesh), scheme=RK4)
+    k, ends = FREQUENCY**2, []
+    steps = interval_durations(stated, iterate.durations)
+    for x, u, step in zip(iterate.state.T, iterate.control[0], steps, strict=False):
+        turned = step * np.array([[0.0, 1.0], [-k, 0.0]])
+        series = sum(np.linalg.matrix_power(turned, n) / math.factorial(n) for n in range(5))
+        ends.append((expm(turned) - series) @ (x - [u / k, 0.0]))
+    missed = np.stack(ends, axis=1) / np.array([[one.scale] for one in stated.system.states])
+    assert np.abs(missed).max() > 1e-5
+    assert np.abs(estimated_error(stated, iterate) - missed).max() < 0.01 * np.abs(missed).max()

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from kernel_comparison import needs_compiler
 from known_flights import oscillator, rest_to_rest
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control import preparation
+from airrace.optimal_control import background_compilation
 from airrace.optimal_control.messages import IterationReport, Receiver, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.service import SolverService, Stalled
@@ -267,8 +268,13 @@ def test_prepared_equations_are_compiled_once_and_loaded_by_the_process(
 ) -> None:
     monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
     started: list[Path] = []
-    start = preparation.start
-    monkeypatch.setattr(preparation, "start", lambda library, *order: (started.append(library), start(library, *order)))
+    start = background_compilation.start
+
+    def watched(library: Path, *order: Any) -> None:
+        started.append(library)
+        start(library, *order)
+
+    monkeypatch.setattr(background_compilation, "start", watched)
     notices: list[str] = []
     problem, guess = rest_to_rest()
     with SolverService(on_notice=notices.append) as service:

@@ -11,8 +11,8 @@ import pytest
 from kernel_comparison import assert_equal, assert_equal_patterns, needs_compiler, random_arguments
 from small_problems import PROBLEMS, rich_system
 
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
 from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
 from airrace.quantities import Quantity
 from airrace.system import System
 

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from small_problems import PROBLEMS, random_iterate, random_point, rich_problem
+from small_problems import PROBLEMS, ended_problem, random_iterate, random_point, rich_problem, staged_problem
 
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
@@ -100,8 +100,8 @@ def test_each_stage_meets_the_next_only_through_an_identity(transcribed) -> None
     assert (stage[0] == stage[1]).all()
 
 
-def test_gaps_close_when_each_interval_is_integrated_from_the_last() -> None:
-    problem = rich_problem()
+@pytest.mark.parametrize("problem", [rich_problem(), staged_problem()], ids=["continuous", "jumping"])
+def test_gaps_are_the_jumps_when_each_interval_is_integrated_from_the_last(problem: Problem) -> None:
     layout, program = program_of(problem)
     step = build_kernels(problem.system, problem.scheme, compiled=False).step.value
     iterate = random_iterate(problem, seed=4)
@@ -109,12 +109,15 @@ def test_gaps_close_when_each_interval_is_integrated_from_the_last() -> None:
         duration = iterate.durations[layout.phase_of_interval[k]]
         y = [*iterate.state[:, k], *iterate.control[:, k], duration]
         iterate.state[:, k + 1] = dense(step(y, layout.fractions[k], problem.parameters)).ravel()
+        if k + 1 in problem.first_node[1:]:
+            iterate.state[:, k + 1] += problem.jumps[:, layout.phase_of_interval[k]]
     g = dense(program.nlp(layout.pack(iterate), layout.parameter_values())[1]).ravel()
-    assert g[layout.gap_index] == pytest.approx(0.0, abs=1e-14)
+    for bounds in layout.constraint_bounds():
+        assert g[layout.gap_index] == pytest.approx(bounds[layout.gap_index], abs=1e-14)
 
 
-def test_constraints_are_path_and_boundary_values_in_units_of_their_scales() -> None:
-    problem = rich_problem()
+@pytest.mark.parametrize("problem", [rich_problem(), staged_problem()], ids=["continuous", "jumping"])
+def test_constraints_are_path_and_boundary_values_in_units_of_their_scales(problem: Problem) -> None:
     layout, program = program_of(problem)
     iterate = random_iterate(problem, seed=5)
     g = dense(program.nlp(layout.pack(iterate), layout.parameter_values())[1]).ravel()
@@ -127,7 +130,8 @@ def test_constraints_are_path_and_boundary_values_in_units_of_their_scales() -> 
             sighting = layout.sightings[row.source]
             first = len(problem.parameters) + layout.intervals + sighting.offset
             parameters = layout.parameter_values()[first : first + len(sighting.observation.parameters)]
-            values = sighting.observation.values(x, parameters)
+            seen = x if sighting.jump is None else problem.arrivals(iterate.state)[:, row.node - 1]
+            values = sighting.observation.values(seen, parameters)
         assert g[place] == pytest.approx(float(values[row.component]) / row.quantity.scale, abs=1e-13)
 
 
@@ -140,6 +144,18 @@ def test_objective_is_time_terminal_values_and_regularisation() -> None:
     b, c = iterate.state[1:, -1]
     expected = 0.8 * iterate.durations.sum() - 0.3 * b + 0.2 * c + lengths @ (0.05 * s**2 + 0.4 * t**2)
     assert float(program.nlp(layout.pack(iterate), layout.parameter_values())[0]) == pytest.approx(expected, abs=1e-13)
+
+
+def test_objective_takes_what_is_observed_of_the_final_state() -> None:
+    problem = ended_problem()
+    layout, program = program_of(problem)
+    iterate = random_iterate(problem, seed=6)
+    a, b, c = iterate.state[:, -1]
+    w, p = layout.pack(iterate), layout.parameter_values()
+    plain, same = program_of(staged_problem())
+    without = float(same.nlp(plain.pack(iterate), plain.parameter_values())[0])
+    effort, swing = np.exp(0.3 * a) * b - 0.7 * c**2, np.sin(a * c)
+    assert float(program.nlp(w, p)[0]) == pytest.approx(without + 0.6 * effort - 0.4 * swing, abs=1e-13)
 
 
 def test_threads_change_nothing() -> None:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from airrace.optimal_control.audit import Audit
-from airrace.optimal_control.integrators import RK4
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.replay import replay
+from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.certification import Evidence
-from airrace.procedure.meshing import CALM, PARTS_MAX, Draft, Solved, adapted, halved, mended, reconsidered
+from airrace.procedure.meshing import CALM, PARTS_MAX, Draft, Solved, adapted, halved, mended, provided, reconsidered
 from airrace.procedure.result import Why
 from airrace.procedure.settings import CertificateLimits
 from airrace.quantities import Interval, Quantity
@@ -224,6 +224,35 @@ def test_mended_mesh_remembers_the_coarser_one() -> None:
     shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
     before = np.concatenate([[0.0], np.cumsum(np.concatenate(solved.problem.mesh))])
     assert shares[draft.coarser] == pytest.approx(before[first])
+
+
+# a guess whose errors are foreseen
+
+
+def test_intervals_are_cut_where_a_guess_lets_foresee_errors_and_the_coarser_mesh_is_remembered() -> None:
+    """At rest under the force of its interval nothing errs; one interval is left to swing by 200 m."""
+    solved = flown()
+    x = np.append(solved.iterate.control[0], 0.0)
+    force = solved.iterate.control.copy()
+    force[0, 4] += 100.0
+    guess = replace(solved.iterate, state=np.stack([x, 0.0 * x]), control=force)
+    first = solved.draft.coarser.copy()
+    first[1::2] = False
+    draft = provided(replace(solved.draft, guess=guess, coarser=first), solved.problem, LIMITS)
+    assert counts(draft) == [13, 8]
+    assert np.flatnonzero(draft.why == Why.INTEGRATION).tolist() == [4, 5]
+    assert draft.guess.control[0].tolist() == np.insert(force[0], 4, force[0, 4]).tolist()
+    assert draft.guess.state[0, 4:7].tolist() == [4.0, 4.5, 5.0]
+    shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
+    before = np.concatenate([[0.0], np.cumsum(np.concatenate(solved.problem.mesh))])
+    assert shares[draft.coarser] == pytest.approx(before[first])
+
+
+def test_only_errors_of_the_integrator_are_foreseen() -> None:
+    still = replace(flown().draft, guess=replace(flown().iterate, control=np.zeros((1, sum(COUNTS)))))
+    assert counts(provided(still, flown().problem, LIMITS)) == list(COUNTS)
+    swung = replace(flown().draft, guess=replace(flown().iterate, control=np.full((1, sum(COUNTS)), 1000.0)))
+    assert counts(provided(swung, flown().problem, LIMITS)) == [2 * count for count in COUNTS]
 
 
 # a race time that changed

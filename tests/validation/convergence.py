@@ -5,16 +5,17 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
-from statement import KnownAnswer, corners, exactly, textbook_system
+from statement import KnownAnswer, exactly
 
-from airrace.optimal_control import integrators
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control import runge_kutta
 from airrace.optimal_control.kernels import build_kernels
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import SolverOptions
 from airrace.quantities import T, Vector, quantity, vector
+from airrace.system import system_of
 
-SCHEMES = tuple(scheme for scheme in vars(integrators).values() if isinstance(scheme, RungeKutta))
+SCHEMES = tuple(scheme for scheme in vars(runge_kutta).values() if isinstance(scheme, RungeKutta))
 MESHES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 ROUNDING = 2e-12  # below it, errors are those of the reference and of the solver
 
@@ -30,7 +31,7 @@ class Torque(Vector[T]):
     M: T = quantity("1/s2", lower=-0.5, upper=0.5)
 
 
-PENDULUM = textbook_system("pendulum", State, Torque, lambda x, u: State(theta=x.omega, omega=u.M - ca.sin(x.theta)))
+PENDULUM = system_of("pendulum", State, Torque, lambda x, u: State(theta=x.omega, omega=u.M - ca.sin(x.theta)))
 
 
 @vector
@@ -43,7 +44,7 @@ class Growth(Vector[T]):
     u: T = quantity("1/s")
 
 
-POPULATION = textbook_system("population", Population, Growth, lambda x, u: Population(x=u.u * x.x * (1 - x.x)))
+POPULATION = system_of("population", Population, Growth, lambda x, u: Population(x=u.u * x.x * (1 - x.x)))
 
 
 def integration_errors(scheme: RungeKutta, meshes: Sequence[int]) -> list[float]:

@@ -1,9 +1,10 @@
 """The double integrator is brought from (1, 0) to the origin in minimum time, abs(u) <= 1; t_f = 2, switching at 1."""
 
-from statement import KnownAnswer, corners, exactly, least_time, textbook_system
+from statement import KnownAnswer, exactly, least_time
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import system_of
 
 
 @vector
@@ -17,7 +18,7 @@ class Control(Vector[T]):
     u: T = quantity("m/s2", lower=-1.0, upper=1.0)
 
 
-SYSTEM = textbook_system("double-integrator", State, Control, lambda x, u: State(x=x.v, v=u.u))
+SYSTEM = system_of("double-integrator", State, Control, lambda x, u: State(x=x.v, v=u.u))
 
 
 def known_answers() -> tuple[KnownAnswer, ...]:

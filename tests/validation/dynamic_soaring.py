@@ -7,10 +7,11 @@ import math
 
 import casadi as ca
 import numpy as np
-from statement import KnownAnswer, Value, exactly, objective, textbook_observation, textbook_system
+from statement import KnownAnswer, Value, exactly, objective
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import observation_of, system_of
 
 m, g, rho, S = 5.6, 32.2, 0.002378, 45.09703
 DEGREE = math.pi / 180
@@ -76,10 +77,8 @@ def gain(state: State) -> Gain:
     return Gain(dv=state.v - state.v_start, dpsi=state.psi - state.psi_start)
 
 
-SYSTEM = textbook_system(
-    "soaring-glider", State, Control, rates, Path=Lift, path=lambda x, u: Lift(C_L=lift_coefficient(x))
-)
-SINCE_START = textbook_observation("since the start", State, Gain, gain)
+SYSTEM = system_of("soaring-glider", State, Control, rates, Path=Lift, path=lambda x, u: Lift(C_L=lift_coefficient(x)))
+SINCE_START = observation_of("since the start", State, Gain, gain)
 
 
 def guess(intervals: int) -> Iterate:

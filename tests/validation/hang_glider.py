@@ -1,10 +1,11 @@
 """A hang glider flies as far as it can through a thermal (Bulirsch, Nerz, Pesch & von Stryk 1993): 1248.03 m."""
 
 import casadi as ca
-from statement import KnownAnswer, Value, corners, exactly, textbook_system
+from statement import KnownAnswer, Value, exactly
 
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolated, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import system_of
 
 m, g, S, rho = 100.0, 9.80665, 14.0, 1.13
 
@@ -39,7 +40,7 @@ def rates(state: State, control: LiftRate) -> State:
     )
 
 
-SYSTEM = textbook_system("hang-glider", State, LiftRate, rates)
+SYSTEM = system_of("hang-glider", State, LiftRate, rates)
 
 
 def known_answers() -> tuple[KnownAnswer, ...]:

@@ -10,10 +10,11 @@ Roll in, hold, roll out, with `phi_m = acos(1 / n)` and `dr = g ln(n) / (V p)` t
 import math
 
 import casadi as ca
-from statement import KnownAnswer, corners, exactly, least_time, textbook_system
+from statement import KnownAnswer, exactly, least_time
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import system_of
 
 g, V, n, p, dchi = 9.80665, 100.0, 8.0, 2 * math.pi, math.pi
 phi_m, dr = math.acos(1 / n), g / (V * p) * math.log(n)
@@ -35,7 +36,7 @@ class Lift(Vector[T]):
     vertical_share: T = quantity("1", scale=1 / n, lower=1 / n)
 
 
-SYSTEM = textbook_system(
+SYSTEM = system_of(
     "level-turn",
     State,
     RollRate,

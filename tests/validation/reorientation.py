@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-from statement import KnownAnswer, Value, corners, exactly, objective, textbook_system
+from statement import KnownAnswer, Value, exactly, objective
 
-from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolated, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import system_of
 
 I_x, I_y, I_z = 5621.0, 4547.0, 2364.0  # kg m2
 TURN = math.radians(150.0)  # about the x axis
@@ -52,7 +53,7 @@ def normalised(state: State) -> State:
     return State(**unit, p=state.p, q=state.q, r=state.r)
 
 
-SYSTEM = textbook_system("rigid-body", State, Torque, rates, projection=normalised)
+SYSTEM = system_of("rigid-body", State, Torque, rates, projection=normalised)
 
 
 def attitude(angle: float) -> dict[str, float]:

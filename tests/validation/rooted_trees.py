@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.runge_kutta import RungeKutta
 
 Tree = tuple["Tree", ...]  # of the branches at its root, sorted; a single node has none
 

@@ -2,10 +2,11 @@
 
 import math
 
-from statement import KnownAnswer, corners, exactly, least_time, textbook_system
+from statement import KnownAnswer, exactly, least_time
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import system_of
 
 
 @vector
@@ -19,7 +20,7 @@ class Force(Vector[T]):
     f: T = quantity("N/kg", scale=20.0, lower=-20.0, upper=20.0)
 
 
-SYSTEM = textbook_system("sliding-mass", State, Force, lambda x, u: State(x=x.v, v=u.f))
+SYSTEM = system_of("sliding-mass", State, Force, lambda x, u: State(x=x.v, v=u.f))
 
 
 def sliding_mass(count: int) -> KnownAnswer:

@@ -3,10 +3,11 @@
 import math
 
 import casadi as ca
-from statement import KnownAnswer, Value, corners, exactly, objective, textbook_system
+from statement import KnownAnswer, Value, exactly, objective
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
+from airrace.system import system_of
 
 m, g, S = 1005.0, 9.81, 0.3376
 
@@ -56,7 +57,7 @@ def rates(state: State, control: Control) -> State:
     )
 
 
-SYSTEM = textbook_system("terminal-bunt", State, Control, rates, Path=Load, path=lambda x, u: Load(n=lift(x) / (m * g)))
+SYSTEM = system_of("terminal-bunt", State, Control, rates, Path=Load, path=lambda x, u: Load(n=lift(x) / (m * g)))
 
 
 def known_answers() -> tuple[KnownAnswer, ...]:

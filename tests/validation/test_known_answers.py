@@ -1,5 +1,6 @@
 """The engine finds what is known of textbook problems, by a formula or from others."""
 
+import delta_iii
 import double_integrator
 import level_turn
 import numpy as np
@@ -7,6 +8,9 @@ import pytest
 import reorientation
 from statement import KnownAnswer, objective
 from textbook import known_answers
+
+from airrace.optimal_control.problem import interpolated
+from airrace.optimal_control.solve import solve
 
 both_solvers = pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
 
@@ -56,3 +60,20 @@ def test_body_on_a_uniform_mesh_takes_little_longer_than_the_published_time(solv
     middle_of_arc = [5, 20, 28, 35, 48, 57]
     signs = np.sign(solution.iterate.control[:, middle_of_arc]).T.tolist()
     assert signs == [list(arc) for arc in reorientation.SIGNS]
+
+
+def test_an_ascent_through_the_earth_is_given_up_in_time() -> None:
+    """Air at a depth of 200 km makes derivatives from which fatrop never comes back."""
+    problem, guess = delta_iii.ascent((2, 2, 2, 2))
+    begin = guess.state[:, 0]
+    share = np.linspace(0.0, 1.0, 5)
+    states = np.repeat(begin[:, None], 5, axis=1)
+    above, east = begin[:3] / np.linalg.norm(begin[:3]), np.array([0.0, 1.0, 0.0])
+    orbit = 6.55e6 * (np.cos(0.55) * above + np.sin(0.55) * east)
+    states[:3] = np.outer(begin[:3], 1 - share) + np.outer(orbit, share)
+    states[3:6] = np.outer([-7000.0, 7000.0, -2000.0], share)
+    states[6] = begin[6] * (1 - share) + 7600.0 * share
+    straight = interpolated(problem, guess.durations, states, [0.0, 0.0])
+    solution = solve(problem, straight, stall_seconds=4.0)
+    assert not solution.success
+    assert solution.status == "no iteration finished within 4 s"

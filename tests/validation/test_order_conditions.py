@@ -5,7 +5,7 @@ import pytest
 from convergence import SCHEMES
 from rooted_trees import gamma, tableau, trees, violation
 
-from airrace.optimal_control.integrators import RK4, RungeKutta
+from airrace.optimal_control.runge_kutta import RK4, RungeKutta
 
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 

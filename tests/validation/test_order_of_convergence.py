@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from convergence import MESHES, SCHEMES, integration_errors, observed_order, optimum_errors
 
-from airrace.optimal_control.integrators import DORMAND_PRINCE_5, RungeKutta
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 
 every_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 

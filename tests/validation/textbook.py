@@ -3,10 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+import delta_iii
 import double_integrator
 import dynamic_soaring
 import hang_glider
+import heated_shuttle
 import level_turn
+import lofted_rocket
 import numpy as np
 import reorientation
 import sliding_mass
@@ -25,6 +28,9 @@ PROBLEMS = (
     dynamic_soaring,
     terminal_bunt,
     reorientation,
+    lofted_rocket,
+    heated_shuttle,
+    delta_iii,
 )
 
 

@@ -22,7 +22,7 @@ class Effort:
     """How much is tried.
 
     Attributes:
-        radii: of the plans that are flown as a whole.
+        radii: of the plans that are flown as a whole, besides the race's own plan.
         twins: of how many of these plans the twin is flown, too, that decides ties the other way, if there are any.
         thinking: radius at which other ways through a stretch are planned.
         dearest: s, by which the plan of a way through a stretch may take longer than that of the flight.
@@ -47,8 +47,8 @@ class Effort:
 
 
 QUICK = Effort(
-    radii=(Radius(1.0), Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
-    twins=1,
+    radii=(Radius(0.7), Radius(0.6, slower=True), Radius(0.4)),
+    twins=0,
     thinking=Radius(0.5),
     dearest=2.0,
     rounds=3,
@@ -58,11 +58,12 @@ QUICK = Effort(
 )
 THOROUGH = Effort(
     radii=(
+        Radius(1.0),
         *QUICK.radii,
         *(Radius(factor) for factor in (0.85, 0.55, 0.3)),
         *(Radius(factor, slower=True) for factor in (0.85, 0.7, 0.5, 0.4)),
     ),
-    twins=11,
+    twins=12,
     thinking=Radius(0.5),
     dearest=6.0,
     rounds=8,

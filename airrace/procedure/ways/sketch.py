@@ -33,6 +33,8 @@ STEP = 4  # phases of like length share their number of intervals, and so a solv
 TOLERANCE = 1e-5
 STALL_SECONDS = 20.0  # of which an iteration takes a thousandth
 ITERATIONS = 120  # those that converge take 30 to 60; one that is lost is not worth more
+OWN_ITERATIONS = 400
+"""Of the start without exploring, which must not be lost by it: of generated courses it takes 30 to 300, once 900."""
 AGAIN_BARRIER = 1e-3  # of a solve that starts from the same flight on another mesh
 TOO_FEW = 0.7  # of the intervals that a phase should have
 DECEIVED = 0.01  # s, by which a phase may be too fast for its mesh alone
@@ -41,12 +43,13 @@ SKETCHES = 3  # meshes at most
 
 @dataclass(frozen=True, eq=False)
 class Draught:
-    """A flight to be sketched: how it is planned, and a guess on a mesh."""
+    """A flight to be sketched: how it is planned, a guess on a mesh, and how many iterations it is worth."""
 
     flight: Flight
     mesh: Sequence[tuple[float, ...]]
     guess: Iterate
     barrier: float
+    iterations: int = ITERATIONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +104,7 @@ def sketched(service: SolverService, draught: Draught) -> Sketch | None:
     found: Sketch | None = None
     for _ in range(SKETCHES):
         problem = draught.flight.problem(mesh)
-        solution = attempted(service, problem, iterate, barrier)
+        solution = attempted(service, problem, iterate, barrier, draught.iterations)
         if solution is None or not solution.success:
             return found
         multipliers = solution.multipliers.constraints

@@ -14,8 +14,10 @@ from ways_bench import workbench
 
 from airrace.procedure import ladder
 from airrace.procedure.ladder import Ladder
+from airrace.procedure.progress import Silent
 from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult, Way
+from airrace.procedure.run import optimise
 from airrace.procedure.settings import Explore
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import THOROUGH, Effort, Radius
@@ -162,6 +164,17 @@ def test_rough_time_of_the_best_way_is_near_the_certified_one(race: Race) -> Non
 def test_without_exploring_nothing_is_told() -> None:
     assert optimum(WOUND, OFF).explored.ways == ()
     assert optimum(WOUND, OFF).explored.seconds == 0.0
+
+
+def test_start_without_exploring_is_never_lost_by_it() -> None:
+    """Were all other plans of no use, exploring would still end where the race ends without it."""
+    others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ladder, "EFFORTS", {Explore.QUICK: others_lead_nowhere})
+        (result,) = optimise(WOUND, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
+    assert result.certified
+    assert (result.explored.led, result.explored.elsewhere, result.explored.lost) == (1, 0, 0)
+    assert seconds(result) == pytest.approx(seconds(optimum(WOUND, OFF)), abs=SAME)
 
 
 def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:

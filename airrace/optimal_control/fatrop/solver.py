@@ -10,18 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.optimal_control.fatrop_functions import Functions
-from airrace.optimal_control.fatrop_interrupt import interrupts_held_back
-from airrace.optimal_control.fatrop_library import (
+from airrace.optimal_control.fatrop.functions import Functions
+from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
+from airrace.optimal_control.fatrop.library import (
     EVALUATED,
     OUTPUT,
     Callback,
     doubles_at,
     fatrop,
     interface,
+    number_of_stage,
 )
-from airrace.optimal_control.fatrop_matrices import Destination, MatrixFamily, destination
-from airrace.optimal_control.fatrop_stages import Bounds, Rows, Stages
+from airrace.optimal_control.fatrop.matrices import Destination, MatrixFamily, destination
+from airrace.optimal_control.fatrop.probe import require_known_interface
+from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.transcription import NonlinearProgram
 from airrace.trajectory import Array
@@ -81,9 +83,13 @@ class FatropSolver:
 
     Args:
         options: of fatrop, by its names; integers and floats are told apart.
+
+    Raises:
+        SolverCrash: the library is missing, or its interface is laid out otherwise than expected.
     """
 
     def __init__(self, program: NonlinearProgram, layout: Layout, options: Mapping[str, float | int]) -> None:
+        require_known_interface()
         self._stages = Stages(layout, program.jac_g.sparsity_out(1), program.hess_l.sparsity_out(1))
         self._functions = Functions(program)
         self._options = dict(options)
@@ -202,10 +208,10 @@ class _Run:
             return 0
 
         return {
-            "get_nx": _number_of_stage(stages.n_x),
-            "get_nu": _number_of_stage(stages.n_u),
-            "get_ng": _number_of_stage(rows.equalities),
-            "get_ng_ineq": _number_of_stage(rows.inequalities),
+            "get_nx": number_of_stage(stages.n_x.tolist()),
+            "get_nu": number_of_stage(stages.n_u.tolist()),
+            "get_ng": number_of_stage(rows.equalities.tolist()),
+            "get_ng_ineq": number_of_stage(rows.inequalities.tolist()),
             "get_horizon_length": horizon,
             "get_bounds": bounds,
             "get_initial_xk": initial_states,
@@ -311,13 +317,3 @@ class _Run:
 def _infinite(values: Array) -> Array:
     """The values, infinity in place of NaN."""
     return np.where(np.isnan(values), np.inf, values)
-
-
-def _number_of_stage(numbers: Indices) -> Callback:
-    """A callback that looks up the number of stage k."""
-    found: list[int] = numbers.tolist()
-
-    def callback(k: int, _: object) -> int:
-        return found[k]
-
-    return callback

@@ -24,10 +24,17 @@ def integrate(
     absolute: float,
     first_step: float | None = None,
 ) -> Array:
-    """States at increasing `times` (n,) from `start` (m,) at the first of them; shape (m, n).
+    """Integrate differential equations by the Runge-Kutta scheme DOP853 of orders 8, 5 and 3 [Hairer 1993, II.5].
 
     Args:
-        first_step: tried first; by default the integrator looks for one.
+        rates: from the time and the state (m,) to the state's rates (m,).
+        start: state at the first of the times, shape (m,).
+        times: increasing, s; shape (n,).
+        relative, absolute: tolerances of the error of a step, as a fraction of the state and in its units.
+        first_step: length that is tried first, s; by default the integrator looks for one.
+
+    Returns:
+        The states at these times, shape (m, n).
     """
     # Imported here, see `load_in_background`; scipy ships no types.
     from scipy.integrate import solve_ivp as untyped  # pyright: ignore[reportUnknownVariableType]

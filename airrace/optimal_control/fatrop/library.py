@@ -7,7 +7,7 @@ so they are called directly here.
 import ctypes
 import sys
 from collections.abc import Callable, Sequence
-from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int, c_void_p
+from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ class Dims(Structure):
 
 
 class Stats(Structure):
-    """`FatropOcpCStats`."""
+    """`FatropOcpCStats`: times, numbers of calls and how the solve ended."""
 
     _fields_ = (
         *((f"{name}_time", c_double) for name in ("compute_sd", "duinf", "eval_hess", "eval_jac", "eval_cv")),
@@ -107,17 +107,30 @@ def interface(callbacks: dict[str, Callback]) -> Interface:
     return result
 
 
+def number_of_stage(numbers: Sequence[int]) -> Callback:
+    """A callback that looks up the number of stage k."""
+
+    def callback(k: int, _: object) -> int:
+        return numbers[k]
+
+    return callback
+
+
 class Output:
     """Where fatrop prints: it has one stream per process, which therefore lives as long as the process.
 
-    What Python raises while printing cannot pass through fatrop; it waits in `error`.
+    What Python raises while printing cannot pass through fatrop; it waits in `error`. While `muted`, nothing is
+    printed; fatrop's own option for that would hold for all solves that follow.
     """
 
     def __init__(self) -> None:
         self.error: BaseException | None = None
+        self.muted = False
         self.callback = _WRITE(self._write)
 
     def _write(self, address: int, count: int) -> None:
+        if self.muted:
+            return
         try:
             sys.stdout.write(ctypes.string_at(address, count).decode(errors="replace"))
         except BaseException as error:
@@ -125,6 +138,23 @@ class Output:
 
 
 OUTPUT = Output()
+
+
+PROTOTYPES: Sequence[tuple[str, Any, tuple[Any, ...]]] = (  # Any: as above
+    ("fatrop_ocp_c_create", c_void_p, (POINTER(Interface), _WRITE, c_void_p)),
+    ("fatrop_ocp_c_solve", c_int, (c_void_p,)),
+    ("fatrop_ocp_c_set_option_double", c_int, (c_void_p, c_char_p, c_double)),
+    ("fatrop_ocp_c_set_option_int", c_int, (c_void_p, c_char_p, c_int)),
+    ("fatrop_ocp_c_get_primal", POINTER(Vector), (c_void_p,)),
+    ("fatrop_ocp_c_get_dual", POINTER(Vector), (c_void_p,)),
+    ("fatrop_ocp_c_get_dims", POINTER(Dims), (c_void_p,)),
+    ("fatrop_ocp_c_get_stats", POINTER(Stats), (c_void_p,)),
+    ("fatrop_ocp_c_destroy", None, (c_void_p,)),
+    ("blasfeo_memsize_dmat", c_size_t, (c_int, c_int)),
+    ("blasfeo_create_dmat", None, (c_int, c_int, c_void_p, c_void_p)),
+    ("blasfeo_pack_dmat", None, (c_int, c_int, c_void_p, c_int, c_void_p, c_int, c_int)),
+)
+"""Name, result and arguments of every function that is called, as in the headers."""
 
 
 @cache
@@ -142,21 +172,7 @@ def fatrop() -> ctypes.CDLL:
 
 
 def _with_prototypes(library: ctypes.CDLL) -> ctypes.CDLL:
-    prototypes: Sequence[tuple[str, Any, tuple[Any, ...]]] = (  # Any: as above
-        ("fatrop_ocp_c_create", c_void_p, (POINTER(Interface), _WRITE, c_void_p)),
-        ("fatrop_ocp_c_solve", c_int, (c_void_p,)),
-        ("fatrop_ocp_c_set_option_double", c_int, (c_void_p, c_char_p, c_double)),
-        ("fatrop_ocp_c_set_option_int", c_int, (c_void_p, c_char_p, c_int)),
-        ("fatrop_ocp_c_get_primal", POINTER(Vector), (c_void_p,)),
-        ("fatrop_ocp_c_get_dual", POINTER(Vector), (c_void_p,)),
-        ("fatrop_ocp_c_get_dims", POINTER(Dims), (c_void_p,)),
-        ("fatrop_ocp_c_get_stats", POINTER(Stats), (c_void_p,)),
-        ("fatrop_ocp_c_destroy", None, (c_void_p,)),
-        ("blasfeo_memsize_dmat", c_int, (c_int, c_int)),
-        ("blasfeo_create_dmat", None, (c_int, c_int, c_void_p, c_void_p)),
-        ("blasfeo_pack_dmat", None, (c_int, c_int, c_void_p, c_int, c_void_p, c_int, c_int)),
-    )
-    for name, result, arguments in prototypes:
+    for name, result, arguments in PROTOTYPES:
         function = library[name]
         function.restype, function.argtypes = result, arguments
         setattr(library, name, function)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop_library import doubles_at, fatrop
+from airrace.optimal_control.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.layout import Indices
 from airrace.trajectory import Array
 

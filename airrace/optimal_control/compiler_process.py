@@ -1,7 +1,7 @@
-"""A process that compiles the kernels of one system, `python -m airrace.optimal_control.prepare`.
+"""A process that compiles the kernels of one system, `python -m airrace.optimal_control.compiler_process`.
 
-`preparation.py` starts it and hands over system and scheme, pickled, as standard input. Ended early, it takes its
-compilers and temporary files along.
+`background_compilation.py` starts it and hands over system and scheme, pickled, as standard input. Ended early, it
+takes its compilers and temporary files along.
 """
 
 import ctypes
@@ -14,7 +14,9 @@ from types import FrameType
 from airrace.errors import KernelError
 from airrace.optimal_control.kernels import compile_kernels
 
-PRIORITY = 10  # as of `nice`: compiling takes what is left by the solver
+PRIORITY = 10
+"""By how much the process gives way, as of `nice`, from 0 to 19: compiling takes what the solver leaves."""
+
 _PR_SET_PDEATHSIG = 1
 
 

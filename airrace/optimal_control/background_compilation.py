@@ -6,7 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from airrace.optimal_control.integrators import RungeKutta
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.system import System
 
 _under_way: dict[Path, "subprocess.Popen[bytes]"] = {}
@@ -20,7 +20,7 @@ def start(library: Path, system: System, scheme: RungeKutta) -> None:
         pickle.dump((system, scheme), order)
         order.seek(0)
         _under_way[library] = subprocess.Popen(
-            [sys.executable, "-m", "airrace.optimal_control.prepare"],
+            [sys.executable, "-m", "airrace.optimal_control.compiler_process"],
             stdin=order,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,

@@ -41,7 +41,7 @@ class Functions:
         self._evaluated_at: Array | None = None
 
     def forget(self) -> None:
-        """Parameters have changed."""
+        """Forget what was evaluated, because parameters have changed."""
         self.seconds = 0.0
         self._evaluated_at = None
 
