@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from airrace.environment.air import Air as Air
     from airrace.errors import AirraceError as AirraceError
     from airrace.optimal_control.certificate import Certificate as Certificate
-    from airrace.procedure.race import Race as Race
-    from airrace.procedure.result import Stage as Stage
+    from airrace.planning.race import Race as Race
     from airrace.procedure.result import StageResult as StageResult
     from airrace.procedure.run import optimise as optimise
     from airrace.procedure.run import recertify as recertify
     from airrace.procedure.settings import Settings as Settings
+    from airrace.procedure.stage import Stage as Stage
     from airrace.track.course import Course as Course
     from airrace.trajectory import Trajectory as Trajectory
 
@@ -33,9 +33,9 @@ _HOMES = {
     "Checkpoint": "airrace.checkpoint",
     "Course": "airrace.track.course",
     "Inputs": "airrace.documents",
-    "Race": "airrace.procedure.race",
+    "Race": "airrace.planning.race",
     "Settings": "airrace.procedure.settings",
-    "Stage": "airrace.procedure.result",
+    "Stage": "airrace.procedure.stage",
     "StageResult": "airrace.procedure.result",
     "Trajectory": "airrace.trajectory",
     "load_inputs": "airrace.documents",

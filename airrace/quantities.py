@@ -23,7 +23,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Quantity:
-    """A named scalar. `scale` is its typical size; bounds are in the same unit and may be infinite."""
+    """A named scalar.
+
+    Attributes:
+        name: the symbol it has in equations and tables.
+        unit: the SI unit.
+        scale: its typical size.
+        lower, upper: its bounds, which may be infinite.
+        text: what it is, for people.
+        rate_of: the name of the state whose time derivative this state or control is; empty where it is none.
+    """
 
     name: str
     unit: str
@@ -31,6 +40,7 @@ class Quantity:
     lower: float = -math.inf
     upper: float = math.inf
     text: str = ""
+    rate_of: str = dataclasses.field(default="", metadata={"counts": "where set"})
 
 
 @dataclass(frozen=True)
@@ -63,9 +73,10 @@ def quantity(
     lower: float = -math.inf,
     upper: float = math.inf,
     text: str = "",
+    rate_of: str = "",
 ) -> Any:  # Any: a dataclass field stands in for a value of the field's own type
     """Declare one entry of a `Vector`."""
-    declared = Quantity("", unit, scale, lower, upper, text)
+    declared = Quantity("", unit, scale, lower, upper, text, rate_of)
     return dataclasses.field(metadata={"quantity": declared})
 
 

@@ -32,6 +32,9 @@ class System:
         path: declarations of c; their bounds hold everywhere unless a phase narrows them.
         path_values: SX function (x, u, p) -> c, shape (n_c,); None without path quantities.
         projection: SX function x -> x applied at the end of each shooting interval (unit quaternions); None for none.
+
+    Raises:
+        ValueError: a state or a control is declared to be the rate of a state that the system does not have.
     """
 
     name: str
@@ -42,6 +45,12 @@ class System:
     path: tuple[Quantity, ...] = ()
     path_values: ca.Function | None = None
     projection: ca.Function | None = None
+
+    def __post_init__(self) -> None:
+        states = {one.name for one in self.states}
+        for one in (*self.states, *self.controls):
+            if one.rate_of and one.rate_of not in states:
+                raise ValueError(f"{one.name} is declared to be the rate of {one.rate_of}, which is no state")
 
 
 @dataclass(frozen=True)

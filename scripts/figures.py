@@ -35,7 +35,6 @@ from matched_laps import PLAN, laps, matched_laps, optimum  # noqa: E402  (the f
 
 from airrace.documents import load_inputs  # noqa: E402
 from airrace.track.course import Course  # noqa: E402
-from airrace.track.gates import Gate, Pylon  # noqa: E402
 from airrace.track.limits import SafetyLine  # noqa: E402
 from airrace.trajectory import Trajectory  # noqa: E402
 
@@ -151,21 +150,22 @@ def abu_dhabi(path: Path, runs: Path) -> None:
 def draw_course(axes: Axes, course: Course) -> None:
     """Gates across their axes, pylons, names on the inside of the course, and the safety lines."""
     elements = {one.element.name: one.element for one in course.passages}
-    standing = [one for one in elements.values() if isinstance(one, Gate | Pylon)]
-    middle = np.mean([[one.east, one.north] for one in standing], axis=0)
-    for element in standing:
+    placed = [(one, one.place) for one in elements.values() if one.stands and one.place is not None]
+    middle = np.mean([[east, north] for _, (north, east) in placed], axis=0)
+    for element, (north, east) in placed:
         name = element.name.split("/")[0]  # both gates of a quad have one
-        where = np.array([element.east, element.north])
+        where = np.array([east, north])
         inward = (middle - where) / np.hypot(*(middle - where))
         style = {"fontsize": 9, "color": GREY, "ha": "center", "va": "center"}
         axes.annotate(name, where, xytext=LABEL_POINTS * inward, textcoords="offset points", **style)
-        if isinstance(element, Gate):
-            half = max(0.5 * element.width, 12.0)  # wide enough to be seen
-            north, east = -half * math.sin(element.heading), half * math.cos(element.heading)
-            ends = np.array([[-1.0], [1.0]]) * (east, north) + (element.east, element.north)
-            axes.plot(*ends.T, color=BLACK, linewidth=2.5, zorder=4)
-        else:
-            axes.plot(element.east, element.north, "o", color=BLACK, markersize=4, zorder=4)
+        across = element.drawing().across
+        if across is None:
+            axes.plot(*where, "o", color=BLACK, markersize=4, zorder=4)
+            continue
+        ends = np.array([[end.east, end.north] for end in across])
+        half = 0.5 * (ends[1] - ends[0])
+        half *= max(1.0, 12.0 / np.hypot(*half))  # wide enough to be seen
+        axes.plot(*np.array([where - half, where + half]).T, color=BLACK, linewidth=2.5, zorder=4)
     for line in {one.name: one for passage in course.passages for one in passage.safety_lines}.values():
         draw_line(axes, line)
 

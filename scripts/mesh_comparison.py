@@ -14,12 +14,12 @@ from airrace.optimal_control.refinement import Mesh, divide
 from airrace.optimal_control.replay import SAMPLES
 from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.solvers import Solution
+from airrace.planning.race import Race
 from airrace.procedure.certification import Evidence, examine
 from airrace.procedure.flight import Flight
 from airrace.procedure.joint import REFINED_BARRIER
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench

@@ -27,8 +27,7 @@ from mesh_comparison import MEASURES, Comparison, Measured, compared
 
 from airrace.documents import load_inputs
 from airrace.errors import AirraceError
-from airrace.procedure.ladder import STAGES
-from airrace.procedure.result import Stage
+from airrace.procedure.stage import STAGES, Stage
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("rovinj_2014", "gdynia_2014", "sixteen_phases", "chiba_2015")

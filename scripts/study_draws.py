@@ -23,14 +23,14 @@ from airrace.frames import angles, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.planning.cruise import Cruise, cruise
+from airrace.planning.plan import Leg, plan
+from airrace.planning.race import Race
 from airrace.procedure.attitudes import align_quaternions
-from airrace.procedure.cruise import Cruise, cruise
 from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.joint import COLD_BARRIER, REFINED_BARRIER, Start, optimise_jointly
-from airrace.procedure.plan import Leg, plan
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench

@@ -17,8 +17,8 @@ from transformations import mirrored, moved, rotated
 
 from airrace.cli.summary import stage_object
 from airrace.errors import AirraceError, InputError
+from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
 

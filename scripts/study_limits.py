@@ -8,7 +8,7 @@ from study_jobs import CERTIFIED, Job, Record, Study, inputs_of, race_time
 from study_tables import SLOWER, Claim, difference, seconds, table, time_or_outcome
 
 from airrace.errors import InputError
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
 

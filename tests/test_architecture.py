@@ -40,7 +40,14 @@ def test_every_package_appears_in_the_architecture() -> None:
 
 def test_every_module_of_the_engine_and_the_procedure_appears_in_the_architecture() -> None:
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
-    for package in ("optimal_control", "optimal_control/fatrop", "procedure", "procedure/ways", "checkpoint"):
+    for package in (
+        "optimal_control",
+        "optimal_control/fatrop",
+        "planning",
+        "procedure",
+        "procedure/ways",
+        "checkpoint",
+    ):
         modules = {path.name for path in (ROOT / "airrace" / package).glob("*.py")} - {"__init__.py"}
         assert {module for module in modules if f"`{module}`" not in text} == set(), package
 

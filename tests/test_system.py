@@ -1,11 +1,11 @@
-"""Systems and observations written down with typed vectors, and observations put side by side."""
+"""Systems written down with typed vectors, what they demand of their declarations, and observations side by side."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from airrace.quantities import Quantity, T, Vector, quantity, vector
-from airrace.system import NoQuantities, Observation, observation_of, side_by_side, system_of
+from airrace.system import NoQuantities, Observation, System, observation_of, side_by_side, system_of
 
 x, a, b = ca.SX.sym("x", 2), ca.SX.sym("a"), ca.SX.sym("b", 2)
 SUM = Observation("sum", (Quantity("s", "m"),), (Quantity("a", "m"),), ca.Function("sum", [x, a], [x[0] + x[1] + a]))
@@ -27,6 +27,19 @@ def test_side_by_side_every_observation_sees_with_its_own_parameters() -> None:
 def test_side_by_side_no_name_means_two_quantities() -> None:
     with pytest.raises(ValueError, match="sum and sum both observe s"):
         side_by_side(SUM, SUM)
+
+
+@pytest.mark.parametrize("moved", ["v", "rate"])
+def test_system_refuses_the_rate_of_what_is_no_state(moved: str) -> None:
+    u = ca.SX.sym("u")
+    with pytest.raises(ValueError, match=f"rate is declared to be the rate of {moved}, which is no state"):
+        System(
+            name="lost",
+            states=(Quantity("s", "m"),),
+            controls=(Quantity("rate", "m/s", rate_of=moved),),
+            parameters=(),
+            rates=ca.Function("rates", [ca.SX.sym("x"), u, ca.SX(0, 1)], [u]),
+        )
 
 
 # written down with typed vectors

@@ -9,9 +9,9 @@ import pytest
 from transformations import Change, changed, mirrored, moved, rotated
 
 from airrace.documents import Document, inputs_from_documents, load_inputs
-from airrace.procedure.cruise import cruise
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.cruise import cruise
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.limits import Turning

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, replace
 
 from airrace.environment.air import Air
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
 from airrace.track.gates import Element, Gate, Manoeuvre, Pylon

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from airrace.checkpoint.digest import content_digest
-from airrace.procedure.result import Stage, StageResult
-
-STAGE_ORDER = {stage: position for position, stage in enumerate(Stage)}
+from airrace.procedure.result import StageResult
+from airrace.procedure.stage import STAGES, Stage
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class Checkpoint:
 
         Stages from this one on are dropped: they were computed from what `result` now replaces.
         """
-        earlier = tuple(one for one in self.stages if STAGE_ORDER[one.result.stage] < STAGE_ORDER[result.stage])
+        earlier = tuple(one for one in self.stages if STAGES.index(one.result.stage) < STAGES.index(result.stage))
         inputs = inputs_hash(self.inputs.resolved)
         link = chain_hash(earlier[-1].chain_hash if earlier else "", inputs, result)
         return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))

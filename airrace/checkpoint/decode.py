@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.checkpoint.checkpoint import STAGE_ORDER, Checkpoint, StoredDocument, StoredInputs, StoredStage
+from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
 from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, ExploredSummary, Version
 from airrace.checkpoint.place import Place
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
@@ -18,12 +18,12 @@ from airrace.procedure.result import (
     GateSplit,
     MeshRecord,
     Outcome,
-    Stage,
     StageResult,
     Timings,
     Way,
     Why,
 )
+from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -41,10 +41,10 @@ def decode(root: Group) -> Checkpoint:
     place = Place("", root).expecting("inputs", "versions", "stages")
     versions = rows_of(Version, place.table("versions"), "/versions")
     stages = place.group("stages")
-    unknown = set(stages.node.members) - {stage.value for stage in Stage}
+    unknown = set(stages.node.members) - {stage.value for stage in STAGES}
     if unknown:
         raise CheckpointError(f"/stages: unknown stage {min(unknown)!r}")
-    stored = [_stage(stages.group(stage.value), stage) for stage in STAGE_ORDER if stage.value in stages.node.members]
+    stored = [_stage(stages.group(stage.value), stage) for stage in STAGES if stage.value in stages.node.members]
     return Checkpoint(_inputs(place.group("inputs")), {row.name: row.version for row in versions}, tuple(stored))
 
 
@@ -185,6 +185,9 @@ def _declaration(name: str, attributes: Mapping[str, Attribute], path: str) -> t
             "upper": float(upper),
             "row": int(row),
         } if QUANTITY_NAME.fullmatch(name):
-            return Quantity(name, unit, scale, lower, upper, text), row
+            rate_of = attributes.get("rate_of", "")
+            if not isinstance(rate_of, str):
+                raise CheckpointError(f"{path}: does not name the state that it is the rate of")
+            return Quantity(name, unit, scale, lower, upper, text, rate_of), row
         case _:
             raise CheckpointError(f"{path}: is not declared as a quantity (units, long_name, scale, lower, upper, row)")

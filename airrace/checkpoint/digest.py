@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.procedure.stage import Stage
+
 
 def content_digest(value: object) -> str:
     """Hex sha256 of a frozen dataclass of arrays, strings, numbers, enums, tuples and further such dataclasses.
 
     Numbers count as what they are stored as, 64-bit floats and integers: 1 and 1.0 have the same digest, as they are
-    the same after a round trip; 0.0 and -0.0 have not.
+    the same after a round trip; 0.0 and -0.0 have not. A field whose metadata say `"counts": "where set"` is left out
+    while it is empty, so that a record that was stored before the field existed keeps its digest.
 
     Raises:
         TypeError: for a value of another kind.
@@ -32,8 +35,11 @@ def _pieces(value: object) -> Iterator[bytes]:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         yield type(value).__name__.encode()
         for field in dataclasses.fields(value):
+            entry = getattr(value, field.name)
+            if field.metadata.get("counts") == "where set" and not entry:
+                continue
             yield field.name.encode()
-            yield from _pieces(getattr(value, field.name))
+            yield from _pieces(entry)
     elif isinstance(value, tuple):
         members: tuple[object, ...] = value  # pyright: ignore[reportUnknownVariableType]  # narrowed from object
         yield struct.pack("<Q", len(members))
@@ -55,7 +61,7 @@ def _scalar(value: object) -> bytes:
     match value:
         case None:
             return b"none"
-        case Enum():
+        case Enum() | Stage():
             return f"enum {value.value}".encode()
         case bool() | np.bool_():
             return b"true" if value else b"false"

@@ -8,7 +8,8 @@
     outcome, message, inputs_hash, chain_hash
     time, interval_time             s, dimension scales: the nodes, the beginnings of the intervals
     states/NAME, controls/NAME      (N + 1,) and (N,), each with its declaration: units, long_name, scale,
-                                    lower, upper, and its row in the vector
+                                    lower, upper, its row in the vector, and rate_of where it is the time
+                                    derivative of a state: that state's name
     phases                          table: one name per row
     first_node, durations
     constraint_multipliers, bound_multipliers
@@ -164,7 +165,7 @@ def _histories(declared: tuple[Quantity, ...], values: Array, axis: str) -> Grou
 
 
 def _declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
-    return {
+    declaration: dict[str, Attribute] = {
         "units": quantity.unit,
         "long_name": quantity.text,
         "scale": float(quantity.scale),
@@ -172,6 +173,7 @@ def _declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
         "upper": float(quantity.upper),
         "row": row,
     }
+    return declaration | ({"rate_of": quantity.rate_of} if quantity.rate_of else {})
 
 
 def _series(values: Array, units: str, long_name: str) -> Series:

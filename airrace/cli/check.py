@@ -33,7 +33,7 @@ def check(
         from airrace.cli.scenery import scenery
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
         from airrace.documents import load_inputs
-        from airrace.procedure.review import review
+        from airrace.planning.review import review
 
         inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         race, remarks = inputs.race, review(inputs.race)

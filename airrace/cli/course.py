@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from airrace.frames import angle_between
-from airrace.procedure.race import Race
-from airrace.procedure.review import Remark
+from airrace.planning.race import Race
+from airrace.planning.review import Remark
 from airrace.quantities import Interval
-from airrace.track.course import Direction, Passage
-from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.course import Passage
 from airrace.track.limits import Crowd, Roll, SafetyLine
 from airrace.track.polygons import Point
 
@@ -86,7 +85,7 @@ def safety_lines(race: Race) -> list[SafetyLine]:
 def rows(race: Race) -> list[Row]:
     """One row per passage, in the order flown."""
     passages = race.course.passages
-    places = [_place(passage) for passage in passages]
+    places = [passage.element.place for passage in passages]
     legs = [_straight(a, b) for a, b in pairwise(places)]
     before = [None, *legs]
     after = [*legs, None]
@@ -97,62 +96,21 @@ def rows(race: Race) -> list[Row]:
 
 
 def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[float, float] | None) -> Row:
-    kind, bank = _kind(passage)
-    place = _place(passage)
-    north, east = place if place is not None else (None, None)
+    element = passage.element
+    north, east = element.place or (None, None)
+    course = element.course(passage.direction)
     return Row(
         passage=passage,
-        kind=kind,
+        kind=element.type_name,
         north=north,
         east=east,
-        height=_height(passage),
-        heading=_heading(passage),
-        climb=passage.element.climb if isinstance(passage.element, Manoeuvre) else None,
-        bank=bank,
+        height=element.nominal_height,
+        heading=None if course is None else course % (2.0 * math.pi),
+        climb=element.prescribed_climb,
+        bank=None if element.two_edged else element.prescribed_bank,
         leg=None if before is None else before[0],
         turn=None if before is None or after is None else angle_between(after[1], before[1]),
     )
-
-
-def _kind(passage: Passage) -> tuple[str, float | None]:
-    """The type as a track file names it, and the bank it prescribes, rad."""
-    match passage.element:
-        case Gate(bank=bank, either_bank=either):
-            level = math.isclose(bank, 0.0, abs_tol=1e-9)
-            return ("level" if level else "knife-edge"), None if either else bank
-        case Pylon():
-            return "pylon", None
-        case Manoeuvre(bank=bank, kind=kind):
-            return kind, bank
-
-
-def _place(passage: Passage) -> tuple[float, float] | None:
-    """North and east, m; None where they are free."""
-    match passage.element:
-        case Manoeuvre(north=north, east=east):
-            fixed = north.lower == north.upper and east.lower == east.upper
-            return (north.lower, east.lower) if fixed else None
-        case Gate(north=north, east=east) | Pylon(north=north, east=east):
-            return north, east
-
-
-def _height(passage: Passage) -> float | None:
-    match passage.element:
-        case Manoeuvre(height=height):
-            return height.lower if height.lower == height.upper else None
-        case Gate(height=height) | Pylon(height=height):
-            return height
-
-
-def _heading(passage: Passage) -> float | None:
-    """The course through the element, rad, in [0, 2 pi); None where it is free or still to be planned."""
-    match passage.element:
-        case Gate(heading=heading) if passage.direction is not Direction.PLANNED:
-            return (heading + (math.pi if passage.direction is Direction.REVERSE else 0.0)) % (2.0 * math.pi)
-        case Manoeuvre(heading=heading) if heading is not None:
-            return heading % (2.0 * math.pi)
-        case _:
-            return None
 
 
 def _straight(a: tuple[float, float] | None, b: tuple[float, float] | None) -> tuple[float, float] | None:

@@ -2,6 +2,7 @@
 
 import io
 import math
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,11 @@ from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
 from airrace.errors import UsageError
-from airrace.procedure.clearances import ground_distance
-from airrace.procedure.race import Race
-from airrace.track.gates import Gate, Pylon
+from airrace.planning.clearances import ground_distance
+from airrace.planning.race import Race
+from airrace.track.element import Drawing
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
 # Any: the stubs of matplotlib leave keyword arguments untyped.
@@ -91,8 +93,7 @@ def course_figure(race: Race, seen: Scenery) -> Figure:
     axes.set_title(_subtitle(race), loc="left", fontsize=9, color=GREY)
     _draw_surroundings(axes, seen, frame)
     _draw_ways(axes, seen)
-    _draw_gates(axes, seen, frame)
-    _draw_pylons(axes, seen)
+    _draw_elements(axes, seen, frame)
     figure.legend(loc="outside right upper", frameon=False, fontsize=9)
     figure.draw_without_rendering()  # only then is it known where the axes lie
     _draw_wind(axes, seen, race.air.wind)
@@ -191,22 +192,57 @@ def _joined(lines: list[Array]) -> Array:
     return np.concatenate([piece for line in lines for piece in (line, gap)])
 
 
-def _draw_gates(axes: Axes, seen: Scenery, frame: Box) -> None:
-    """To scale: two pylons, the window left between their clearances, and an arrow for every course flown."""
-    gates = [(mark, mark.element) for mark in seen.marks if isinstance(mark.element, Gate)]
-    if not gates:
-        return
-    pylons = np.array([_across(mark, gate.heading, 0.5 * gate.width) for mark, gate in gates])
-    windows = [
-        _across(mark, gate.heading, max(0.5 * gate.width - gate.tolerances.clearance, 0.0)) for mark, gate in gates
-    ]
-    north, east = _joined(windows).T
-    axes.plot(east, north, color=BLACK, linewidth=2.0, zorder=5, solid_capstyle="butt")
-    ends = pylons.reshape(-1, 2)
-    axes.plot(ends[:, 1], ends[:, 0], color=BLACK, marker="o", markersize=3.5, linestyle="none", zorder=6)
-    axes.plot([], [], color=BLACK, marker="o", markersize=3.5, linewidth=2.0, label="gate, and the courses through it")
-    arrows = np.array([(mark.east, mark.north, heading) for mark, _ in gates for heading in mark.headings])
-    length = ARROW * max(frame.width, frame.height)
+def _draw_elements(axes: Axes, seen: Scenery, frame: Box) -> None:
+    """To scale: what is flown through, with an arrow for every course; then what is flown past; then mere places."""
+    groups: dict[str, list[tuple[Mark, Drawing]]] = {}
+    for mark in seen.marks:
+        drawing = mark.element.drawing()
+        groups.setdefault(drawing.legend, []).append((mark, drawing))
+    for legend, group in sorted(groups.items(), key=lambda entry: _rank(entry[1][0][1])):
+        if any(drawing.window for _, drawing in group):
+            _draw_courses(axes, [mark for mark, _ in group], ARROW * max(frame.width, frame.height))
+        _draw_group(axes, group, legend)
+
+
+def _rank(drawing: Drawing) -> int:
+    return 0 if drawing.window else 1 if drawing.posts else 2
+
+
+def _draw_group(axes: Axes, group: list[tuple[Mark, Drawing]], legend: str) -> None:
+    """Elements that are drawn alike, with their entry in the legend."""
+    drawings = [drawing for _, drawing in group]
+    windows = [_places(one.window) for one in drawings if one.window]
+    reaches = [_places(one.reach) for one in drawings if one.reach]
+    posts = [_places(one.posts) for one in drawings if one.posts]
+    size = 3.5 if windows else 6
+    marker = "o" if posts else "none"
+    entry: dict[str, Any] = {"color": BLACK, "marker": marker, "markersize": size, "linestyle": "none"}
+    if windows:
+        north, east = _joined(windows).T
+        axes.plot(east, north, color=BLACK, linewidth=2.0, zorder=5, solid_capstyle="butt")
+        entry |= {"linewidth": 2.0, "linestyle": "solid"}
+    if reaches:
+        north, east = _joined(reaches).T
+        axes.plot(east, north, color=GREY, linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=4)
+        entry |= {"color": GREY, "mec": BLACK, "mfc": BLACK, "linestyle": ":"}
+    if posts:
+        north, east = np.concatenate(posts).T
+        axes.plot(east, north, color=BLACK, marker="o", markersize=size, linestyle="none", zorder=6)
+    if not (windows or reaches or posts):
+        north, east = [mark.north for mark, _ in group], [mark.east for mark, _ in group]
+        axes.plot(east, north, color=BLACK, marker="+", markersize=10, linestyle="none", zorder=6)
+        entry |= {"marker": "+", "markersize": 10}
+    axes.plot([], [], label=legend, **entry)
+
+
+def _places(points: Sequence[Point]) -> Array:
+    """North and east, shape (n, 2), m."""
+    return np.array([[point.north, point.east] for point in points])
+
+
+def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
+    """An arrow for every course flown through an element."""
+    arrows = np.array([(mark.east, mark.north, heading) for mark in marks for heading in mark.headings]).reshape(-1, 3)
     axes.quiver(
         arrows[:, 0],
         arrows[:, 1],
@@ -220,31 +256,6 @@ def _draw_gates(axes: Axes, seen: Scenery, frame: Box) -> None:
         headwidth=5.0,
         zorder=5,
     )
-
-
-def _across(mark: Mark, heading: float, half: float) -> Array:
-    """North and east of both ends of a line across an axis, shape (2, 2), m."""
-    across = np.array([-math.sin(heading), math.cos(heading)])
-    return np.array([mark.north, mark.east]) + half * np.array([-across, across])
-
-
-def _draw_pylons(axes: Axes, seen: Scenery) -> None:
-    """A dot, and the stretch in which the passing counts; places of manoeuvres as crosses."""
-    pylons = [(mark, mark.element) for mark in seen.marks if isinstance(mark.element, Pylon)]
-    if pylons:
-        places = np.array([[mark.north, mark.east] for mark, _ in pylons])
-        windows = [
-            place + np.outer([pylon.tolerances.clearance, pylon.reach], [math.cos(pylon.side), math.sin(pylon.side)])
-            for place, (_, pylon) in zip(places, pylons, strict=True)
-        ]
-        north, east = _joined(windows).T
-        axes.plot(east, north, color=GREY, linewidth=0.9, linestyle=(0, (1, 1.5)), zorder=4)
-        axes.plot(places[:, 1], places[:, 0], color=BLACK, marker="o", markersize=6, linestyle="none", zorder=6)
-        axes.plot([], [], color=GREY, marker="o", mec=BLACK, mfc=BLACK, linestyle=":", label="pylon, and its window")
-    others = [mark for mark in seen.marks if not isinstance(mark.element, Gate | Pylon)]
-    if others:
-        east, north = [mark.east for mark in others], [mark.north for mark in others]
-        axes.plot(east, north, color=BLACK, marker="+", markersize=10, linestyle="none", label="manoeuvre", zorder=6)
 
 
 def _draw_wind(axes: Axes, seen: Scenery, wind: StaticWind | None) -> None:
@@ -301,11 +312,12 @@ def _write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None
 
 def _span(mark: Mark, arrow: float) -> Array:
     """Points of what is drawn of a mark, north and east, shape (n, 2), m."""
-    rays = [(heading, arrow) for heading in mark.headings]
-    if isinstance(mark.element, Pylon):
-        rays = [(mark.element.side, mark.element.reach)]
-    points = [np.outer(np.linspace(0.0, reach, 12), [math.cos(angle), math.sin(angle)]) for angle, reach in rays]
-    return np.array([mark.north, mark.east]) + np.concatenate([np.zeros((1, 2)), *points])
+    centre, reach = np.array([mark.north, mark.east]), mark.element.drawing().reach
+    tips = [arrow * np.array([math.cos(heading), math.sin(heading)]) for heading in mark.headings]
+    if reach is not None:
+        tips = [_places(reach)[1] - centre]
+    points = [np.outer(np.linspace(0.0, 1.0, 12), tip) for tip in tips]
+    return centre + np.concatenate([np.zeros((1, 2)), *points])
 
 
 def _numbers(mark: Mark, seen: Scenery) -> str:

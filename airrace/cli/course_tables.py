@@ -10,10 +10,9 @@ from rich.table import Table
 from airrace.cli.course import Row, rows, safety_lines
 from airrace.cli.tables import plain_table
 from airrace.documents.units import KNOT
-from airrace.procedure.race import Race
-from airrace.procedure.review import Remark
+from airrace.planning.race import Race
+from airrace.planning.review import Remark
 from airrace.quantities import Interval
-from airrace.track.gates import Manoeuvre
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
 
@@ -62,9 +61,9 @@ def _passage_cells(row: Row) -> list[str]:
 
 def _height_cell(row: Row) -> str:
     """Of a free manoeuvre at least its bounds."""
-    element = row.passage.element
-    if row.height is None and isinstance(element, Manoeuvre) and element.height.bounded:
-        lower, upper = element.height.lower, element.height.upper
+    heights = row.passage.element.heights
+    if row.height is None and heights.bounded:
+        lower, upper = heights.lower, heights.upper
         if not math.isfinite(lower):
             return f"< {upper:.0f}"
         return f"> {lower:.0f}" if not math.isfinite(upper) else f"{lower:.0f}-{upper:.0f}"

@@ -11,8 +11,7 @@ from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
 from airrace.cli.scenery import Mark, Scenery
 from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
-from airrace.procedure.clearances import ground_distance
-from airrace.track.gates import Gate
+from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
 
@@ -133,12 +132,13 @@ def _lap(lap: int) -> Layer:
 
 
 def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
-    """A gate as a stroke across its axis, to scale but long enough to be seen; everything else as a dot."""
-    if isinstance(mark.element, Gate):
-        half = max(0.5 * mark.element.width, 3.0 * canvas.dot)
-        north, east = -half * math.sin(mark.element.heading), half * math.cos(mark.element.heading)
-        ends = [[mark.north - north, mark.east - east], [mark.north + north, mark.east + east]]
-        canvas.line(GATE, np.array(ends))
+    """What is flown through as a stroke across its axis, to scale but long enough to be seen; all else as a dot."""
+    across = mark.element.drawing().across
+    if across is not None:
+        ends = np.array([[end.north, end.east] for end in across])
+        middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
+        half *= max(1.0, 3.0 * canvas.dot / float(np.hypot(*half)))
+        canvas.line(GATE, np.array([middle - half, middle + half]))
         return
     canvas.write(*canvas.cell(mark.north, mark.east), "o" if plain else "\u2022", PYLON)
 
@@ -183,7 +183,7 @@ def _legend(seen: Scenery, *, plain: bool) -> Text:
     laps = sorted({max(way.lap, 1) for way in seen.ways})
     entries = [(f"lap {lap}", _lap(lap), True) for lap in (laps if len(laps) <= len(LAPS) else [])]
     entries += [
-        ("gate", GATE, any(isinstance(mark.element, Gate) for mark in seen.marks)),
+        ("gate", GATE, any(mark.element.drawing().across for mark in seen.marks)),
         ("crowd and its distance", CROWD, bool(seen.course.crowd)),
         ("safety line, shaded where forbidden", SAFETY, bool(seen.lines)),
         ("airspace", AIRSPACE, bool(seen.course.airspace)),

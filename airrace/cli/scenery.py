@@ -1,17 +1,14 @@
 """What a course looks like from above: ways, gates, pylons, people, lines. Both pictures of it are drawn from this."""
 
 import itertools
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from airrace.procedure.cruise import cruise
-from airrace.procedure.legs import PLANNED_MAX, place
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.legs import PLANNED_MAX, place
+from airrace.planning.race import Race
 from airrace.track.course import Course, Direction, Passage
-from airrace.track.gates import Gate, Manoeuvre, Pylon
+from airrace.track.element import Element
 from airrace.track.limits import SafetyLine
 from airrace.trajectory import Array
 
@@ -31,7 +28,7 @@ class Mark:
     """
 
     label: str
-    element: Gate | Pylon | Manoeuvre
+    element: Element
     north: float
     east: float
     passings: tuple[tuple[int, float | None], ...]
@@ -99,18 +96,13 @@ def _label(name: str) -> str:
 
 def _heading(passage: Passage) -> float | None:
     """The course through an element, rad; of a gate still to be planned, its axis."""
-    match passage.element:
-        case Gate(heading=heading):
-            return heading + (math.pi if passage.direction is Direction.REVERSE else 0.0)
-        case Manoeuvre(heading=heading):
-            return heading
-        case Pylon():
-            return None
+    reverse = passage.direction is Direction.REVERSE
+    return passage.element.course(Direction.REVERSE if reverse else Direction.FORWARD)
 
 
 def _planned(race: Race) -> tuple[Way, ...]:
     """The plan from which an optimisation would start; straight where it leads through the vertical."""
-    planned = plan(race.course, cruise(race.aircraft, race.course.rules))
+    planned = race.plan
     ways: list[Way] = []
     last: tuple[float, float] | None = None
     for leg, here, there in zip(planned.legs, planned.waypoints, planned.waypoints[1:], strict=False):

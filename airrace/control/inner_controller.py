@@ -97,10 +97,10 @@ class Plant:
         return clip((rate - self.rates["delta_T"]) / jacobian(followed, lever), 0.0, 1.0)
 
     def following(self, wanted: Named) -> Named:
-        """Controls that make states, each driven by a control called its rate, follow what is wanted of them."""
+        """Controls that make states follow what is wanted of them; each state has a control that is its rate."""
         controls: Named = {}
         for name, value in wanted.items():
-            state, control = declared(self.system.states, name), declared(self.system.controls, f"{name}_dot")
+            state, control = declared(self.system.states, name), rate_declared(self.system.controls, name)
             inside = clip(value, state.lower, state.upper)
             controls[control.name] = clip(FOLLOWER * (inside - self.x[name]), control.lower, control.upper)
         return controls
@@ -127,6 +127,11 @@ class Plant:
 def declared(quantities: Sequence[Quantity], name: str) -> Quantity:
     """The declaration of one quantity by its name."""
     return next(one for one in quantities if one.name == name)
+
+
+def rate_declared(quantities: Sequence[Quantity], name: str) -> Quantity:
+    """The declaration of the quantity that is the rate of the state `name`."""
+    return next(one for one in quantities if one.rate_of == name)
 
 
 def limited(system: System, name: str, value: Scalar) -> Scalar:

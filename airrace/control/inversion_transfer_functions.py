@@ -8,7 +8,7 @@ and the commands follow by inverting the lags exactly. The bandwidth is the lag'
 commands that move faster than a pilot's hand: a slow aircraft would be shaken instead of flown.
 """
 
-from airrace.control.inner_controller import InnerController, Named, Plant, declared, jacobian, limited
+from airrace.control.inner_controller import InnerController, Named, Plant, declared, jacobian, limited, rate_declared
 from airrace.control.outer_loop import clip
 from airrace.dynamics.flight_model import FlightModel
 from airrace.environment.elementary import maximum, minimum, sqrt
@@ -27,8 +27,8 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
     n_y = _allowed(plant, "n_y", command.n_y, "beta_A")
     p = limited(plant.system, "p_Kbar", command.p)
     wanted: Named = {
-        "n_z_cmd": _command_for(plant, "n_z_dot", _answer(plant, "n_z", n_z, command.n_z_dot), "n_z_cmd"),
-        "n_y_cmd": _command_for(plant, "n_y_dot", _answer(plant, "n_y", n_y, 0.0), "n_y_cmd"),
+        "n_z_cmd": _command_for(plant, "n_z_dot", _answer(plant, "n_z", "n_z_cmd", n_z, command.n_z_dot), "n_z_cmd"),
+        "n_y_cmd": _command_for(plant, "n_y_dot", _answer(plant, "n_y", "n_y_cmd", n_y, 0.0), "n_y_cmd"),
         "p_cmd": _command_for(plant, "p_Kbar", command.p_dot + K_P * (p - x["p_Kbar"]), "p_cmd"),
     }
     settled: Named = {
@@ -53,11 +53,11 @@ def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
     return limited(plant.system, name, clip(value, minimum(one, other), maximum(one, other)))
 
 
-def _answer(plant: Plant, name: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
-    """`n''_des` of a load factor."""
-    now, rate = plant.x[name], plant.x[f"{name}_dot"]
-    w = sqrt(jacobian(plant.rates[f"{name}_dot"], plant.x[f"{name}_cmd"]))
-    return 3.0 * w * (wanted_dot + w * (wanted - now) - rate)
+def _answer(plant: Plant, name: str, by: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
+    """`n''_des` of the load factor `name`, which is commanded by the state `by`."""
+    rate = rate_declared(plant.system.states, name).name
+    w = sqrt(jacobian(plant.rates[rate], plant.x[by]))
+    return 3.0 * w * (wanted_dot + w * (wanted - plant.x[name]) - plant.x[rate])
 
 
 def _command_for(plant: Plant, name: str, rate: Scalar, by: str) -> Scalar:

@@ -106,7 +106,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     rates = np.asarray(system.rates.map(points)(state, control, p))
     load = LoadFactors[Array].split(np.asarray(load_factors(system).map(points)(state, control, p)))
     own = {one.name: row for one, row in zip((*system.states, *system.controls), [*state, *control], strict=True)}
-    own_rates = {f"{one.name}_dot": row for one, row in zip(system.states, rates, strict=True)}
+    rate_of = {one.name: row for one, row in zip(system.states, rates, strict=True)}
     R: list[list[Array]] = rotation([own[name] for name in ("q0", "q1", "q2", "q3")])
     specific = (load.n_x, load.n_y, -load.n_z)
     a_N, a_E, a_D = (g0 * sum_of_products(row, specific) for row in R)
@@ -116,9 +116,9 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
     histories = ReferencePoint[Array](
         **{name: own[name] for name in ("x", "y", "z", "q0", "q1", "q2", "q3", "delta_T")},
         **counted,
-        v_N=own_rates["x_dot"],
-        v_E=own_rates["y_dot"],
-        v_D=own_rates["z_dot"],
+        v_N=rate_of["x"],
+        v_E=rate_of["y"],
+        v_D=rate_of["z"],
         a_N=a_N,
         a_E=a_E,
         a_D=a_D + g0,
@@ -129,7 +129,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
         soft_n_z_dot=np.gradient(soft_n_z, s),
         soft_p=soft_p,
         soft_p_dot=np.gradient(soft_p, s),
-        delta_T_dot=own_rates["delta_T_dot"],
+        delta_T_dot=rate_of["delta_T"],
     )
     return Reference(s, histories, boundaries)
 

@@ -37,11 +37,11 @@ def settle(model: FlightModel, inverse: InnerLoopInverse, reference: Reference, 
     here = at(reference, nodes)
     state = settled_states(model.system, inverse(model), here)
     steps = np.diff(nodes)
-    rates = {f"{one.name}_dot": np.diff(row) / steps for one, row in zip(model.system.states, state, strict=True)}
+    rates = {one.name: np.diff(row) / steps for one, row in zip(model.system.states, state, strict=True)}
     held = {"delta_T_cmd": here.delta_T, "Phi_reset": here.Phi_reset, "gain_reset": here.gain_reset}
 
     def control(one: Quantity) -> Array:
-        values = rates[one.name] if one.name in rates else 0.5 * (held[one.name][1:] + held[one.name][:-1])
+        values = rates[one.rate_of] if one.rate_of else 0.5 * (held[one.name][1:] + held[one.name][:-1])
         return np.clip(values, one.lower, one.upper)
 
     return state, np.stack([control(one) for one in model.system.controls])

@@ -220,12 +220,12 @@ def _at(wanted: Array, clock: Array, row: Array) -> Array:
 
 def _controls(system: System, flown: _Flown, time: Array, state: Array) -> Array:
     """From node to node: the mean rate of what a control is the rate of; else its mean."""
-    rows = {f"{one.name}_dot": row for one, row in zip(system.states, state, strict=True)}
+    rows = {one.name: row for one, row in zip(system.states, state, strict=True)}
     steps = np.diff(time)
     controls: list[Array] = []
     for one, recorded in zip(system.controls, flown.control, strict=True):
-        if one.name in rows:
-            mean = np.diff(rows[one.name]) / steps
+        if one.rate_of:
+            mean = np.diff(rows[one.rate_of]) / steps
         else:
             mean = np.diff(_integral(flown.time, recorded, time)) / steps
         controls.append(_clipped(mean, one))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.crosscheck.flown import STEP, Flown, body_attitude
+from airrace.dynamics.inner_loop_controls import SurfaceControl
 from airrace.dynamics.six_dof import SixDofState
 from airrace.trajectory import Array, Trajectory
 
@@ -76,7 +77,9 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
     interval = np.clip(np.searchsorted(optimum.time, times, side="right") - 1, 0, len(optimum.time) - 2)
     since = times - optimum.time[interval]
     histories = {
-        name: optimum.of(name)[interval] + optimum.of(f"{name}_dot")[interval] * since for name in ("eta", "xi", "zeta")
+        rate.rate_of: optimum.of(rate.rate_of)[interval] + optimum.of(rate.name)[interval] * since
+        for rate in SurfaceControl.quantities()
+        if rate.rate_of
     }
     commanded = optimum.of("delta_T_cmd")[interval]
     histories["delta_T"] = commanded + (optimum.of("delta_T")[interval] - commanded) * np.exp(-since / tau_T)

@@ -2,13 +2,11 @@
 
 import math
 
-from airrace.aircraft.aircraft import Aircraft
 from airrace.documents.aircraft import weight_not_carried
-from airrace.documents.figures import base_name
+from airrace.documents.features import base_name
 from airrace.documents.nodes import Reporter
 from airrace.documents.units import KNOT
-from airrace.procedure.race import Race
-from airrace.track.gates import LEVEL, Gate, Passing
+from airrace.planning.race import Race
 
 
 def check_together(race: Race, track: Reporter) -> None:
@@ -26,18 +24,8 @@ def check_together(race: Race, track: Reporter) -> None:
     gates = {passage.element.name: passage.element for passage in race.course.passages}
     remarked: set[str] = set()
     for gate in gates.values():
-        if isinstance(gate, Gate) and base_name(gate.name) not in remarked and not _fits(gate, aircraft, track):
-            remarked.add(base_name(gate.name))
-
-
-def _fits(gate: Gate, aircraft: Aircraft, track: Reporter) -> bool:
-    """Wings level, the wing must fit between the pylons with its clearances."""
-    room = gate.width - 2.0 * gate.tolerances.clearance
-    if gate.passing is Passing.POINT or gate.bank != LEVEL or room > aircraft.airframe.b:
-        return True
-    track.value(
-        ("gates", base_name(gate.name), "width_m"),
-        f"a width of {gate.width:g} m less two clearances of {gate.tolerances.clearance:g} m leaves {room:g} m; "
-        f"the wing of {aircraft.name} spans {aircraft.airframe.b:g} m",
-    )
-    return False
+        name, misfit = base_name(gate.name), gate.misfit(aircraft.airframe.b, aircraft.name)
+        if misfit is not None and name not in remarked:
+            key, text = misfit
+            track.value(("gates", name, key), text)
+            remarked.add(name)

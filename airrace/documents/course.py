@@ -2,9 +2,9 @@
 
 import math
 
-from airrace.documents.elements import build_elements
-from airrace.documents.figures import Figure
-from airrace.documents.nodes import KeyPath, Reporter
+from airrace.documents.features import Feature
+from airrace.documents.kinds.all_kinds import build_features
+from airrace.documents.nodes import Reporter
 from airrace.documents.order import build_passages
 from airrace.documents.place_schema import OriginEntry
 from airrace.documents.places import Places
@@ -15,7 +15,6 @@ from airrace.documents.track_schema import TrackEntry
 from airrace.documents.units import KNOT, interval, interval_deg, radians_or_none
 from airrace.quantities import Interval
 from airrace.track.course import Course, EndState, Origin, Rules
-from airrace.track.gates import Element, Manoeuvre, Passing
 
 
 def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
@@ -24,17 +23,17 @@ def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
     rules = _rules(limits, reporter)
     places = Places(entry.origin, reporter)
     places.check_origin()
-    figures = build_elements(entry.gates, gate_defaults, places)
-    for figure in figures.values():
-        _check_heights(figure, rules.height, reporter)
+    features = build_features(entry.gates, gate_defaults, places)
+    for feature in features.values():
+        _check_heights(feature, rules.height, reporter)
     crowd = build_crowd(entry.crowd, limits.crowd_distance_m, places)
     airspace = build_airspace(entry.airspace, places)
-    check_room(figures.values(), crowd, airspace, reporter)
+    check_room(features.values(), crowd, airspace, reporter)
     lines = build_safety_lines(entry.safety_lines, places)
     start_speed = Interval() if limits.start_speed_max_kt is None else Interval(upper=limits.start_speed_max_kt * KNOT)
     return Course(
         name=entry.name,
-        passages=build_passages(entry.course, figures, lines, start_speed, reporter),
+        passages=build_passages(entry.course, features, lines, start_speed, reporter),
         rules=rules,
         origin=_origin(entry.origin),
         crowd=crowd,
@@ -70,35 +69,22 @@ def _rules(entry: LimitsEntry, reporter: Reporter) -> Rules:
     return rules
 
 
-def _check_heights(figure: Figure, flown: Interval, reporter: Reporter) -> None:
+def _check_heights(feature: Feature, flown: Interval, reporter: Reporter) -> None:
     """An element must be reachable between floor and ceiling."""
-    last = figure.steps[-1]
-    heights = _heights(last.element)
+    last = feature.steps[-1]
+    heights = last.element.heights
     if flown.empty or heights.empty:
         return
     if heights.intersect(flown).empty:
         reporter.value(
-            _height_path(figure, heights, flown),
+            (*feature.path, last.element.height_key(too_high=heights.lower > flown.upper)),
             f"lies at {_range(heights)}, outside of the flown heights of {_range(flown)} (rules: floor, ceiling)",
         )
     if last.roll is not None and last.roll.gain > flown.upper - flown.lower:
         reporter.value(
-            (*figure.path, "height_gain_m"),
+            (*feature.path, "height_gain_m"),
             f"is more than there is between floor and ceiling, {flown.upper - flown.lower:g} m",
         )
-
-
-def _height_path(figure: Figure, heights: Interval, flown: Interval) -> KeyPath:
-    """The key that says the height which is too low or too high."""
-    if not isinstance(figure.steps[-1].element, Manoeuvre) or heights.lower == heights.upper:
-        return (*figure.path, "height_m")
-    return (*figure.path, "height_min_m" if heights.lower > flown.upper else "height_max_m")
-
-
-def _heights(element: Element) -> Interval:
-    if isinstance(element, Manoeuvre):
-        return element.height
-    return Interval.exactly(element.height) if element.passing is Passing.POINT else element.tolerances.height
 
 
 def _range(heights: Interval) -> str:

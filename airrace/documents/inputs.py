@@ -1,7 +1,7 @@
 """All inputs of a run: read, checked, understood; what is wrong is said all at once."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -19,12 +19,12 @@ from airrace.documents.resolved import resolved_inputs
 from airrace.documents.schema import Schema
 from airrace.documents.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
 from airrace.documents.shorthands import expanded
-from airrace.documents.track_schema import TRACK_SCHEMA, TrackEntry
+from airrace.documents.track_schema import TRACK_SCHEMA, track_language
 from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 
 FINDINGS_MAX = 100
@@ -125,12 +125,12 @@ class _Language:
 
     kind: str
     schema: str
-    model: type[Schema]
+    model: Callable[[], type[Schema]]
 
 
-_TRACK = _Language("track", TRACK_SCHEMA, TrackEntry)
-_AIRCRAFT = _Language("aircraft", AIRCRAFT_SCHEMA, AircraftEntry)
-_SETTINGS = _Language("settings", SETTINGS_SCHEMA, SettingsEntry)
+_TRACK = _Language("track", TRACK_SCHEMA, track_language)
+_AIRCRAFT = _Language("aircraft", AIRCRAFT_SCHEMA, lambda: AircraftEntry)
+_SETTINGS = _Language("settings", SETTINGS_SCHEMA, lambda: SettingsEntry)
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class _Run:
             self.findings.append(Finding(document.path, place.line, place.column, "", message))
             return None
         mine = [override for override in self._overrides if override.document == language.kind]
-        changed = apply_overrides(root, mine, self.findings, lambda node: expanded(node, language.model))
+        changed = apply_overrides(root, mine, self.findings, lambda node: expanded(node, language.model()))
         own = language.kind in PREFIXED
         reporter = Reporter(
             changed,
@@ -181,7 +181,7 @@ class _Run:
             InputError: with all findings.
         """
         opened_settings = self.open(settings_file or NO_SETTINGS, _SETTINGS)
-        track_entry = validate(TrackEntry, track.reporter) if track else None
+        track_entry = validate(track_language(), track.reporter) if track else None
         aircraft_entry = validate(AircraftEntry, aircraft.reporter) if aircraft else None
         settings_entry = validate(SettingsEntry, opened_settings.reporter) if opened_settings else None
         if track:

@@ -4,6 +4,7 @@ Everything is derived from the models that read the documents. What a JSON Schem
 which keys exclude one another, that names refer to something, and that `1.0` is no whole number.
 """
 
+from collections.abc import Callable
 from typing import Any, cast
 
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
@@ -15,14 +16,14 @@ from airrace.documents.presets import preset_names
 from airrace.documents.rules_schema import RulesEntry
 from airrace.documents.schema import Schema
 from airrace.documents.settings import SettingsEntry
-from airrace.documents.track_schema import TrackEntry
+from airrace.documents.track_schema import track_language
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
-LANGUAGES: dict[str, type[Schema]] = {
-    "track": TrackEntry,
-    "aircraft": AircraftEntry,
-    "settings": SettingsEntry,
-    "batch": BatchEntry,
+LANGUAGES: dict[str, Callable[[], type[Schema]]] = {
+    "track": track_language,
+    "aircraft": lambda: AircraftEntry,
+    "settings": lambda: SettingsEntry,
+    "batch": lambda: BatchEntry,
 }
 
 _TITLES = {
@@ -43,7 +44,7 @@ def json_schema(language: str) -> JsonSchemaValue:
     Raises:
         KeyError: there is no such language.
     """
-    model = LANGUAGES[language]
+    model = LANGUAGES[language]()
     generated = model.model_json_schema(ref_template="#/definitions/{model}", schema_generator=_Generator)
     definitions = generated.pop("$defs", {})
     schema = {**generated, "$schema": DIALECT, "title": _TITLES[language], "definitions": definitions}

@@ -1,17 +1,13 @@
 """Every number that `--set` reaches, with its value now: given by the files, by presets, or by the language."""
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import cast
 
-from airrace.documents.element_schema import (
-    ElementEntry,
-    GateDefaultsEntry,
-    GatePassingEntry,
-    PassingEntry,
-    PylonEntry,
-)
-from airrace.documents.elements import (
+from airrace.documents.features import Feature
+from airrace.documents.kinds.all_kinds import build_features
+from airrace.documents.kinds.defaults import GateDefaultsEntry, PassingEntry
+from airrace.documents.kinds.entry import KindEntry
+from airrace.documents.kinds.passing import (
     BANK_TOLERANCE_DEG,
     CLIMB_MAX_DEG,
     CROSSING_MAX_DEG,
@@ -20,9 +16,7 @@ from airrace.documents.elements import (
     HEIGHT_M,
     REACH_M,
     WIDTH_M,
-    build_elements,
 )
-from airrace.documents.figures import Figure
 from airrace.documents.nodes import KeyPath, Reporter, dotted
 from airrace.documents.places import Places
 from airrace.documents.presets import with_preset
@@ -30,10 +24,6 @@ from airrace.documents.rules_schema import LimitsEntry
 from airrace.documents.schema import Schema
 from airrace.documents.track_schema import EnvironmentEntry, TrackEntry, WindEntry
 from airrace.environment.air import Profile, StaticWind
-from airrace.track.gates import Gate, Manoeuvre
-
-DIGITS = 9
-"""Angles come back from radians rounded to so many places."""
 
 
 def numbers(entry: Schema, path: KeyPath = ()) -> dict[str, float]:
@@ -44,7 +34,7 @@ def numbers(entry: Schema, path: KeyPath = ()) -> dict[str, float]:
 def filled_in(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
     """A track as if its file gave every number that its preset and the language give it; it must be without fault."""
     limits, defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
-    figures = build_elements(entry.gates, defaults, Places(entry.origin, reporter))
+    features = build_features(entry.gates, defaults, Places(entry.origin, reporter))
     crowds = {
         name: crowd
         if crowd.distance_m is not None
@@ -55,7 +45,7 @@ def filled_in(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
         update={
             "rules": entry.rules.model_copy(update={key: getattr(limits, key) for key in LimitsEntry.model_fields}),
             "gate_defaults": _defaults(defaults, entry.gates),
-            "gates": {name: _element(one, figures[name]) for name, one in entry.gates.items()},
+            "gates": {name: _element(one, features[name]) for name, one in entry.gates.items()},
             "crowd": crowds,
             "environment": _environment(entry.environment),
         }
@@ -84,7 +74,7 @@ def _absent(entry: Schema, values: Mapping[str, float | None]) -> dict[str, floa
     return {key: value for key, value in values.items() if getattr(entry, key) is None}
 
 
-def _defaults(entry: GateDefaultsEntry, gates: Mapping[str, ElementEntry]) -> GateDefaultsEntry:
+def _defaults(entry: GateDefaultsEntry, gates: Mapping[str, KindEntry]) -> GateDefaultsEntry:
     """The defaults of all gates; the heights of windows only where they follow from one nominal height."""
     height = HEIGHT_M if entry.height_m is None else entry.height_m
     silent: dict[str, float | None] = {
@@ -102,26 +92,9 @@ def _defaults(entry: GateDefaultsEntry, gates: Mapping[str, ElementEntry]) -> Ga
     return entry.model_copy(update=_absent(entry, silent))
 
 
-def _element(entry: ElementEntry, figure: Figure) -> ElementEntry:
-    """A gate or pylon with the numbers that it has in the end."""
-    built = figure.steps[0].element
-    if not isinstance(entry, PassingEntry) or isinstance(built, Manoeuvre):
-        return entry
-    allowed = built.tolerances
-    values: dict[str, float | None] = {
-        "height_m": built.height,
-        "clearance_m": allowed.clearance,
-        "height_min_m": allowed.height.lower,
-        "height_max_m": allowed.height.upper,
-        "climb_min_deg": _rounded(allowed.climb.lower),
-        "climb_max_deg": _rounded(allowed.climb.upper),
-        "crossing_max_deg": _rounded(allowed.crossing),
-    }
-    if isinstance(entry, GatePassingEntry) and isinstance(built, Gate):
-        values |= {"width_m": built.width, "bank_tolerance_deg": _rounded(allowed.bank)}
-    elif isinstance(entry, PylonEntry) and not isinstance(built, Gate):
-        values |= {"reach_m": built.reach}
-    return entry.model_copy(update=_absent(entry, values))
+def _element(entry: KindEntry, feature: Feature) -> KindEntry:
+    """An element with the numbers that it has in the end."""
+    return entry.model_copy(update=_absent(entry, entry.silent_numbers(feature)))
 
 
 def _environment(entry: EnvironmentEntry) -> EnvironmentEntry:
@@ -135,7 +108,3 @@ def _wind(entry: WindEntry) -> WindEntry:
     values |= {"exponent": silent.exponent} if entry.profile == Profile.POWER.value else {}
     values |= {"roughness_m": silent.roughness} if entry.profile == Profile.LOG.value else {}
     return entry.model_copy(update=_absent(entry, values))
-
-
-def _rounded(angle: float) -> float:
-    return round(math.degrees(angle), DIGITS)

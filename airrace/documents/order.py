@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from airrace.documents.figures import Figure, Step
+from airrace.documents.features import Feature, Step
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.surroundings import room_beside
 from airrace.documents.track_schema import PASSAGES_MAX, CourseEntry, FlownEntry
@@ -27,7 +27,7 @@ class Mention:
 
 def build_passages(
     entry: CourseEntry,
-    figures: dict[str, Figure],
+    features: dict[str, Feature],
     lines: dict[str, SafetyLine],
     start_speed: Interval,
     reporter: Reporter,
@@ -38,20 +38,20 @@ def build_passages(
     passages: list[Passage] = []
     seen: Counter[str] = Counter()
     checked: set[tuple[KeyPath, str]] = set()  # a remark on the lap holds for all laps
-    before: Figure | None = None
+    before: Feature | None = None
     for mention in _mentions(entry):
-        figure = figures.get(mention.gate)
-        if figure is None:
+        feature = features.get(mention.gate)
+        if feature is None:
             before = None
             continue
         held = tuple(lines[name] for name in mention.safety_lines if name in lines)
         if (mention.path, before.name if before else "") not in checked:
             checked.add((mention.path, before.name if before else ""))
-            _check_mention(mention, figure, reporter)
-            _check_sides(mention, [before, figure], held, reporter)
+            _check_mention(mention, feature, reporter)
+            _check_sides(mention, [before, feature], held, reporter)
         speed = start_speed if mention.lap == 0 else Interval()
-        passages.extend(_passage(mention, step, held, speed, seen) for step in figure.steps)
-        before = figure
+        passages.extend(_passage(mention, step, held, speed, seen) for step in feature.steps)
+        before = feature
     return tuple(passages)
 
 
@@ -93,19 +93,19 @@ def _mention(path: KeyPath, lap: int, item: FlownEntry) -> Mention:
     return Mention(path, (*path, "direction"), lap, item.gate, item.direction, tuple(item.safety_lines))
 
 
-def _check_mention(mention: Mention, figure: Figure, reporter: Reporter) -> None:
-    if mention.lap == 0 and len(figure.steps) > 1:
-        reporter.value(mention.path, f"`{figure.name}` is flown as two passings; a race starts at one gate or pylon")
-    elif mention.lap == 0 and figure.position is None:
+def _check_mention(mention: Mention, feature: Feature, reporter: Reporter) -> None:
+    if mention.lap == 0 and len(feature.steps) > 1:
+        reporter.value(mention.path, f"`{feature.name}` is flown as two passings; a race starts at one gate or pylon")
+    elif mention.lap == 0 and feature.position is None:
         reporter.value(
             mention.path,
             f"a race must start somewhere: `{mention.gate}` needs north_m, east_m and height_m, or be a gate",
         )
-    if mention.direction is not None and not figure.has_direction:
+    if mention.direction is not None and not feature.has_direction:
         reporter.value(
             mention.direction_path, f"only two-pylon gates have a direction; `{mention.gate}` is none, leave it out"
         )
-    elif mention.direction == "planned" and not figure.free_directions:
+    elif mention.direction == "planned" and not feature.free_directions:
         reporter.value(
             mention.direction_path,
             f"the passings of `{mention.gate}` depend on each other: forward or reverse; or give it `then: either`",
@@ -113,21 +113,21 @@ def _check_mention(mention: Mention, figure: Figure, reporter: Reporter) -> None
 
 
 def _check_sides(
-    mention: Mention, ends: list[Figure | None], lines: tuple[SafetyLine, ...], reporter: Reporter
+    mention: Mention, ends: list[Feature | None], lines: tuple[SafetyLine, ...], reporter: Reporter
 ) -> None:
     """Both ends of a leg must stand on the allowed side of the lines it names."""
     for index, line in enumerate(lines):
-        for figure in ends:
-            if figure is None or figure.position is None or line.start == line.end:
+        for feature in ends:
+            if feature is None or feature.position is None or line.start == line.end:
                 continue
-            room = room_beside(line, figure.position[0])
+            room = room_beside(line, feature.position[0])
             if room < line.margin:
                 side = "right" if line.keep_right else "left"
                 margin = f" and {line.margin:g} m away" if line.margin else ""
                 where = f"{-room:.4g} m beyond it" if room < 0.0 else f"{room:.4g} m from it"
                 reporter.value(
                     (*mention.path, "safety_lines", index),
-                    f"the leg to `{mention.gate}` must stay {side} of `{line.name}`{margin}, but `{figure.name}` "
+                    f"the leg to `{mention.gate}` must stay {side} of `{line.name}`{margin}, but `{feature.name}` "
                     f"stands {where}",
                 )
 

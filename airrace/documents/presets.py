@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from airrace.documents.element_schema import GateDefaultsEntry
+from airrace.documents.kinds.defaults import GateDefaultsEntry
 from airrace.documents.nodes import MappingNode, Reporter
 from airrace.documents.rules_schema import LimitsEntry, PresetEntry, RulesEntry
 from airrace.documents.validation import validate

@@ -7,7 +7,7 @@ from functools import cache
 from typing import cast
 
 from airrace.documents.nodes import JSON
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
-from airrace.documents.element_schema import GateDefaultsEntry
+from airrace.documents.kinds.defaults import GateDefaultsEntry
 from airrace.documents.place_schema import Height
 from airrace.documents.schema import Schema
 from airrace.documents.surroundings_schema import Distance

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from airrace.documents.figures import Figure
+from airrace.documents.features import Feature
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.place_schema import PlaceEntry
 from airrace.documents.places import NOWHERE, Places
@@ -182,23 +182,23 @@ class _Box:
 
 
 def check_room(
-    figures: Iterable[Figure], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
+    features: Iterable[Feature], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
 ) -> None:
     """Report every element that stands outside of the airspace or closer to people than is allowed."""
     boxes = [_Box.around(crowd.corners) for crowd in crowds]
-    for figure in figures:
-        if figure.position is None:
+    for feature in features:
+        if feature.position is None:
             continue
-        place, height = figure.position
+        place, height = feature.position
         away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
         if away > ROUNDING_M:
-            reporter.key(figure.path, f"stands {away:.4g} m outside of the `airspace`")
+            reporter.key(feature.path, f"stands {away:.4g} m outside of the `airspace`")
         for crowd, box in zip(crowds, boxes, strict=True):
             away = math.inf if box.lies_beyond(place, crowd.distance) else _distance(place, height, crowd)
             if away < crowd.distance - ROUNDING_M:
                 how = "in space" if crowd.slant else "over ground"
                 reporter.key(
-                    figure.path,
+                    feature.path,
                     f"is {away:.4g} m from the crowd `{crowd.name}`, measured {how}; at least {crowd.distance:g} m",
                 )
 

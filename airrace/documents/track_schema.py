@@ -1,18 +1,21 @@
 """The track language `airrace/track/1`: which keys a course file knows, and in which ranges.
 
-Every key carries its unit. What a key means for the race is said in `course.py`, `elements.py`, `order.py`,
+Every key carries its unit. What a key means for the race is said in `course.py`, `kinds/`, `order.py`,
 `surroundings.py` and `weather.py`. A further part of a course is one more field of `TrackEntry`.
 """
 
-from typing import Annotated, ClassVar, Literal
+from functools import lru_cache
+from typing import Annotated, ClassVar, Literal, Union
 
 from annotated_types import Ge, Gt, Le
-from pydantic import Field
+from pydantic import Field, create_model
 
-from airrace.documents.element_schema import ElementEntry, GateDefaultsEntry
+from airrace.documents.kinds.all_kinds import kinds
+from airrace.documents.kinds.defaults import GateDefaultsEntry
+from airrace.documents.kinds.entry import KindEntry
 from airrace.documents.place_schema import Azimuth, OriginEntry, PlacedEntry
 from airrace.documents.rules_schema import RulesEntry
-from airrace.documents.schema import Schema
+from airrace.documents.schema import Annotation, Schema
 from airrace.documents.surroundings_schema import Corners, CrowdEntry, SafetyLineEntry
 
 TRACK_SCHEMA = "airrace/track/1"
@@ -117,6 +120,8 @@ class CourseEntry(Schema):
 class TrackEntry(Schema):
     """A whole course file."""
 
+    # Files are validated as `track_language()`, which knows the kinds of elements.
+
     what: ClassVar[str] = "a track"
     schema_: Literal["airrace/track/1"] = Field(alias="schema", description="the language of this file")
     name: Annotated[str, Field(min_length=1)] = Field(description="what the race is called")
@@ -129,7 +134,7 @@ class TrackEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
-    gates: Annotated[dict[str, ElementEntry], Field(max_length=GATES_MAX)] = Field(
+    gates: Annotated[dict[str, KindEntry], Field(max_length=GATES_MAX)] = Field(
         description="what stands on the course, by name"
     )
     safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LINES_MAX)] = Field(
@@ -143,3 +148,21 @@ class TrackEntry(Schema):
         default=None, description="corners of the convex area within which the race is flown, in order"
     )
     course: CourseEntry = Field(description="the order in which it is flown")
+
+
+def track_language() -> type[TrackEntry]:
+    """The schema of a course file with all kinds of elements, those of extensions included."""
+    return _track_language(kinds())
+
+
+@lru_cache(maxsize=4)
+def _track_language(known: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
+    gates = TrackEntry.model_fields["gates"]
+    element: Annotation = Annotated[Union[known], Field(discriminator="type")]  # noqa: UP007  # made at run time
+    entries: Annotation = Annotated[dict[str, element], Field(max_length=GATES_MAX)]
+    return create_model(
+        TrackEntry.__name__,
+        __base__=TrackEntry,
+        __doc__=TrackEntry.__doc__,
+        gates=(entries, Field(description=gates.description)),
+    )

@@ -14,12 +14,12 @@ from airrace.documents.overrides import PLACE, PREFIXED, Override, apply_overrid
 from airrace.documents.places import Places
 from airrace.documents.schema import Schema
 from airrace.documents.shorthands import expanded
-from airrace.documents.track_schema import TrackEntry
+from airrace.documents.track_schema import track_language
 from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"
 TRACK = "track"
@@ -30,7 +30,7 @@ class Variation:
 
     def __init__(self, inputs: Inputs) -> None:
         self._race = inputs.race
-        self._track = _root(inputs.track, TRACK, TrackEntry, inputs.overrides)
+        self._track = _root(inputs.track, TRACK, track_language(), inputs.overrides)
         self._aircraft = _root(inputs.aircraft, AIRCRAFT, AircraftEntry, inputs.overrides)
 
     @cached_property
@@ -41,7 +41,10 @@ class Variation:
         """
         findings: list[Finding] = []
         reporter = Reporter(self._track, findings)
-        track, aircraft = validate(TrackEntry, reporter), validate(AircraftEntry, Reporter(self._aircraft, findings))
+        track, aircraft = (
+            validate(track_language(), reporter),
+            validate(AircraftEntry, Reporter(self._aircraft, findings)),
+        )
         if track is None or aircraft is None:
             raise InputError(findings)
         return numbers(filled_in(track, reporter)) | numbers(aircraft, (AIRCRAFT,))
@@ -66,7 +69,7 @@ class Variation:
             flown = build_aircraft(entry, reporter) if entry else flown
         else:
             track = Reporter(_with(self._track, TRACK, [first, *rest], value), findings)
-            entry = validate(TrackEntry, track)
+            entry = validate(track_language(), track)
             course = build_course(entry, track) if entry else course
             air = build_air(entry.environment, Places(entry.origin, track)) if entry else air
         if findings:

@@ -1,7 +1,7 @@
 """From the equations of a model, written for named vectors, to a system that can be optimised."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
@@ -51,6 +51,7 @@ def assemble(
     aircraft: Numbers,
     air: Air,
     counting: bool,
+    brisk: Mapping[str, float] | None = None,
 ) -> FlightModel:
     """The model as a system, together with the numbers of one aircraft in one air.
 
@@ -64,6 +65,7 @@ def assemble(
         aircraft: numbers of the aircraft.
         air: the day's air and wind.
         counting: whether rolls are counted.
+        brisk: see `FlightModel`.
     """
     wind = WindField.of(air)
     own_states, own_controls, path = declarations
@@ -82,7 +84,7 @@ def assemble(
         projection=projection,
     )
     values = [*aircraft.join(), *atmosphere_parameters(air).join(), *wind.values(air)]
-    return FlightModel(system, np.array(values), at_rest)
+    return FlightModel(system, np.array(values), at_rest, brisk or {})
 
 
 # Any in what follows: the vectors of an arbitrary model, which fit its equations as `assemble` demands.

@@ -10,6 +10,7 @@ A tolerance `|mu - mu_0| <= t` below 90 degrees is `bank_excess_right, bank_exce
 the horizontal angle between path and axis is limited likewise through `course_excess_right` and `course_excess_left`.
 """
 
+import functools
 from collections.abc import Sequence
 
 import casadi as ca
@@ -19,6 +20,7 @@ from airrace.environment.elementary import sqrt
 from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.system import Observation
+from airrace.track.element import Sight
 
 LEVEL_BLEND = 1e-6
 """Keeps the horizontal normal of the path defined where the path is vertical."""
@@ -82,6 +84,31 @@ def crossing_observation(states: Sequence[Quantity]) -> Observation:
         quantities=CrossingValues.quantities(),
         parameters=CrossingParameters.quantities(),
         values=ca.Function("crossing", arguments, [column(values.join())], {"cse": True}),
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def with_sight(crossing: Observation, sight: Sight | None) -> Observation:
+    """The crossing together with what a kind of element sees besides; one object for one sight, so that all elements of
+    a kind share it. Quantities and parameters of the sight come last.
+
+    Raises:
+        ValueError: a quantity of the sight has the name of one of the crossing.
+    """
+    if sight is None:
+        return crossing
+    x = ca.SX.sym("x", crossing.values.size1_in(0))
+    b, own = named_symbols(crossing.parameters), named_symbols(sight.parameters)
+    seen = crossing.values(x, column(b.values()))
+    by_name = {one.name: seen[row] for row, one in enumerate(crossing.quantities)}
+    if twice := by_name.keys() & {one.name for one in sight.quantities}:
+        raise ValueError(f"{sight.name} sees {', '.join(sorted(twice))}, which is seen at every crossing")
+    values = column([*seen.elements(), *sight.values(by_name, {**b, **own})])
+    return Observation(
+        name=f"{crossing.name} and {sight.name}",
+        quantities=(*crossing.quantities, *sight.quantities),
+        parameters=(*crossing.parameters, *sight.parameters),
+        values=ca.Function("seen", [x, column([*b.values(), *own.values()])], [values], {"cse": True}),
     )
 
 

@@ -1,7 +1,7 @@
 """A flight model: a controlled system together with the numbers of one aircraft in one air."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -23,11 +23,14 @@ class FlightModel:
         system: states, controls and equations; the same equations serve every aircraft and air of equal structure.
         parameter_values: values of `system.parameters`, shape (n_p,).
         at_rest: names of the states of the inner loop whose rates are zero in a steady flight.
+        brisk: by name, the controls that are measured by a brisk value of their own (in their unit) where their cost is
+            weighed; the others are measured by half of what their bounds allow.
     """
 
     system: System
     parameter_values: NDArray[np.float64]
     at_rest: tuple[str, ...] = ()
+    brisk: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def named_symbols(declared: Sequence[Quantity]) -> dict[str, Scalar]:

@@ -9,9 +9,9 @@ from airrace.quantities import Interval, T, Vector, quantity, vector
 class SurfaceControl(Vector[T]):
     """Rates of the deflections, and the commanded lever."""
 
-    eta_dot: T = quantity("rad/s", text="rate of the elevator")
-    xi_dot: T = quantity("rad/s", text="rate of the ailerons")
-    zeta_dot: T = quantity("rad/s", text="rate of the rudder")
+    eta_dot: T = quantity("rad/s", text="rate of the elevator", rate_of="eta")
+    xi_dot: T = quantity("rad/s", text="rate of the ailerons", rate_of="xi")
+    zeta_dot: T = quantity("rad/s", text="rate of the rudder", rate_of="zeta")
     delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
 
 
@@ -19,10 +19,19 @@ class SurfaceControl(Vector[T]):
 class CommandControl(Vector[T]):
     """Rates of the commands, and the commanded lever."""
 
-    n_z_cmd_dot: T = quantity("1/s", scale=20.0, text="rate of the commanded load factor")
-    n_y_cmd_dot: T = quantity("1/s", scale=5.0, text="rate of the commanded lateral load factor")
-    p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate")
+    n_z_cmd_dot: T = quantity("1/s", scale=20.0, text="rate of the commanded load factor", rate_of="n_z_cmd")
+    n_y_cmd_dot: T = quantity("1/s", scale=5.0, text="rate of the commanded lateral load factor", rate_of="n_y_cmd")
+    p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate", rate_of="p_cmd")
     delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+
+
+BRISK_COMMANDS = {"n_y_cmd_dot": 0.4}
+"""g/s: the rate of the commanded lateral load factor for which a controller moves the rudder at half of its rate.
+
+The bound of that rate is no measure, for what is commanded may jump. With half of the bound as the measure the optimum
+wags the rudder wherever the angle of attack is at its limit, because side force in step with the bank turns the path at
+no cost.
+"""
 
 
 def deflection_bounds(aircraft: Aircraft) -> dict[str, Interval]:

@@ -33,9 +33,9 @@ class PointMassState(FlightPathState[T]):
 class PointMassControl(Vector[T]):
     """Rates of the pilot's commands, and the commanded lever."""
 
-    n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor")
-    n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor")
-    p_Kbar_dot: T = quantity("rad/s2", scale=20.0, text="rate of the roll rate")
+    n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
+    n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
+    p_Kbar_dot: T = quantity("rad/s2", scale=20.0, text="rate of the roll rate", rate_of="p_Kbar")
     delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
 
 

@@ -63,4 +63,5 @@ def _rate(state: Quantity) -> Quantity:
         Quantity(f"{state.name}_rate", f"{before}/s{int(seconds or 1) + 1 if per else ''}"),
         scale=min(1.0, state.scale),
         text=f"rate of change of {state.name}, zero in a settled flight",
+        rate_of=state.name,
     )

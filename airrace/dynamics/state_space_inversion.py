@@ -10,6 +10,7 @@ from airrace.dynamics.assembly import assemble
 from airrace.dynamics.body_path import BodyPath, body_path_bounds
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
+    BRISK_COMMANDS,
     CommandControl,
     command_bounds,
     command_rate_bounds,
@@ -112,4 +113,5 @@ def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, c
         aircraft=linear_parameters(aircraft),
         air=air,
         counting=counting,
+        brisk=BRISK_COMMANDS,
     )

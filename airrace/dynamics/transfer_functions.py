@@ -13,7 +13,12 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow, drag_coefficient
 from airrace.dynamics.assembly import assemble
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.inner_loop_controls import CommandControl, command_bounds, command_rate_bounds
+from airrace.dynamics.inner_loop_controls import (
+    BRISK_COMMANDS,
+    CommandControl,
+    command_bounds,
+    command_rate_bounds,
+)
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.linear_derivatives import lags, linear_parameters
@@ -34,9 +39,9 @@ class TransferFunctionState(FlightPathState[T]):
 
     delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
-    n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor")
+    n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
     n_y: T = quantity("1", text="lateral load factor, to the right")
-    n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor")
+    n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
     n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
     n_y_cmd: T = quantity("1", text="commanded lateral load factor")
@@ -124,4 +129,5 @@ def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, coun
         aircraft=linear_parameters(aircraft),
         air=air,
         counting=counting,
+        brisk=BRISK_COMMANDS,
     )

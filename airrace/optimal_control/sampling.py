@@ -2,16 +2,18 @@
 
 import numpy as np
 
-from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.reference_integration import integrate
+from airrace.system import System
 from airrace.trajectory import Array
 
 
-def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Array:
+def sample(system: System, parameters: Array, iterate: Iterate, *, time: Array, times: Array) -> Array:
     """Compute the states at any times of a flight.
 
     Args:
-        problem: whose system flies.
+        system: what flies.
+        parameters: its parameters, shape (n_p,).
         iterate: states at nodes and controls on intervals.
         time: of the nodes, s; shape (N + 1,).
         times: wanted, s, within the flight; shape (n,).
@@ -23,9 +25,9 @@ def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Arr
     lengths = times - time[interval]
     start, control = iterate.state[:, interval], iterate.control[:, interval]
     n_x, n = start.shape
-    rates = problem.system.rates.map(n)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], n, axis=1)
-    scale = np.array([quantity.scale for quantity in problem.system.states])[:, None]
+    rates = system.rates.map(n)
+    p = np.repeat(parameters[:, None], n, axis=1)
+    scale = np.array([quantity.scale for quantity in system.states])[:, None]
 
     def side_by_side(_: float, flat: Array) -> Array:
         slopes = np.asarray(rates(flat.reshape(n_x, n) * scale, control, p))

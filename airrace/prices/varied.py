@@ -3,16 +3,14 @@
 import dataclasses
 
 from airrace.optimal_control.problem import Problem
+from airrace.planning.plan import Plan
+from airrace.planning.race import Race
+from airrace.planning.waypoints import Waypoint
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
-from airrace.procedure.models import BUILDERS
-from airrace.procedure.plan import Plan
-from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.watches import leg_watches
-from airrace.procedure.waypoints import Waypoint
 from airrace.track.course import Course, Passage
-from airrace.track.gates import Element, Gate, Manoeuvre, Pylon
 
 
 class VariedProblem:
@@ -40,7 +38,7 @@ class VariedProblem:
         flight, course, flown = self.flight, race.course, self.race.course
         model, watches = flight.model, flight.watches
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, flown.rules):
-            built = BUILDERS[flight.stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+            built = flight.fidelity.build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
             system = dataclasses.replace(
                 model.system, states=built.system.states, controls=built.system.controls, path=built.system.path
             )
@@ -71,22 +69,7 @@ def _moved(waypoint: Waypoint, passage: Passage) -> Waypoint:
     before, after = waypoint.passage.element, passage.element
     bank = waypoint.bank
     if bank is not None:
-        bank += _bank(after) - _bank(before)
+        bank += (after.prescribed_bank or 0.0) - (before.prescribed_bank or 0.0)
     return dataclasses.replace(
-        waypoint, passage=passage, axis=waypoint.axis + _direction(after) - _direction(before), bank=bank
+        waypoint, passage=passage, axis=waypoint.axis + (after.axis or 0.0) - (before.axis or 0.0), bank=bank
     )
-
-
-def _direction(element: Element) -> float:
-    """The azimuth that the axis of a passing turns with, rad."""
-    match element:
-        case Gate():
-            return element.heading
-        case Pylon():
-            return element.side
-        case Manoeuvre():
-            return element.heading or 0.0
-
-
-def _bank(element: Element) -> float:
-    return 0.0 if isinstance(element, Pylon) else element.bank or 0.0

@@ -19,7 +19,6 @@ ACCELERATIONS = (
     ("angular_acceleration", "rad/s2"),
     ("load_factor_acceleration", "1/s2"),
 )
-RATE = "_dot"  # what the names of controls that move something end with
 SETTLED = 1e-6  # of everything that is at rest at a settled start or finish, in SI units
 MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
 
@@ -103,10 +102,11 @@ def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) ->
     steps = interval_durations(problem, iterate.durations)
     for quantity, rates in zip(problem.system.controls, iterate.control, strict=True):
         fastest = max(-quantity.lower, quantity.upper)
-        if quantity.name.endswith(RATE) and math.isfinite(fastest):
-            name = quantity.name.removesuffix(RATE)
+        if quantity.rate_of and math.isfinite(fastest):
             mean = float(np.abs(rates) @ steps / steps.sum())
-            yield Item(f"variation_{name}", mean, limits.variation * fastest, quantity.unit, "mean over the race")
+            yield Item(
+                f"variation_{quantity.rate_of}", mean, limits.variation * fastest, quantity.unit, "mean over the race"
+            )
 
 
 def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:

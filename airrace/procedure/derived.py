@@ -6,14 +6,15 @@ import numpy as np
 
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
-from airrace.procedure.flight import stage_flight
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import Histories
+from airrace.procedure.flight import stage_model
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
-Histories = Mapping[str, Array]
 FORCES = (
     Quantity("F_x", "N", text="force but the weight, along the velocity"),
     Quantity("F_y", "N", text="force but the weight, to the right in Kbar"),
@@ -25,8 +26,8 @@ def derived_quantities(
     race: Race, settings: Settings, result: StageResult
 ) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
-    flight = stage_flight(result.stage, race, settings, result.trajectory)
-    system, numbers = flight.model.system, flight.model.parameter_values
+    model = stage_model(result.stage, race)
+    system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}
     path = [one for one in system.path if one.name not in known]
     load = [one for one in LoadFactors.quantities() if one.name not in known | {other.name for other in path}]
@@ -48,6 +49,7 @@ def derived_quantities(
         return vars(n) | {"F_x": weight * n.n_x, "F_y": weight * n.n_y, "F_z": -weight * n.n_z}
 
     return {
+        **fidelity_of(result.stage).columns,
         **{one: _entry(along_path, one.name) for one in path},
         **{one: _entry(loads, one.name) for one in (*load, *FORCES)},
     }

@@ -4,9 +4,8 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from airrace.dynamics.crossing import CrossingValues
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.settled import settled_observation
+from airrace.dynamics.settled import SIDE_ACCELERATION, settled_observation
 from airrace.optimal_control.problem import Boundary
 from airrace.quantities import Interval
 from airrace.system import Observation, side_by_side
@@ -30,12 +29,14 @@ class Settled:
 
     Attributes:
         crossing: what the boundaries of passages observe.
-        both: the crossing and, beside it, what is zero in a settled flight.
+        settled: what is zero in a settled flight.
+        both: the two of them, side by side.
         bounds: zero for each of the latter.
         values: its parameters, the numbers of aircraft and air.
     """
 
     crossing: Observation
+    settled: Observation
     both: Observation
     bounds: dict[str, Interval]
     values: tuple[float, ...]
@@ -46,6 +47,7 @@ class Settled:
         settled = settled_observation(model)
         return cls(
             crossing=crossing,
+            settled=settled,
             both=side_by_side(crossing, settled),
             bounds={one.name: Interval.exactly(0.0) for one in settled.quantities},
             values=tuple(float(value) for value in model.parameter_values),
@@ -53,11 +55,12 @@ class Settled:
 
     def __call__(self, boundary: Boundary) -> Boundary:
         """The boundary of a passage, to be met in settled flight."""
-        assert boundary.observation is self.crossing
+        seen = boundary.observation
+        assert seen is not None  # it is the boundary of a passage
         return dataclasses.replace(
             boundary,
             bounds={**boundary.bounds, **self.bounds},
-            observation=self.both,
+            observation=self.both if seen is self.crossing else side_by_side(seen, self.settled),
             values=(*boundary.values, *self.values),
         )
 
@@ -70,7 +73,7 @@ def free(boundary: Boundary) -> Boundary:
 def unsettled(boundary: Boundary) -> Boundary:
     """The boundary of a passage without what `Settled` has added to it."""
     seen = () if boundary.observation is None else boundary.observation.quantities
-    added = {one.name for one in seen} - set(CrossingValues.names())
+    added = {one.name for one in seen if one.rate_of or one == SIDE_ACCELERATION}
     return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in added})
 
 

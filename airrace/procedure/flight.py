@@ -12,12 +12,13 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, Problem, Watch
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.as_flown import plan_as_flown
-from airrace.procedure.cruise import cruise
+from airrace.planning.as_flown import plan_as_flown
+from airrace.planning.plan import Plan
+from airrace.planning.race import Race
 from airrace.procedure.ends import Ends, course_ends
-from airrace.procedure.models import BUILDERS, LONGEST_INTERVAL, regularised
-from airrace.procedure.plan import Plan, plan
-from airrace.procedure.race import Race
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity import Fidelity
+from airrace.procedure.regularisation import regularised
 from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings
 from airrace.procedure.statement import race_problem
@@ -30,7 +31,7 @@ from airrace.trajectory import Array, Trajectory
 class Flight:
     """The model of one stage flying a planned race; `weights` of its squared, scaled controls, by name."""
 
-    stage: Stage
+    fidelity: Fidelity
     plan: Plan
     model: FlightModel
     observation: Observation
@@ -40,9 +41,14 @@ class Flight:
     weights: Mapping[str, float]
 
     @property
+    def stage(self) -> Stage:
+        """The stage that flies."""
+        return self.fidelity.stage
+
+    @property
     def longest_interval(self) -> float:
-        """Of a mesh before it is halved, s; infinite where any length will do that keeps the limits."""
-        return LONGEST_INTERVAL[self.stage]
+        """The longest interval of a mesh before it is halved, s; infinite where any length will do."""
+        return self.fidelity.longest_interval
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
         """The joint problem over all phases; `mesh` holds the fractions of each."""
@@ -59,31 +65,39 @@ class Flight:
 
 
 def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory | None = None) -> Flight:
-    """Plan the race and build the equations of a stage.
+    """The flight of a stage: the race as planned, in the equations of that stage.
 
     Args:
         stage: which one.
         race: what is flown.
         settings: of the run.
-        flown: a flight whose choices the plan makes, too; without one it makes its own.
+        flown: a flight whose choices the plan makes, too; without one it is the race's own plan.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
-    course = race.course
-    pace = cruise(race.aircraft, course.rules)
-    model = BUILDERS[stage](race.aircraft, course.rules, race.air, counting=course.has_rolls)
+    course, model = race.course, stage_model(stage, race)
     crossing = crossing_observation(model.system.states)
     return Flight(
-        stage=stage,
-        plan=plan(course, pace) if flown is None else plan_as_flown(course, pace, flown),
+        fidelity=fidelity_of(stage),
+        plan=race.plan if flown is None else plan_as_flown(course, race.pace, flown),
         model=model,
         observation=crossing,
         ends=course_ends(course, model, crossing),
         watches=leg_watches(course, model.system.states),
         aircraft=race.aircraft,
-        weights=regularised(model.system.controls, settings.regularisation),
+        weights=regularised(model, settings.regularisation),
     )
+
+
+def stage_model(stage: Stage, race: Race) -> FlightModel:
+    """The equations of a stage, with the numbers and limits of a race.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+    course = race.course
+    return fidelity_of(stage).build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
 
 
 def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:

@@ -10,13 +10,12 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Leg, Plan
+from airrace.planning.rotation_time import roll_time, rotation_time, turned
+from airrace.planning.waypoints import Waypoint
 from airrace.procedure.attitudes import align_quaternions
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.plan import Leg, Plan
-from airrace.procedure.rotation_time import roll_time, rotation_time, turned
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.waypoints import Waypoint
-from airrace.track.gates import Manoeuvre
 from airrace.trajectory import Array
 
 SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged
@@ -223,9 +222,9 @@ def _place_chain(waypoints: Sequence[Waypoint], chain: Sequence[History]) -> Non
 def _allowed_height(waypoint: Waypoint, height: float) -> float:
     """The height nearest to `height` (m) that a manoeuvre allows."""
     element = waypoint.passage.element
-    if not isinstance(element, Manoeuvre):
+    if element.stands:
         return height
-    return min(max(height, element.height.lower), element.height.upper)
+    return min(max(height, element.heights.lower), element.heights.upper)
 
 
 def _position(history: History) -> tuple[Array, Array, Array]:

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 
-from airrace.control.inner_loops import inner_controller_for
 from airrace.control.reference import Reference, from_optimum
 from airrace.control.settling import settle
 from airrace.control.simulation import follow
@@ -19,12 +18,9 @@ from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import Marks
 from airrace.procedure.flight import Flight, history, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start
-from airrace.procedure.models import RATE
 from airrace.procedure.result import Facts, StageResult
+from airrace.quantities import Quantity
 from airrace.trajectory import Array
-
-FARTHEST = 25.0
-"""m: a flight that strays further from what it follows is a worse start than a model at rest in it."""
 
 FEWEST = 4
 """Intervals of a phase."""
@@ -40,14 +36,14 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     """
     reference = _reference(source, optimum)
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
-    simulated = follow(flight.model, inner_controller_for(flight.stage.value), reference, nodes=nodes)
+    simulated = follow(flight.model, flight.fidelity.controller(), reference, nodes=nodes)
     facts = Facts(
         source=source.stage.value,
         strayed=simulated.strayed,
         strayed_at=simulated.strayed_at,
         missed=simulated.end_distance,
     )
-    if not simulated.finished or simulated.strayed > FARTHEST:
+    if not simulated.finished or simulated.strayed > flight.fidelity.handover.farthest:
         return dataclasses.replace(settled(flight, source, optimum), facts=facts)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
     return Start(flight, flight.problem(_mesh(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
@@ -57,8 +53,7 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     """A stage's model at rest, node by node, in what the optimum of another stage does there."""
     flown = optimum.trajectory
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
-    inverse = inner_controller_for(flight.stage.value)
-    state, control = settle(flight.model, inverse, _reference(source, optimum), nodes=nodes)
+    state, control = settle(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
     return Start(
         flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)
@@ -108,16 +103,16 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         one.name: np.interp(nodes, flown.time, history(source, flown, one.name)) for one in flight.model.system.states
     }
 
-    def control(name: str, lower: float, upper: float) -> Array:
-        if name not in held:
-            return np.clip(np.diff(states[name.removesuffix(RATE)]) / steps, lower, upper)
-        added = np.concatenate([[0.0], np.cumsum(held[name] * np.diff(flown.time))])
-        return np.clip(np.diff(np.interp(nodes, flown.time, added)) / steps, lower, upper)
+    def control(one: Quantity) -> Array:
+        if one.name not in held:
+            return np.clip(np.diff(states[one.rate_of]) / steps, one.lower, one.upper)
+        added = np.concatenate([[0.0], np.cumsum(held[one.name] * np.diff(flown.time))])
+        return np.clip(np.diff(np.interp(nodes, flown.time, added)) / steps, one.lower, one.upper)
 
     guess = Iterate(
         flown.durations,
         np.vstack(list(states.values())),
-        np.vstack([control(one.name, one.lower, one.upper) for one in flight.model.system.controls]),
+        np.vstack([control(one) for one in flight.model.system.controls]),
     )
     return Start(
         flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)

@@ -9,28 +9,26 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
-from airrace.procedure.as_flown import plan_as_flown
-from airrace.procedure.choices import ANY, TWIN, Choices
+from airrace.planning.as_flown import plan_as_flown
+from airrace.planning.choices import TWIN
+from airrace.planning.plan import Plan, plan
+from airrace.planning.race import Race
+from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
-from airrace.procedure.models import BUILDERS
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.stage import STAGES
 from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.effort import EFFORTS, Effort
 from airrace.procedure.ways.exploring import Exploration, explore
 from airrace.procedure.ways.sketch import OWN_ITERATIONS, Draught
 
 logger = logging.getLogger(__name__)
-
-STAGES = tuple(stage for stage in Stage if stage in BUILDERS)
-"""The stages that can be run, in order."""
 
 LOST = 0.1
 """s, by which a certified flight may be slower than the rough one that it started from. On its finer mesh it should be
@@ -70,8 +68,9 @@ class Ladder:
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
-        if stage is Stage.HOMOTOPY:
-            return dataclasses.replace(self.flight(Stage.POINT_MASS), stage=stage)
+        fidelity = fidelity_of(stage)
+        if fidelity.guess:
+            return dataclasses.replace(self.flight(Stage.POINT_MASS), fidelity=fidelity)
         if stage not in self._flights:
             with interrupts_held_back():
                 self._flights[stage] = stage_flight(stage, self._race, self._settings)
@@ -79,9 +78,10 @@ class Ladder:
 
     def climb(self, stage: Stage, bench: Workbench) -> StageResult:
         """Run one stage; those before it are done."""
-        if stage is Stage.HOMOTOPY:
+        fidelity = fidelity_of(stage)
+        if fidelity.guess:
             result = fly_homotopy(self.flight(stage), bench)
-        elif stage is Stage.POINT_MASS:
+        elif fidelity.inner_controller is None:
             result = self._first_optimum(bench)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
@@ -124,18 +124,13 @@ class Ladder:
         flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
         pieces = [self._homotopy(bench)] if effort.homotopy or asked else []
         starts = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
-        own, twin = (self._planned(ties, bench) for ties in (ANY, TWIN))
+        own, twin = (
+            _planned(flight, way, bench) for way in (flight.plan, plan(self._race.course, flight.plan.cruise, TWIN))
+        )
         starts.append(("plan", own))
         if not np.array_equal(own.guess.state, twin.guess.state):
             starts.append(("plan, its twin", twin))
         return explore(flight, self._race.course, bench, effort, starts)
-
-    def _planned(self, ties: Choices, bench: Workbench) -> Draught:
-        """The race's own plan, on the mesh on which it is solved without exploring."""
-        flight = self.flight(Stage.POINT_MASS)
-        way = plan(self._race.course, flight.plan.cruise, ties)
-        mesh = first_mesh(way, bench.settings.mesh)
-        return Draught(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, OWN_ITERATIONS)
 
     def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
         """The homotopy and the plan, the one the user wants first."""
@@ -172,7 +167,7 @@ class Ladder:
 
     def _handed_over(self, stage: Stage, optimum: StageResult, bench: Workbench) -> Start:
         flight, below = self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum)
-        if stage is Stage.STATE_SPACE and optimum.stage is Stage.STATE_SPACE_INVERSION:
+        if flight.fidelity.handover.retold is optimum.stage:
             return recorded(flight, below, optimum)
         bench.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
         with interrupts_held_back():
@@ -224,6 +219,12 @@ def _kept(result: StageResult, explored: Explored) -> bool:
 
 def _made(start: Start) -> Start:
     return start
+
+
+def _planned(flight: Flight, way: Plan, bench: Workbench) -> Draught:
+    """A plan, on the mesh on which the race's own is solved without exploring."""
+    mesh = first_mesh(way, bench.settings.mesh)
+    return Draught(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, OWN_ITERATIONS)
 
 
 def _draught(flight: Flight, pieces: StageResult) -> Draught:

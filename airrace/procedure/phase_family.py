@@ -14,11 +14,11 @@ import numpy as np
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.cruise import Cruise
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Leg, Plan
+from airrace.planning.rotation_time import rotated, rotation_time
+from airrace.planning.waypoints import Waypoint
 from airrace.procedure.guess import guess
-from airrace.procedure.plan import Leg, Plan
-from airrace.procedure.rotation_time import rotated, rotation_time
-from airrace.procedure.waypoints import Waypoint
 from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
 

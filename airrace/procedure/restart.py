@@ -36,7 +36,6 @@ from airrace.procedure.result import Facts, Stage, StageResult
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Quantity
 from airrace.track.course import Course
-from airrace.track.gates import Manoeuvre
 from airrace.trajectory import Array
 
 ITERATIONS_MAX = 150
@@ -227,7 +226,7 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
     Conditions at a passing are those of the planned direction, so no solver could lead from the one to the other.
     """
     for waypoint, split in zip(flight.plan.waypoints, optimum.splits, strict=True):
-        if isinstance(waypoint.passage.element, Manoeuvre):
+        if not waypoint.passage.element.stands:
             continue
         banked = waypoint.bank is not None and math.cos(split.bank - waypoint.bank) < 0.0
         if banked or math.cos(split.heading - waypoint.axis) < 0.0:

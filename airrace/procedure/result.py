@@ -7,22 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Certificate
+from airrace.procedure.stage import Stage
 from airrace.trajectory import Array, Trajectory
-
-
-class Stage(Enum):
-    """The stages in the order in which they are flown; values are the user's names.
-
-    `HOMOTOPY` is the assembled guess of the point mass, kept so that an interrupted run resumes behind it;
-    it is neither an optimum nor certified.
-    """
-
-    HOMOTOPY = "homotopy"
-    POINT_MASS = "point-mass"
-    TRANSFER_FUNCTION = "transfer-function"
-    STATE_SPACE_INVERSION = "state-space-inversion"
-    STATE_SPACE = "state-space"
-    SIX_DOF = "six-dof"
 
 
 class Outcome(Enum):

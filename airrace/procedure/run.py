@@ -6,14 +6,16 @@ from collections.abc import Iterator, Sequence
 from airrace.dynamics import handling
 from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService
+from airrace.planning.race import Race
 from airrace.procedure.derived import derived_quantities
-from airrace.procedure.ladder import STAGES, Ladder, wanted_stages
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
-from airrace.procedure.race import Race
 from airrace.procedure.restart import Another, is_better, overtaken, restarted, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.stage import STAGES
 from airrace.procedure.stored import recertified, recertify, sampler
 
 logger = logging.getLogger(__name__)
@@ -57,7 +59,7 @@ def optimise(
     another = Another(start_name, start)
     optima = another.optima(STAGES[: STAGES.index(until) + 1])
     ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS)
-    if STAGES.index(until) > STAGES.index(Stage.POINT_MASS):
+    if any(fidelity_of(stage).inner_controller for stage in wanted_stages(settings, until)):
         for remark in handling.remarks(race.aircraft):
             logger.warning("%s: %s", race.aircraft.name, remark)
     # A run that was started from another one has no stages below its first: what is finished needs them no more.

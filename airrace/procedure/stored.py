@@ -14,11 +14,11 @@ from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.sampling import sample
 from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.transcription import transcribe
+from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
-from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
+from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight, stage_model
 from airrace.procedure.joint import REFINED_BARRIER
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -96,13 +96,12 @@ def _coarser_race_time(flight: Flight, settings: Settings, result: StageResult, 
 
 def sampler(race: Race, settings: Settings, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:
     """Histories at any time, integrated from the node before; a function of times in s, shape (n,)."""
-    flight = stage_flight(result.stage, race, settings, result.trajectory)
-    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
-    names = [quantity.name for quantity in problem.system.states]
+    model, iterate = stage_model(result.stage, race), iterate_of(result.trajectory)
+    names = [quantity.name for quantity in model.system.states]
     time = result.trajectory.time
 
     def at(times: Array) -> Mapping[str, Array]:
-        values = sample(problem, iterate, time, times)
+        values = sample(model.system, model.parameter_values, iterate, time=time, times=times)
         return dict(zip(names, np.asarray(values), strict=True))
 
     return at

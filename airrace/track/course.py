@@ -5,17 +5,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 from airrace.quantities import Interval
-from airrace.track.gates import Element
+from airrace.track.element import Direction, Element
 from airrace.track.limits import Crowd, Roll, SafetyLine
 from airrace.track.polygons import Point
 
-
-class Direction(Enum):
-    """Which way a gate is flown. `PLANNED`: whichever makes the shorter race."""
-
-    FORWARD = "forward"
-    REVERSE = "reverse"
-    PLANNED = "planned"
+__all__ = ["Course", "Direction", "EndState", "Origin", "Passage", "Rules"]
 
 
 class EndState(Enum):

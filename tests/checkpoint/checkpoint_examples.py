@@ -11,6 +11,7 @@ from hypothesis.extra import numpy as hnp
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.stage import STAGES
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
 
@@ -33,7 +34,7 @@ def example_result(stage: Stage = Stage.POINT_MASS, *, intervals: int = 6) -> St
         time=time,
         states=(Quantity("z", "m", 100.0, -500.0, -5.0, "down"), Quantity("V_K", "m/s", 50.0, 35.0, math.inf, "speed")),
         state=np.array([-20.0 - time, 90.0 + time]),
-        controls=(Quantity("n_z", "1", 5.0, text="normal load factor"),),
+        controls=(Quantity("sink", "m/s", 5.0, text="how fast it sinks", rate_of="z"),),
         control=np.linspace(1.0, 9.0, intervals)[np.newaxis, :],
     )
     return StageResult(
@@ -151,6 +152,6 @@ def checkpoints(draw: st.DrawFn) -> Checkpoint:
         StoredInputs, documents, documents, st.none() | documents, st.lists(texts, max_size=3).map(tuple), texts
     )
     checkpoint = Checkpoint(draw(inputs), draw(st.dictionaries(texts, texts, max_size=3)))
-    for stage in draw(st.lists(st.sampled_from(Stage), unique=True, max_size=2)):
+    for stage in draw(st.lists(st.sampled_from(STAGES), unique=True, max_size=2)):
         checkpoint = checkpoint.with_stage(draw(results(stage)))
     return checkpoint

@@ -61,7 +61,8 @@ def test_plain_hdf5_opens_the_file_behind_its_user_block(tmp_path: Path) -> None
         assert (speed.attrs["units"], speed.attrs["long_name"]) == (b"m/s", b"speed")
         assert np.isposinf(speed.attrs["upper"])
         np.testing.assert_array_equal(speed.dims[0][0], stage["time"])
-        np.testing.assert_array_equal(stage["controls/n_z"].dims[0]["interval_time"], stage["interval_time"])
+        np.testing.assert_array_equal(stage["controls/sink"].dims[0]["interval_time"], stage["interval_time"])
+        assert stage["controls/sink"].attrs["rate_of"] == b"z"
         assert file["inputs/track/text"][()].decode() == INPUTS.track.text
         assert stage["certificate/items"]["name"].tolist() == [b"kkt_error", b"replay"]
 

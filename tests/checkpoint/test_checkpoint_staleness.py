@@ -1,5 +1,7 @@
 """Which stages can still be trusted, and why the others cannot."""
 
+import dataclasses
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.checkpoint.digest import content_digest
 from airrace.optimal_control.certificate import Item
 from airrace.procedure.result import Stage
+from airrace.quantities import Quantity
 
 CURRENT = inputs_hash(INPUTS.resolved)
 LADDER = (Stage.HOMOTOPY, Stage.POINT_MASS, Stage.TRANSFER_FUNCTION)
@@ -87,6 +90,13 @@ def test_a_digest_sees_numbers_as_they_are_stored() -> None:
     assert content_digest(np.arange(3, dtype=np.int32)) == content_digest(np.arange(3, dtype=np.int64))
     assert content_digest(np.arange(3)) != content_digest(np.arange(3.0))
     assert content_digest(True) != content_digest(1)
+
+
+def test_a_digest_leaves_out_what_a_quantity_does_not_declare() -> None:
+    fields = ("name", "unit", "scale", "lower", "upper", "text")  # of a quantity as it was once stored
+    before = dataclasses.make_dataclass("Quantity", fields)
+    assert content_digest(Quantity("eta", "rad")) == content_digest(before("eta", "rad", 1.0, -math.inf, math.inf, ""))
+    assert content_digest(Quantity("eta", "rad")) != content_digest(Quantity("eta", "rad", rate_of="xi"))
 
 
 def test_a_digest_of_an_unknown_kind_is_refused() -> None:

@@ -12,8 +12,8 @@ import numpy as np
 
 from airrace.errors import InputError, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Item
+from airrace.planning.race import Race
 from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.race import Race
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
 from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from airrace.documents import load_inputs
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"

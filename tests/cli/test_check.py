@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
-from airrace.procedure.review import Kind, Remark, review
+from airrace.planning.review import Kind, Remark, review
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")

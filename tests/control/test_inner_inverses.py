@@ -10,17 +10,18 @@ from hypothesis import strategies as st
 from manoeuvres import LADDER, ladder_model
 
 from airrace.control.inner_controller import InnerController
-from airrace.control.inner_loops import INVERSES, inner_controller_for
 from airrace.control.outer_loop import Commands
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.frames import quaternion
 from airrace.optimal_control.runge_kutta import RK4
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.stage import STAGES, Stage
 from airrace.trajectory import Array
 
 STEP = 0.005
 MODELS = {stage: ladder_model(stage) for stage in LADDER}
-CONTROLLERS = {stage: inner_controller_for(stage)(model) for stage, model in MODELS.items()}
+CONTROLLERS = {stage: fidelity_of(Stage(stage)).controller()(model) for stage, model in MODELS.items()}
 FACTORS = {stage: load_factors(model.system) for stage, model in MODELS.items()}
 
 
@@ -150,4 +151,4 @@ def test_lever_settles_where_the_load_factor_along_the_path_is_the_commanded_one
 
 
 def test_every_model_with_an_inner_loop_has_an_inverse() -> None:
-    assert set(INVERSES) == set(LADDER)
+    assert {stage.value for stage in STAGES if fidelity_of(stage).inner_controller} == set(LADDER)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from manoeuvres import LADDER, SCRIPTS, flown, ladder_model
 
-from airrace.control.inner_loops import inner_controller_for
 from airrace.control.outer_loop import PathGains
 from airrace.control.reference import Reference
 from airrace.control.simulation import STEP, Followed, follow
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.optimal_control.runge_kutta import RK4
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.stage import Stage
 from airrace.trajectory import Array
 
 DEGREE = np.pi / 180.0
@@ -27,7 +28,9 @@ def followed(
     """A manoeuvre flown by a model of the ladder."""
     reference = flown(name, air).reference
     nodes = np.linspace(0.0, reference.duration, intervals + 1)
-    return follow(ladder_model(stage, air), inner_controller_for(stage), reference, nodes=nodes, gains=gains, step=step)
+    return follow(
+        ladder_model(stage, air), fidelity_of(Stage(stage)).controller(), reference, nodes=nodes, gains=gains, step=step
+    )
 
 
 def row(stage: str, name: str) -> int:
@@ -88,7 +91,7 @@ def test_mirrored_reference_is_followed_in_the_mirrored_way(stage: str) -> None:
     reference = flown("7 g slalom").reference
     nodes = np.linspace(0.0, reference.duration, 30)
     one, other = (
-        follow(ladder_model(stage), inner_controller_for(stage), each, nodes=nodes)
+        follow(ladder_model(stage), fidelity_of(Stage(stage)).controller(), each, nodes=nodes)
         for each in (reference, mirrored(reference))
     )
     signs = np.array([[1.0], [-1.0], [1.0]])
@@ -135,7 +138,7 @@ def test_rolls_are_counted_along(stage: str) -> None:
     model = ladder_model(stage, counting=True)
     reference = flown("barrel roll", counting=True).reference
     nodes = np.linspace(0.0, reference.duration, 40)
-    flight = follow(model, inner_controller_for(stage), reference, nodes=nodes)
+    flight = follow(model, fidelity_of(Stage(stage)).controller(), reference, nodes=nodes)
     histories = {one.name: values for one, values in zip(model.system.states, flight.state, strict=True)}
     assert histories["Phi"][-1] == pytest.approx(2.0 * np.pi, abs=0.1)
     assert histories["gain"] == pytest.approx(np.interp(nodes, reference.s, reference.histories.gain), abs=2.0)
@@ -145,6 +148,6 @@ def test_phases_are_those_of_the_reference() -> None:
     whole = flown("barrel roll").reference
     parts = dataclasses.replace(whole, boundaries=np.array([0.0, 1.0, 2.5, whole.duration]))
     nodes = np.linspace(0.0, whole.duration, 21)
-    flight = follow(ladder_model("six-dof"), inner_controller_for("six-dof"), parts, nodes=nodes)
+    flight = follow(ladder_model("six-dof"), fidelity_of(Stage.SIX_DOF).controller(), parts, nodes=nodes)
     times = np.interp(parts.boundaries, nodes, flight.time)
     assert flight.durations == pytest.approx(np.diff(times), abs=1e-3)

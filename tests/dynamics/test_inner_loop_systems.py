@@ -28,6 +28,7 @@ from hypothesis import given, settings
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import SixDofState, build_six_dof
 from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
@@ -35,6 +36,7 @@ from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.errors import InputError
 from airrace.quantities import Interval
+from airrace.system import System
 from airrace.track.course import Rules
 
 GUSTY = Air(wind=StaticWind(0.4, 8.0, Profile.POWER), thermals=(Thermal(30.0, 0.0, 2.5, 1400.0),))
@@ -222,3 +224,27 @@ def test_angle_of_attack_ends_with_the_lift_curve_or_the_rules(edge540: Aircraft
 def test_rules_that_ask_for_a_stall_are_refused(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
     with pytest.raises(InputError, match="alpha_A"):
         kind.build(edge540, dataclasses.replace(rules, alpha_A=Interval(0.35, 0.5)), Air())
+
+
+@every_model
+def test_what_is_declared_as_a_rate_is_one(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    assert_rates_are_declared(kind.build(edge540, rules, GUSTY, counting=True).system)
+
+
+def test_what_the_point_mass_declares_as_a_rate_is_one(edge540: Aircraft, rules: Rules) -> None:
+    assert_rates_are_declared(build_point_mass(edge540, rules, GUSTY, counting=True).system)
+
+
+def assert_rates_are_declared(system: System) -> None:
+    """A quantity is declared as the rate of a state exactly where that state's equation reads `x' = u`."""
+    symbols = (("x", system.states), ("u", system.controls), ("p", system.parameters))
+    x, u, p = (ca.SX.sym(name, len(of)) for name, of in symbols)
+    rates, moving = system.rates(x, u, p), ca.vertcat(x, u)
+    declared = (*system.states, *system.controls)
+    found = {
+        declared[column].name: system.states[row].name
+        for row in range(len(system.states))
+        for column in range(len(declared))
+        if ca.is_equal(rates[row], moving[column], 1)
+    }
+    assert found == {one.name: one.rate_of for one in declared if one.rate_of}

@@ -14,7 +14,7 @@ import pytest
 from generated_courses import generated_course
 
 from airrace.documents import Document, inputs_from_documents, load_inputs
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.track.course import Direction, Passage
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
 

@@ -9,9 +9,9 @@ from races import RACES, prepared, settings
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, rotation
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
+from airrace.planning.race import Race
 from airrace.procedure.flight import iterate_of, mesh_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import GuessKind, Settings

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
-from airrace.procedure.cruise import cruise
+from airrace.planning.cruise import cruise
+from airrace.planning.plan import Plan, plan
+from airrace.planning.race import Race
 from airrace.procedure.flight import Flight, stage_flight
-from airrace.procedure.plan import Plan, plan
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import Explore, GuessKind, Settings

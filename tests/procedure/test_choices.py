@@ -12,16 +12,16 @@ from races import planned as plan_of
 from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between, quaternion
-from airrace.procedure.as_flown import plan_as_flown, track_turn, way_as_flown
-from airrace.procedure.choices import ANY, Choices
-from airrace.procedure.cruise import cruise
+from airrace.planning.as_flown import plan_as_flown, track_turn, way_as_flown
+from airrace.planning.choices import ANY, Choices
+from airrace.planning.cruise import cruise
+from airrace.planning.plan import Plan, plan, stops_of
+from airrace.planning.race import Race
+from airrace.planning.waypoints import candidates
 from airrace.procedure.flight import Flight, mesh_of, stage_flight, trajectory
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.plan import Plan, plan, stops_of
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, MeshSettings, Settings
-from airrace.procedure.waypoints import candidates
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Trajectory

@@ -7,9 +7,9 @@ import pytest
 from races import RACES, SMALL, flown, optimum, prepared, settings
 
 from airrace.errors import InputError
+from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import GuessKind, Settings, SolverSettings

@@ -14,7 +14,7 @@ from races import EDGE_540, ROOT, RULES, WINDOW, course, level, optimum, setting
 from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import product, rotation
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.procedure.result import StageResult
 from airrace.procedure.run import sampler
 from airrace.procedure.settings import GuessKind

@@ -134,8 +134,8 @@ def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
     for row, one in zip(start.guess.control, flight.model.system.controls, strict=True):
         assert one.lower <= row.min()
         assert row.max() <= one.upper
-        if one.name.endswith("_dot"):  # straight from deflection to deflection, as fast as surfaces go
-            moved = np.diff(start.guess.state[names.index(one.name.removesuffix("_dot"))])
+        if one.rate_of:  # straight from deflection to deflection, as fast as surfaces go
+            moved = np.diff(start.guess.state[names.index(one.rate_of)])
             within = np.abs(moved / steps) <= one.upper
             assert np.allclose((row * steps)[within], moved[within], atol=1e-9)
         else:  # the lever: as much in every interval as was pulled in it

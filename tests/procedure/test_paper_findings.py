@@ -8,7 +8,7 @@ from matched_laps import laps, matched_laps
 from races import RACES, blown, optimum
 from test_flown_optima import plane_of
 
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval
 

@@ -14,10 +14,10 @@ from transformations import mirrored, rotated
 from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between
-from airrace.procedure.choices import ANY, TWIN
-from airrace.procedure.cruise import cruise
-from airrace.procedure.plan import Plan, plan
-from airrace.procedure.race import Race
+from airrace.planning.choices import ANY, TWIN
+from airrace.planning.cruise import cruise
+from airrace.planning.plan import Plan, plan
+from airrace.planning.race import Race
 from airrace.track.course import Direction
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 

@@ -9,9 +9,9 @@ from races import ROOT, SHIPPED, SMALL, blown, optimum
 
 from airrace.documents import load_inputs
 from airrace.errors import UsageError
+from airrace.planning.race import Race
 from airrace.procedure import restart
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.restart import ensure_same_passings, passings_of
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimise

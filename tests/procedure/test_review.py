@@ -12,9 +12,9 @@ from transformations import mirrored
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
-from airrace.procedure.legs import PLANNED_MAX, legs, tightest
-from airrace.procedure.race import Race
-from airrace.procedure.review import Kind, Remark, review
+from airrace.planning.legs import PLANNED_MAX, legs, tightest
+from airrace.planning.race import Race
+from airrace.planning.review import Kind, Remark, review
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Rules
 from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances

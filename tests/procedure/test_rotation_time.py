@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.rotation_time import roll_time, rotated, rotation_time, rotation_vector
+from airrace.planning.cruise import Cruise
+from airrace.planning.rotation_time import roll_time, rotated, rotation_time, rotation_vector
 from airrace.quantities import Interval
 from airrace.track.limits import Roll, Turning
 

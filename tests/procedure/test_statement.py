@@ -28,8 +28,8 @@ from airrace.environment.air import Air
 from airrace.frames import quaternion
 from airrace.optimal_control.audit import observed, outside
 from airrace.optimal_control.problem import Boundary, Problem
+from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.race import Race
 from airrace.procedure.settings import MeshSettings
 from airrace.procedure.statement import piece_boundary
 from airrace.quantities import Interval

@@ -9,7 +9,7 @@ from races import COURSES, RACES, ROOT, blown, optimum
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Thermal
-from airrace.procedure.race import Race
+from airrace.planning.race import Race
 from airrace.procedure.result import Stage
 
 TRACKS = sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))

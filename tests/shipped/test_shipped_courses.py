@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from airrace.documents import load_inputs
-from airrace.procedure.cruise import cruise
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.cruise import cruise
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
 from airrace.track.course import Course, Direction
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
 from airrace.track.limits import Turning

@@ -7,7 +7,7 @@ import numpy as np
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import resampled
-from airrace.procedure.as_flown import plan_as_flown
+from airrace.planning.as_flown import plan_as_flown
 from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.solving import Workbench
@@ -82,6 +82,7 @@ def _as_point_mass(point_mass: Flight, source: Flight, optimum: StageResult) -> 
     own = point_mass.model.system
     state = np.array([known[one.name] for one in own.states], dtype=np.float64)
     steps = np.diff(flown.time)
-    moved |= {f"{one.name}_dot": np.diff(row) / steps for one, row in zip(own.states, state, strict=True)}
+    rates = {one.name: np.diff(row) / steps for one, row in zip(own.states, state, strict=True)}
+    moved |= {one.name: rates[one.rate_of] for one in own.controls if one.rate_of}
     control = np.array([np.clip(moved[one.name], one.lower, one.upper) for one in own.controls], dtype=np.float64)
     return Iterate(flown.durations, state, control)

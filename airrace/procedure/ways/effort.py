@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from airrace.environment.atmosphere import g0
-from airrace.procedure.cruise import Cruise
+from airrace.planning.cruise import Cruise
 from airrace.procedure.settings import Explore
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.service import SolverService
-from airrace.procedure.cruise import Cruise
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import plan
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import counts_of
 from airrace.procedure.joint import Start
-from airrace.procedure.plan import plan
 from airrace.procedure.result import Explored, Way
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.crew import Crew

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.procedure.as_flown import choices_as_flown
-from airrace.procedure.choices import ANY, TWIN
-from airrace.procedure.cruise import Cruise
+from airrace.planning.as_flown import choices_as_flown
+from airrace.planning.choices import ANY, TWIN
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import plan
 from airrace.procedure.flight import Flight
 from airrace.procedure.joint import COLD_BARRIER
-from airrace.procedure.plan import plan
 from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import Effort, scaled
 from airrace.procedure.ways.sketch import Draught, Sketch, planned_draught, sketched

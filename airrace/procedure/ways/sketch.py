@@ -20,9 +20,9 @@ from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.replay import estimated_defect
 from airrace.optimal_control.service import SolverEnded, SolverService, Stalled
 from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.planning.plan import Plan
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import guess, leg_seconds
-from airrace.procedure.plan import Plan
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)

@@ -22,7 +22,7 @@ def slanted(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
     The deviation from the line between the ends is raised; attitude, load factor and roll rate are those with which the
     path is flown without sideslip.
     """
-    rows, rates = PointMassState.names(), PointMassControl.names()
+    rows = PointMassState.names()
     seconds = [float(piece.durations[0]) for piece in pieces]
     times = [
         np.linspace(0.0, T, piece.control.shape[1] + 1) + before
@@ -38,8 +38,9 @@ def slanted(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
     for piece, first, last in zip(pieces, ends, ends[1:], strict=False):
         x, steps = raised[:, first : last + 1], np.diff(time[first : last + 1])
         control = piece.control.copy()
-        for name in ("n_z", "n_y", "p_Kbar"):
-            control[rates.index(f"{name}_dot")] = np.diff(x[rows.index(name)]) / steps
+        for row, one in enumerate(PointMassControl.quantities()):
+            if one.rate_of:
+                control[row] = np.diff(x[rows.index(one.rate_of)]) / steps
         found.append(Iterate(piece.durations, x, control))
     return found
 

@@ -10,9 +10,9 @@ import numpy as np
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.as_flown import ATTITUDE, POSITION, track_turn
+from airrace.planning.as_flown import ATTITUDE, POSITION, track_turn
+from airrace.planning.plan import stops_of
 from airrace.procedure.pieces import phase_piece
-from airrace.procedure.plan import stops_of
 from airrace.procedure.ways.sketch import Sketch
 from airrace.track.course import Course
 from airrace.trajectory import Array

@@ -8,20 +8,19 @@ from dataclasses import dataclass
 
 from airrace.frames import angle_between
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.as_flown import choices_as_flown
-from airrace.procedure.choices import Choices
-from airrace.procedure.cruise import Cruise
+from airrace.planning.as_flown import choices_as_flown
+from airrace.planning.choices import Choices
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Plan, plan
+from airrace.planning.waypoints import Waypoint, candidates
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.pieces import phase_piece
-from airrace.procedure.plan import Plan, plan
-from airrace.procedure.waypoints import Waypoint, candidates
 from airrace.procedure.ways.sketch import Sketch, intervals
 from airrace.procedure.ways.slanting import slanted
 from airrace.procedure.ways.stretches import Shape, Stretch, neighbours, same_way, shape, stretches
 from airrace.procedure.ways.window import Priced, Window
 from airrace.track.course import Course
-from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.track.limits import Turning
 
 MARGIN = 2
@@ -161,7 +160,7 @@ class Thinker:
 
     def _other_crossing(self, stretch: Stretch, index: int) -> Iterator[Thought]:
         """The passage at an end of the stretch crossed along another axis."""
-        if not isinstance(self.course.passages[index].element, Gate | Pylon):
+        if not self.course.passages[index].element.stands:
             return
         (own,) = self.choices.ways[index]
         for axis, ways in _by_axis(candidates(self.course, index)):
@@ -177,14 +176,14 @@ class Thinker:
             rolls = {**self.choices.rolls, index: -self.choices.rolls[index]}
             chosen = dataclasses.replace(self.choices.without_ways(index), rolls=rolls)
             yield from self._planned(stretch, chosen, "other roll")
-        if isinstance(passage.element, Gate) and passage.element.either_bank:
+        if passage.element.two_edged:
             edges = {**self.choices.edges, index: -self.choices.edges[index]}
             yield from self._planned(stretch, dataclasses.replace(self.choices, edges=edges), "other edge")
 
     def _other_course(self, stretch: Stretch) -> Iterator[Thought]:
         """A manoeuvre whose course is free, entered the other way."""
         passage = self.course.passages[stretch.last]
-        if not isinstance(passage.element, Manoeuvre) or passage.element.heading is not None:
+        if not passage.element.free_course:
             return
         (own,) = self.choices.ways[stretch.last]
         ways = tuple(one for one in candidates(self.course, stretch.last) if math.cos(one.heading - own.heading) < -0.1)
@@ -210,8 +209,7 @@ class Thinker:
         """The manoeuvre at the end of a stretch, and those beside it whose courses are as free: they go together."""
 
         def free(index: int) -> bool:
-            element = self.course.passages[index].element
-            return isinstance(element, Manoeuvre) and element.heading is None
+            return self.course.passages[index].element.free_course
 
         ends = [one.last for one in self.stretches]
         before = itertools.takewhile(free, reversed(ends[: stretch.number]))

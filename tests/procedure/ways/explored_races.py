@@ -6,8 +6,8 @@ import functools
 from races import DEGREE, EDGE_540, RULES, course, level, pylon, settings
 
 from airrace.environment.air import Air
+from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import Explore, GuessKind, Settings

@@ -12,10 +12,10 @@ from races import SHIPPED, SMALL, prepared
 from transformations import mirrored
 from ways_bench import workbench
 
+from airrace.planning.race import Race
 from airrace.procedure import ladder
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.result import Stage, StageResult, Way
 from airrace.procedure.run import optimise
 from airrace.procedure.settings import Explore

@@ -9,8 +9,8 @@ from races import SHIPPED, SMALL, prepared
 from ways_bench import planned_sketch, workbench
 
 from airrace.optimal_control.service import SolverService, Stalled
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
 from airrace.procedure.ways import sketch
 from airrace.procedure.ways.effort import Radius, scaled
 from airrace.procedure.ways.sketch import INTERVAL, MOST, STEP, Draught, attempted, intervals, planned_draught, sketched

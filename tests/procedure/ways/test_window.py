@@ -12,11 +12,11 @@ from transformations import mirrored
 from ways_bench import planned_sketch, workbench
 
 from airrace.environment.air import Air
-from airrace.procedure.choices import Choices
+from airrace.planning.choices import Choices
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
+from airrace.planning.waypoints import candidates
 from airrace.procedure.pieces import phase_piece
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
-from airrace.procedure.waypoints import candidates
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import scaled
 from airrace.procedure.ways.search import TriedWindow

@@ -8,8 +8,8 @@ from explored_races import PLAN
 from races import prepared
 
 from airrace.optimal_control.service import SolverService
+from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
-from airrace.procedure.race import Race
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.sketch import Sketch, planned_draught, sketched

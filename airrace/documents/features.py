@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 from airrace.documents.nodes import KeyPath
 from airrace.track.course import Direction
-from airrace.track.gates import Element, Gate, Manoeuvre
+from airrace.track.element import Element
 from airrace.track.limits import Roll
 from airrace.track.polygons import Point
 
 
 @dataclass(frozen=True)
 class Step:
-    """One passage of a figure.
+    """One passage of a feature.
 
     Attributes:
         direction: None where the mention says it.
@@ -24,8 +24,8 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """An element of the file by its name there; `free_directions`: each passing may be planned for itself."""
+class Feature:
+    """An entry of `gates` by its name, ready to be flown; `free_directions`: each passing may be planned for itself."""
 
     name: str
     steps: tuple[Step, ...]
@@ -37,18 +37,15 @@ class Figure:
 
     @property
     def has_direction(self) -> bool:
-        return isinstance(self.steps[0].element, Gate)
+        return self.steps[0].element.directed
 
     @property
     def position(self) -> tuple[Point, float] | None:
         """Where it stands, and its nominal height (m); None where that is free."""
-        element = self.steps[0].element
-        if not isinstance(element, Manoeuvre):
-            return Point(element.north, element.east), element.height
-        fixed = element.position
-        return None if fixed is None else (Point(fixed[0], fixed[1]), fixed[2])
+        position = self.steps[0].element.position
+        return None if position is None else (Point(position[0], position[1]), position[2])
 
 
 def base_name(name: str) -> str:
-    """The name in the file of an element that is one step of a figure: `q` of `q/1`."""
+    """The name in the file of an element that is one step of a feature: `q` of `q/1`."""
     return name.partition("/")[0]

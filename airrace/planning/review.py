@@ -9,17 +9,15 @@ import numpy as np
 
 from airrace.dynamics import handling
 from airrace.frames import angle_between
-from airrace.procedure.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
-from airrace.procedure.cruise import top_speed
-from airrace.procedure.legs import Leg, legs, place, tightest
-from airrace.procedure.race import Race
+from airrace.planning.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
+from airrace.planning.cruise import top_speed
+from airrace.planning.legs import Leg, legs, place, tightest
+from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Passage
-from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
 
 KNOT = 1852.0 / 3600.0  # m/s
 WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
-GATE_WIDTH = Interval(10.0, 14.0)  # m, race rules 2014-2019
 LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
 SAME_PLACE = 1.0  # m: passings of one spot, as of a quad, are meant to be flown round a loop
 NEARLY = 0.5  # m: what rounding to metres would not show
@@ -43,6 +41,12 @@ class Kind(Enum):
     SAFETY_LINE = "safety-line"
     CROWD = "crowd"
     AIRSPACE = "airspace"
+    ELEMENT = "element"
+
+    @classmethod
+    def of(cls, subject: str) -> "Kind":
+        """The kind of a remark that an element makes about itself."""
+        return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ def _on_start(race: Race) -> Iterator[Remark]:
         if math.isfinite(limit):
             text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
             yield Remark(start.name, Kind.START_SPEED, text)
-        elif isinstance(start.element, Gate | Pylon):  # a figure that begins in the air has no start to be timed
+        elif start.element.stands:  # a figure that begins in the air has no start to be timed
             text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {reached}"
             yield Remark(start.name, Kind.START_SPEED, text)
 
@@ -98,24 +102,16 @@ def _on_elements(race: Race) -> Iterator[Remark]:
     for passage in race.course.passages:
         if passage.element.name not in seen:
             seen.add(passage.element.name)
-            yield from _on_width(passage)
+            for subject, text in passage.element.remarks(passage.name):
+                yield Remark(passage.name, Kind.of(subject), text)
             yield from _on_ceiling(passage, race.course.rules.height)
     yield from _on_axes(race.course)
 
 
-def _on_width(passage: Passage) -> Iterator[Remark]:
-    if not isinstance(passage.element, Gate):
-        return
-    width = passage.element.width
-    if not GATE_WIDTH.lower - 1e-9 <= width <= GATE_WIDTH.upper + 1e-9:
-        text = f"the gate of `{passage.name}` is {width:g} m wide; racing gates are 10 to 14 m wide"
-        yield Remark(passage.name, Kind.WIDTH, text)
-
-
 def _on_ceiling(passage: Passage, allowed: Interval) -> Iterator[Remark]:
     element = passage.element
-    if isinstance(element, Manoeuvre) and element.height.lower > allowed.upper:
-        text = f"`{passage.name}` asks for {element.height.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
+    if element.heights.lower > allowed.upper:
+        text = f"`{passage.name}` asks for {element.heights.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
         yield Remark(passage.name, Kind.CEILING, text)
     elif passage.roll is not None and allowed.lower + passage.roll.gain > allowed.upper:
         room = f"there are {allowed.upper - allowed.lower:.0f} m between floor and ceiling"
@@ -129,9 +125,9 @@ def _on_axes(course: Course) -> Iterator[Remark]:
     around = zip([None, *course.passages], course.passages, [*course.passages[1:], None], strict=False)
     for before, passage, after in around:
         key = (passage.element.name, passage.direction)
-        if not isinstance(passage.element, Gate) or passage.direction is Direction.PLANNED or key in seen:
+        heading = passage.element.course(passage.direction)
+        if not passage.element.directed or heading is None or key in seen:
             continue
-        heading = passage.element.heading + (math.pi if passage.direction is Direction.REVERSE else 0.0)
         ways = [_bearing(a, b) for a, b in ((before, passage), (passage, after)) if a is not None and b is not None]
         limit = ASIDE if len(ways) == 2 else BACK
         against = [abs(angle_between(heading, way)) > limit + 1e-9 for way in ways if way is not None]
@@ -177,12 +173,10 @@ def _on_climb(leg: Leg) -> Iterator[Remark]:
     heights: list[Interval] = []
     climbs = Interval()
     for passage in (leg.before, leg.after):
-        element = passage.element
-        if isinstance(element, Manoeuvre):
+        if passage.element.climbs is None:
             return
-        window = element.passing is Passing.WINDOW
-        heights.append(element.tolerances.height if window else Interval.exactly(element.height))
-        climbs = climbs.intersect(element.tolerances.climb) if window else climbs
+        heights.append(passage.element.heights)
+        climbs = climbs.intersect(passage.element.climbs)
     up, down = heights[1].lower - heights[0].upper, heights[0].lower - heights[1].upper
     steepness = math.atan2(max(up, down), leg.length)
     allowed = climbs.upper if up > down else -climbs.lower

@@ -15,14 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.frames import angles, rotation
-from airrace.procedure.choices import ANY, Choices
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.rotation_time import roll_time, rotation_time, rotation_vector, turned
-from airrace.procedure.waypoints import Waypoint, is_only_a_height
+from airrace.planning.choices import ANY, Choices
+from airrace.planning.cruise import Cruise
+from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turned
+from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
 from airrace.track.dubins import DubinsPath, least, lengths, on_side, shortest
-from airrace.track.gates import Gate, Manoeuvre
 from airrace.track.limits import Roll
 from airrace.trajectory import Array
 
@@ -168,7 +167,6 @@ def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg, 
     waypoints: list[Waypoint] = []
     for number, passage in enumerate(heights, start=1):
         element, share = passage.element, number / (len(heights) + 1)
-        assert isinstance(element, Manoeuvre)  # nothing else asks for a height alone
         if leg.path is None:
             heading, climb, _ = angles(rotation(turned(a.q, _turn(a, b, last=last), share)))
             waypoints.append(Waypoint(passage, None, heading, climb, None, heading, free=True))
@@ -176,7 +174,7 @@ def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg, 
         assert a.position is not None
         assert b.position is not None
         north, east, heading = (float(one[0]) for one in leg.path.points(np.array([share * leg.path.length])))
-        height = _nearest(a.position[2] + share * (b.position[2] - a.position[2]), element.height)
+        height = _nearest(a.position[2] + share * (b.position[2] - a.position[2]), element.heights)
         waypoints.append(Waypoint(passage, (north, east, height), heading, 0.0, None, heading, free=True))
     return waypoints
 
@@ -190,10 +188,11 @@ def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg], edges:
     chosen: list[Waypoint] = []
     for index, waypoint in enumerate(waypoints):
         element = waypoint.passage.element
-        if isinstance(element, Gate) and element.either_bank:
+        prescribed = element.prescribed_bank
+        if element.two_edged and prescribed is not None:
             around = _turn_around(legs[index - 1] if index else None, legs[index] if index < len(legs) else None)
             turn = edges.get(index, around)
-            bank = math.copysign(abs(element.bank), turn if turn else element.bank)
+            bank = math.copysign(abs(prescribed), turn if turn else prescribed)
             waypoint = dataclasses.replace(waypoint, bank=bank)
         chosen.append(waypoint)
     return chosen

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.frames import angle_between, angles, rotation
-from airrace.procedure.choices import Choices
-from airrace.procedure.cruise import Cruise
-from airrace.procedure.plan import Plan, plan, stops_of
-from airrace.procedure.waypoints import STEEP, Waypoint, candidates
+from airrace.planning.choices import Choices
+from airrace.planning.cruise import Cruise
+from airrace.planning.plan import Plan, plan, stops_of
+from airrace.planning.waypoints import Waypoint, candidates
 from airrace.quantities import Quantity
 from airrace.track.course import Course
-from airrace.track.gates import Gate, Manoeuvre
+from airrace.track.manoeuvre import STEEP
 from airrace.trajectory import Array, Trajectory
 
 TURN = math.radians(45.0)  # a flight that turns less has not chosen a side; forced to one, its plan might fly a circle
@@ -66,7 +66,7 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
     edges = {
         index: 1 if _bank(q[:, first_node[index]]) > 0.0 else -1
         for index, passage in enumerate(course.passages)
-        if isinstance(passage.element, Gate) and passage.element.either_bank
+        if passage.element.two_edged
     }
     return Choices(ways, turns, rolls, edges)
 
@@ -82,8 +82,8 @@ def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
     heading, _, _ = angles(rotation([float(one) for one in q]))
     passage, known = course.passages[index], candidates(course, index)
     nearest = min(known, key=lambda one: abs(angle_between(heading, one.heading)))
-    if isinstance(passage.element, Manoeuvre):
-        banked = passage.roll is not None or passage.element.bank is not None
+    if not passage.element.stands:
+        banked = passage.roll is not None or passage.element.prescribed_bank is not None
         by_attitude = banked or abs(nearest.climb) > STEEP  # where it is steep, bank and course are one
         return max(known, key=lambda one: abs(float(np.dot(q, one.q)))) if by_attitude else nearest
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))

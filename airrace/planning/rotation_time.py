@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from airrace.environment.atmosphere import g0
 from airrace.frames import product
-from airrace.procedure.cruise import Cruise
+from airrace.planning.cruise import Cruise
 from airrace.track.limits import Roll, Turning
 
 PUSHED = 3.0  # times as long as a pull: what an aircraft and its pilot bear downwards is about a third

@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from airrace.procedure.waypoints import Waypoint, candidates
+from airrace.planning.waypoints import Waypoint, candidates
 from airrace.track.course import Course
 from airrace.track.limits import Roll, Turning
 

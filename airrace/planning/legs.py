@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.environment.atmosphere import g0
-from airrace.procedure.cruise import AIR_DENSITY, Cruise, top_speed
-from airrace.procedure.plan import plan
-from airrace.procedure.race import Race
+from airrace.planning.cruise import AIR_DENSITY, Cruise, top_speed
+from airrace.planning.plan import plan
+from airrace.planning.race import Race
 from airrace.track.course import Passage
-from airrace.track.gates import Gate, Manoeuvre, Pylon
 from airrace.trajectory import Array
 
 PLANNED_MAX = 400  # passages: planning takes about a millisecond each; the turns of longer courses are not looked at
@@ -94,13 +93,8 @@ def legs(race: Race) -> list[Leg]:
 
 def place(passage: Passage) -> tuple[float, float, float] | None:
     """North, east and height (NaN where free) of an element, m; None where it may be anywhere."""
-    match passage.element:
-        case Gate(north=north, east=east, height=height) | Pylon(north=north, east=east, height=height):
-            return north, east, height
-        case Manoeuvre(north=north, east=east, height=height):
-            if north.lower != north.upper or east.lower != east.upper:
-                return None
-            return north.lower, east.lower, height.lower if height.lower == height.upper else math.nan
+    where, height = passage.element.place, passage.element.nominal_height
+    return None if where is None else (*where, math.nan if height is None else height)
 
 
 def _ways(race: Race) -> Iterator[tuple[Array, Turn] | None]:

@@ -1,0 +1,44 @@
+"""What every kind of element has in the track language: its keys, and what they make of it."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TypeVar
+
+from airrace.documents.features import Feature
+from airrace.documents.kinds.defaults import GateDefaultsEntry
+from airrace.documents.places import Places
+from airrace.documents.schema import Schema
+
+Value = TypeVar("Value")
+
+
+class KindEntry(Schema):
+    """An entry of `gates`. A kind of element is one class derived from this, with its keys and a `type` of its own:
+
+    type: Literal["ring"] = Field(description="a ring, flown through in any attitude")
+    """
+
+    @abstractmethod
+    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+        """What an entry of this kind is flown as; what makes no sense goes to the reporter of `places`.
+
+        Args:
+            name: the key of the entry in `gates`.
+            defaults: `gate_defaults` of the file.
+            places: the positions of the file.
+        """
+
+    def silent_numbers(self, feature: Feature) -> Mapping[str, float | None]:
+        """The numbers that hold where the entry says none, by their keys.
+
+        Args:
+            feature: what the entry is flown as.
+        """
+        return {}
+
+
+def chosen(own: Value | None, default: Value | None, silent: Value) -> Value:
+    """The element's own value, else that of `gate_defaults`, else the language's."""
+    if own is not None:
+        return own
+    return silent if default is None else default

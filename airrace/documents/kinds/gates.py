@@ -1,0 +1,130 @@
+"""Two-pylon gates in the track language: level gates, knife-edge gates, quads."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Gt, Le
+from pydantic import Field
+
+from airrace.documents.features import Feature, Step
+from airrace.documents.kinds.defaults import GateDefaultsEntry, GatePassingEntry
+from airrace.documents.kinds.entry import KindEntry, chosen
+from airrace.documents.kinds.passing import (
+    GATE_CLEARANCE_M,
+    HEIGHT_M,
+    WIDTH_M,
+    check_passing,
+    passing_of,
+    rounded,
+    silent_passing,
+    tolerances_of,
+)
+from airrace.documents.place_schema import Azimuth, PlacedEntry
+from airrace.documents.places import Places
+from airrace.track.course import Direction
+from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing
+
+KnifeEdgeName = Literal["right", "left", "either"]
+BankName = Literal["level", "right", "left", "either"]
+QUAD_CROSSING_MAX_DEG = 40
+"""From 45 on one straight flight through the middle would count as both passings of a quad."""
+
+
+class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
+    """Whatever is flown between two pylons."""
+
+    def silent_numbers(self, feature: Feature) -> Mapping[str, float | None]:
+        gate = feature.steps[0].element
+        if not isinstance(gate, Gate):
+            return {}
+        return silent_passing(gate) | {"width_m": gate.width, "bank_tolerance_deg": rounded(gate.tolerances.bank)}
+
+
+class LevelGateEntry(TwoPylonEntry):
+    what: ClassVar[str] = "a level gate"
+    type: Literal["level"] = Field(description="two pylons, flown between with the wings level")
+    heading_deg: Azimuth = Field(description="its axis when flown forward")
+
+    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+        return Feature(name, (Step(_gate(name, self, self.heading_deg, defaults, places)),))
+
+
+class KnifeEdgeGateEntry(TwoPylonEntry):
+    what: ClassVar[str] = "a knife-edge gate"
+    type: Literal["knife-edge"] = Field(description="two pylons, flown between with a right angle of bank")
+    heading_deg: Azimuth = Field(description="its axis when flown forward")
+    bank: KnifeEdgeName = Field(default="either", description="the wing that points down")
+
+    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+        return Feature(name, (Step(_banked(_gate(name, self, self.heading_deg, defaults, places), self.bank)),))
+
+
+class QuadEntry(TwoPylonEntry):
+    """Two pairs of pylons about one centre; one mention in the course is both passings, one after the other."""
+
+    what: ClassVar[str] = "a quad"
+    type: Literal["quad"] = Field(description="two crossed gates, passed twice from perpendicular directions")
+    heading_deg: Azimuth = Field(description="the direction of the first passing when flown forward")
+    then: KnifeEdgeName = Field(
+        description="the second passing's direction: a quarter turn to this side of the first one's"
+    )
+    bank: BankName = Field(
+        default="level", description="at the first passing: wings level, or the wing that points down"
+    )
+    second_bank: BankName = Field(default="level", description="the same at the second passing")
+    crossing_max_deg: Annotated[float, Gt(0), Le(QUAD_CROSSING_MAX_DEG)] | None = Field(
+        default=None,
+        description="largest horizontal angle between the path and the axis of either passing; without it that of "
+        f"gate_defaults, but {QUAD_CROSSING_MAX_DEG} at most",
+    )
+
+    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+        """Two crossed gates. The second one's heading is counted from the first one's: flown in reverse, both turn."""
+        first = _gate(name, self, self.heading_deg, defaults, places)
+        crossing = min(first.tolerances.crossing, math.radians(QUAD_CROSSING_MAX_DEG))
+        first = dataclasses.replace(first, tolerances=dataclasses.replace(first.tolerances, crossing=crossing))
+        turn_deg = -90.0 if self.then == "left" else 90.0
+        second = dataclasses.replace(first, heading=math.radians(self.heading_deg + turn_deg))
+        either = self.then == "either"
+        return Feature(
+            name,
+            (
+                Step(dataclasses.replace(_banked(first, self.bank), name=f"{name}/1")),
+                Step(
+                    dataclasses.replace(_banked(second, self.second_bank), name=f"{name}/2"),
+                    direction=Direction.PLANNED if either else None,
+                ),
+            ),
+            free_directions=either,
+        )
+
+
+def _gate(name: str, entry: TwoPylonEntry, heading_deg: float, defaults: GateDefaultsEntry, places: Places) -> Gate:
+    """Two pylons, wings level."""
+    reporter, place = places.reporter, places.point(entry, ("gates", name))
+    clearance = chosen(entry.clearance_m, defaults.clearance_m, GATE_CLEARANCE_M)
+    gate = Gate(
+        name=name,
+        north=place.north,
+        east=place.east,
+        height=chosen(entry.height_m, defaults.height_m, HEIGHT_M),
+        heading=math.radians(heading_deg),
+        width=chosen(entry.width_m, defaults.width_m, WIDTH_M),
+        passing=passing_of(entry, defaults),
+        tolerances=tolerances_of(entry, defaults, clearance=clearance),
+    )
+    check_passing(gate, reporter)
+    if gate.passing is Passing.WINDOW and gate.width <= 2.0 * clearance:
+        reporter.value(
+            ("gates", name, "width_m"),
+            f"a width of {gate.width:g} m leaves nothing between two clearances of {clearance:g} m",
+        )
+    return gate
+
+
+def _banked(gate: Gate, name: str) -> Gate:
+    """The gate flown at a bank that is named after the wing that points down."""
+    bank = {"level": LEVEL, "left": KNIFE_EDGE_LEFT}.get(name, KNIFE_EDGE_RIGHT)
+    return dataclasses.replace(gate, bank=bank, either_bank=name == "either")

@@ -1,0 +1,46 @@
+"""Files of one's own that add to airrace: a fidelity, a kind of gate.
+
+The environment variable `AIRRACE_EXTENSIONS` names Python files, separated like the folders of `PATH`. They are run
+once, when a list that they can add to is first read, so the command line, its child processes and a notebook all know
+what they add. In Python a file that adds to a list can also just be imported.
+"""
+
+import hashlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+from airrace.errors import UsageError
+
+VARIABLE = "AIRRACE_EXTENSIONS"
+
+_loaded: set[Path] = set()
+
+
+def load_extensions() -> None:
+    """Run the files that the environment names and that were not run before.
+
+    Raises:
+        UsageError: a file does not exist, or is no Python file.
+    """
+    for text in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
+        path = Path(text).resolve()
+        if path in _loaded:
+            continue
+        _loaded.add(path)  # before it runs: what it adds to asks for extensions, too
+        try:
+            _run(path)
+        except BaseException:
+            _loaded.discard(path)
+            raise
+
+
+def _run(path: Path) -> None:
+    name = f"airrace_extension_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise UsageError(f"{VARIABLE} names {path}, which is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # so that its classes can be pickled
+    spec.loader.exec_module(module)

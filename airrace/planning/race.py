@@ -1,0 +1,29 @@
+"""All that defines one optimisation besides the settings: course, aircraft, air. The plan belongs to it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.air import Air
+from airrace.planning.cruise import Cruise, cruise
+from airrace.planning.plan import Plan, plan
+from airrace.track.course import Course
+
+
+@dataclass(frozen=True)
+class Race:
+    """A course, the aircraft that flies it and the air of the day."""
+
+    course: Course
+    aircraft: Aircraft
+    air: Air
+
+    @cached_property
+    def pace(self) -> Cruise:
+        """How fast, and how tightly, it is planned."""
+        return cruise(self.aircraft, self.course.rules)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan with which an optimisation begins, made when it is first asked for and then handed on."""
+        return plan(self.course, self.pace)

@@ -1,0 +1,292 @@
+"""An element of a course: all that plan, problem, pictures and remarks ask of the thing that an aircraft passes.
+
+A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so whoever plans,
+optimises, draws or reviews a course needs to know no kind. Angles are in radians, clockwise from north; lengths in
+metres; positions in the track's north-east frame, heights above its origin.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from airrace.quantities import Interval, Quantity
+from airrace.track.polygons import Point
+
+
+class Direction(Enum):
+    """Which way a gate is flown. `PLANNED`: whichever makes the shorter race."""
+
+    FORWARD = "forward"
+    REVERSE = "reverse"
+    PLANNED = "planned"
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A way in which an element may be crossed, for the plan to choose from.
+
+    Attributes:
+        position: north, east, height; None where nothing is planned of it.
+        heading: the course at the crossing.
+        climb: the climb angle.
+        bank: the prescribed bank; None where it is free.
+        axis: the heading that the crossing is measured against.
+        free: whether the element leaves the position free.
+    """
+
+    position: tuple[float, float, float] | None
+    heading: float
+    climb: float
+    bank: float | None
+    axis: float
+    free: bool = False
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where a crossing takes place and what it is measured against.
+
+    Attributes:
+        north, east: the centre.
+        axis: the heading of the axis.
+        bank: the bank that excesses of bank are counted from.
+        bank_tan: tangent of the tolerance of the bank.
+        crossing_tan: tangent of the largest horizontal angle between path and axis.
+        half_span: distance of the wing tips from the aircraft's centre; zero where the wing is left out of account.
+    """
+
+    north: float = 0.0
+    east: float = 0.0
+    axis: float = 0.0
+    bank: float = 0.0
+    bank_tan: float = 0.0
+    crossing_tan: float = 0.0
+    half_span: float = 0.0
+
+
+Symbols = Mapping[str, Any]
+"""Symbols by name. Any: casadi's SX, which plain arithmetic and `airrace.environment.elementary` take."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a kind of element sees of an aircraft besides what is seen at every crossing.
+
+    One object serves all elements of a kind, so that its equations are made once.
+
+    Attributes:
+        name: identifies it in messages.
+        quantities: declarations of what is seen. Their units decide with which tolerance the certificate measures them.
+        parameters: declarations of what tells one element from another.
+        values: from the quantities of a crossing by name (`airrace.dynamics.crossing.CrossingValues`) and the
+            parameters by name, those of the crossing (`CrossingParameters`) among them, to the quantities in order.
+    """
+
+    name: str
+    quantities: tuple[Quantity, ...]
+    parameters: tuple[Quantity, ...]
+    values: Callable[[Symbols, Symbols], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How an element is drawn as seen from above.
+
+    Attributes:
+        legend: what the legend of a picture calls elements like this one.
+        posts: what stands there.
+        across: the ends of a stroke across the way through it, for a picture too small for anything else.
+        window: the ends of the stretch that the aircraft flies through.
+        reach: the ends of the stretch beside it that the aircraft flies through.
+    """
+
+    legend: str
+    posts: tuple[Point, ...] = ()
+    across: tuple[Point, Point] | None = None
+    window: tuple[Point, Point] | None = None
+    reach: tuple[Point, Point] | None = None
+
+
+class Element(ABC):
+    """What is passed; `name` is unique on the course.
+
+    `stands`: whether it stands at a place and a height, rather than being an attitude that is flown somewhere.
+    `directed`: whether it can be flown forward or in reverse.
+    """
+
+    name: str
+    stands: bool = False
+    directed: bool = False
+
+    @property
+    @abstractmethod
+    def type_name(self) -> str:
+        """What tables call its kind, as a track file does."""
+
+    # Where it is.
+
+    @property
+    @abstractmethod
+    def place(self) -> tuple[float, float] | None:
+        """North and east; None where they are free."""
+
+    @property
+    @abstractmethod
+    def nominal_height(self) -> float | None:
+        """The height of the passing that is planned; None where it is free."""
+
+    @property
+    @abstractmethod
+    def heights(self) -> Interval:
+        """The heights at which the passing counts."""
+
+    @property
+    def position(self) -> tuple[float, float, float] | None:
+        """North, east and height where all three are known."""
+        if self.place is None or self.nominal_height is None:
+            return None
+        return (*self.place, self.nominal_height)
+
+    # How it is passed.
+
+    @property
+    @abstractmethod
+    def axis(self) -> float | None:
+        """A heading that turns with the element; None where it has none."""
+
+    @property
+    def climbs(self) -> Interval | None:
+        """The climb angles at which a level way may pass it; None where no level way leads there."""
+        return None
+
+    @property
+    def prescribed_bank(self) -> float | None:
+        """The bank that is asked for, also where its mirror image would do; None where it is free."""
+        return None
+
+    @property
+    def prescribed_climb(self) -> float | None:
+        """The climb angle that is asked for; None where it is free."""
+        return None
+
+    @property
+    def two_edged(self) -> bool:
+        """Whether the prescribed bank may be flown to either side."""
+        return False
+
+    @property
+    def free_course(self) -> bool:
+        """Whether it may be passed on any course, so that it says nothing about where the race goes."""
+        return False
+
+    @property
+    def only_a_height(self) -> bool:
+        """Whether it asks for nothing but a height: any flight that rises to it on its way will do."""
+        return False
+
+    def course(self, direction: Direction) -> float | None:
+        """The course along its axis when flown in a direction; None where it is free or still to be planned."""
+        if not self.directed or self.axis is None or direction is Direction.PLANNED:
+            return None
+        return self.axis + (math.pi if direction is Direction.REVERSE else 0.0)
+
+    # What the plan and the optimal control problem make of it.
+
+    @abstractmethod
+    def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
+        """The ways in which it may be crossed.
+
+        Args:
+            direction: which way it is flown.
+            reference: a heading from which free courses are counted.
+            rolling: whether a roll ends here.
+        """
+
+    @abstractmethod
+    def conditions(self, axis: float) -> dict[str, Interval]:
+        """The conditions of its passing when planned along an axis: ranges of states, of the quantities of a crossing
+        (`airrace.dynamics.crossing.CrossingValues`) and of those of its sight, by name."""
+
+    @abstractmethod
+    def frame(self, axis: float, bank: float, span: float) -> Frame:
+        """The frame of its passing when planned along an axis with a bank, by an aircraft of a wing span."""
+
+    @property
+    def sight(self) -> Sight | None:
+        """What it sees besides the quantities of a crossing; None for nothing."""
+        return None
+
+    @property
+    def sight_values(self) -> tuple[float, ...]:
+        """The values of its sight's parameters."""
+        return ()
+
+    # What pictures and remarks make of it.
+
+    @abstractmethod
+    def drawing(self) -> Drawing:
+        """How it is drawn."""
+
+    def remarks(self, name: str) -> Iterator[tuple[str, str]]:
+        """What a race director would ask about it: the subject in a word, and a sentence without a full stop.
+
+        Args:
+            name: of its passage.
+        """
+        yield from ()
+
+    def misfit(self, span: float, aircraft: str) -> tuple[str, str] | None:
+        """Why an aircraft does not fit: the key of the file to blame and a sentence about it; None where it does.
+
+        Args:
+            span: of its wing.
+            aircraft: its name.
+        """
+        return None
+
+    def height_key(self, *, too_high: bool) -> str:
+        """The key of the file that says a height which is too high or too low."""
+        return "height_m"
+
+
+class Standing(Element):
+    """What stands somewhere: a gate, a pylon. A kind declares `north`, `east` and `height` besides its name."""
+
+    stands = True
+    north: float
+    east: float
+    height: float
+
+    @property
+    def place(self) -> tuple[float, float]:
+        return self.north, self.east
+
+    @property
+    def nominal_height(self) -> float:
+        return self.height
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        return self.north, self.east, self.height
+
+    @property
+    def heights(self) -> Interval:
+        return Interval.exactly(self.height)
+
+    @property
+    def climbs(self) -> Interval:
+        return Interval()
+
+    def beside(self, distance: float, azimuth: float) -> Point:
+        """The point at a distance from its centre."""
+        return Point(self.north + distance * math.cos(azimuth), self.east + distance * math.sin(azimuth))
+
+
+def climb_condition(allowed: Interval) -> dict[str, Interval]:
+    """A range of climb angles as a condition; without bounds where it allows everything."""
+    lower = math.sin(allowed.lower) if allowed.lower > -math.pi / 2 else -math.inf
+    upper = math.sin(allowed.upper) if allowed.upper < math.pi / 2 else math.inf
+    return {"climb_sine": Interval(lower, upper)}

@@ -1,0 +1,124 @@
+"""A fidelity in one file: the point mass whose roll rate follows its command as a first-order lag does.
+
+p_Kbar' = (p_cmd - p_Kbar) / TAU
+"""
+
+from collections.abc import Sequence
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.control.inner_controller import InnerController, Plant, limited
+from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
+from airrace.dynamics.assembly import assemble
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.limits import bounded, flight_limits, symmetric
+from airrace.dynamics.point_mass import PointMassControl, PointMassPath, PointMassState, point_mass
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.wind import WindField
+from airrace.frames import Scalar
+from airrace.procedure.fidelities import register
+from airrace.procedure.fidelity import Fidelity
+from airrace.procedure.stage import Stage
+from airrace.quantities import Quantity, T, Vector, quantity, vector
+from airrace.track.course import Rules
+
+TAU = 0.08
+"""s, the time constant of the roll."""
+K_P = 8.0
+"""1/s, how fast the controller takes back an error of the roll rate."""
+
+
+@vector
+class RollingState(PointMassState[T]):
+    """The point mass and the roll rate that is commanded."""
+
+    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
+
+
+@vector
+class RollingControl(Vector[T]):
+    """Rates of what the pilot commands, and the commanded lever."""
+
+    n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
+    n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
+    p_cmd_dot: T = quantity("rad/s2", scale=20.0, text="rate of the commanded roll rate", rate_of="p_cmd")
+    delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
+
+
+def rolling(
+    state: RollingState[Scalar],
+    control: RollingControl[Scalar],
+    *,
+    aircraft: AircraftParameters[Scalar],
+    atmosphere: AtmosphereParameters[Scalar],
+    field: WindField,
+    wind: Sequence[Scalar],
+) -> tuple[RollingState[Scalar], PointMassPath[Scalar]]:
+    """Time derivatives of the state, and the path quantities."""
+    exact = PointMassControl[Scalar](
+        n_z_dot=control.n_z_dot,
+        n_y_dot=control.n_y_dot,
+        p_Kbar_dot=(state.p_cmd - state.p_Kbar) / TAU,
+        delta_T_cmd=control.delta_T_cmd,
+    )
+    rates, path = point_mass(state, exact, aircraft=aircraft, atmosphere=atmosphere, field=field, wind=wind)
+    return RollingState[Scalar](**vars(rates), p_cmd=control.p_cmd_dot), path
+
+
+def build_rolling(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
+    """The model of an aircraft under the rules of a course in the air of the day."""
+    limits, pilot = flight_limits(aircraft, rules), aircraft.point_mass
+    states = {
+        "z": limits.z,
+        "V_K": limits.V_K,
+        "n_z": limits.n_z,
+        "n_y": symmetric(pilot.n_y),
+        "p_Kbar": limits.p_Kbar,
+        "p_cmd": symmetric(pilot.p),
+    }
+    controls = {
+        "n_z_dot": symmetric(pilot.n_z_dot),
+        "n_y_dot": symmetric(pilot.n_y_dot),
+        "p_cmd_dot": symmetric(pilot.p_dot),
+    }
+    return assemble(
+        "first-order-roll",
+        rolling,
+        (RollingState[Scalar], RollingControl[Scalar]),
+        (
+            bounded(RollingState.quantities(), states),
+            bounded(RollingControl.quantities(), controls),
+            bounded(PointMassPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
+        ),
+        roll_rate=lambda state, _: state.p_Kbar,
+        at_rest=("p_Kbar",),
+        aircraft=aircraft_parameters(aircraft),
+        air=air,
+        counting=counting,
+    )
+
+
+def invert_rolling(model: FlightModel) -> InnerController:
+    """The controller: load factors are moved at once, the command of the roll leads its lag."""
+    plant = Plant(model)
+    x, command = plant.x, plant.commands
+    n_z, n_y = limited(model.system, "n_z", command.n_z), limited(model.system, "n_y", command.n_y)
+    p = limited(model.system, "p_Kbar", command.p)
+    leading = x["p_Kbar"] + TAU * (command.p_dot + K_P * (p - x["p_Kbar"]))
+    return plant.controller(
+        wanted={"n_z": n_z, "n_y": n_y, "p_cmd": leading},
+        settled={"n_z": n_z, "n_y": n_y, "p_Kbar": p, "p_cmd": p + TAU * command.p_dot},
+    )
+
+
+LAG = Quantity("p_lag", "rad/s", text="how far the roll rate lags behind its command")
+
+FIRST_ORDER_ROLL = register(
+    Fidelity(
+        Stage.new("first-order-roll", after=Stage.POINT_MASS),
+        build_rolling,
+        inner_controller=invert_rolling,
+        longest_interval=0.1,
+        columns={LAG: lambda histories: histories["p_cmd"] - histories["p_Kbar"]},
+    )
+)
