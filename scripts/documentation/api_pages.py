@@ -8,6 +8,11 @@ MODULES = {
     "Exports": ("airrace.export",),
     "Prices": ("airrace.prices",),
     "Checkpoints": ("airrace.checkpoint",),
+    "Fidelities and kinds of gates": (
+        "airrace.procedure.fidelity",
+        "airrace.track.element",
+        "airrace.documents.kinds.entry",
+    ),
     "Problems of one's own": (
         "airrace.system",
         "airrace.quantities",
