@@ -125,7 +125,7 @@ def ended(command: Sequence[str], timeout: float) -> tuple[int | None, str, str]
     return process.returncode, output, errors
 
 
-# The JSON of the command: its keys stand in the README.
+# The JSON of the command: its keys stand in docs/command_line.md.
 def answer_of(output: str) -> dict:
     """The object that was printed; empty where none was."""
     try:

@@ -1,0 +1,44 @@
+"""The folder in which the code of the pages runs, and the modules that generate pages."""
+
+import importlib
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from pages import ROOT
+
+MODULES = (
+    "api_pages",
+    "command_pages",
+    "flow_tables",
+    "grouped_names",
+    "language_pages",
+    "mathml",
+    "notebook_pages",
+    "site_hooks",
+)
+
+
+@pytest.fixture(scope="session")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A certified run of Rovinj 2014 up to the point mass, straight from the plan."""
+    run = tmp_path_factory.mktemp("flown") / "rovinj.h5"
+    track = ROOT / "tracks" / "rovinj_2014.yaml"
+    options = ["--until", "point-mass", "--guess", "plan", "--explore", "off", "--out", str(run), "--quiet"]
+    command = [sys.executable, "-c", "from airrace.cli.main import main; main()", "optimize", str(track), *options]
+    subprocess.run(command, check=True)
+    return run
+
+
+@pytest.fixture(scope="session")
+def generators() -> Iterator[dict[str, ModuleType]]:
+    """The modules in `scripts/documentation/`, by name."""
+    folder = str(ROOT / "scripts" / "documentation")
+    sys.path.insert(0, folder)
+    yield {name: importlib.import_module(name) for name in MODULES}
+    sys.path.remove(folder)
+    for name in MODULES:
+        del sys.modules[name]

@@ -1,0 +1,122 @@
+"""Pages of reference that are written by hand, held against the program."""
+
+import re
+from pathlib import Path
+
+import h5py
+import pytest
+import yaml
+from pages import DOCS, README, ROOT
+
+from airrace.documents import load_inputs
+from airrace.documents.json_schema import json_schema
+
+TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
+CHECKPOINT = (DOCS / "reference" / "checkpoint.md").read_text(encoding="utf-8")
+SETTINGS = (DOCS / "settings.md").read_text(encoding="utf-8")
+KINDS = {"f": "number", "i": "count", "S": "text"}
+SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
+"""Attributes that HDF5's dimension scales keep for themselves."""
+
+
+def rows(text: str, *heading: str) -> list[list[str]]:
+    """The rows of the table with this heading, without the marks of code."""
+    _, _, below = text.partition(f"| {' | '.join(heading)} |\n")
+    table = below.split("\n\n")[0].splitlines()[1:]
+    return [[cell.strip().strip("`") for cell in line[1:-1].split("|")] for line in table]
+
+
+def general(path: str) -> str:
+    """A path of a file as the page writes it."""
+    path = re.sub(r"^stages/[^/]+", "stages/STAGE", path)
+    return "/" + re.sub(r"/(states|controls)/.*", r"/\1/NAME", path)
+
+
+def stored(run: Path) -> tuple[dict[str, str], set[tuple[str, str, str]], dict[str, str]]:
+    """Paths with their kinds; columns of tables with theirs; attributes of a state with theirs."""
+    paths: dict[str, str] = {}
+    columns: set[tuple[str, str, str]] = set()
+
+    def visit(path: str, node: h5py.Dataset | h5py.Group) -> None:
+        if not isinstance(node, h5py.Dataset):
+            return
+        paths[general(path)] = "table" if node.dtype.names else KINDS[node.dtype.kind]
+        for column in node.dtype.names or ():
+            columns.add((path.rsplit("/", 1)[-1], column, KINDS[node.dtype[column].kind]))
+
+    with h5py.File(run) as file:
+        file.visititems(visit)
+        state = file["stages/point-mass/states/V_K"].attrs
+        attributes = {name: KINDS[state[name].dtype.kind] for name in state if name not in SCALES}
+    return paths, columns, attributes
+
+
+def test_the_layout_of_the_checkpoint_is_documented_in_full(flown: Path) -> None:
+    paths, columns, attributes = stored(flown)
+    documented = {path: kind for path, kind, *_ in rows(CHECKPOINT, "path", "kind", "shape", "content")}
+    settings = {"/inputs/settings/path": "text", "/inputs/settings/text": "text"}  # this run had no file of settings
+    assert documented == paths | settings
+    assert {tuple(row[:3]) for row in rows(CHECKPOINT, "table", "column", "kind", "content")} == columns
+    assert {name: kind for name, kind, _ in rows(CHECKPOINT, "attribute", "kind", "content")} == attributes
+
+
+def test_the_shapes_of_the_checkpoint_are_as_documented(flown: Path) -> None:
+    with h5py.File(flown) as file:
+        stage = file["stages/point-mass"]
+        N, P = len(stage["interval_time"]), len(stage["durations"])
+        sizes = {"N": N, "N + 1": N + 1, "P": P, "P + 1": P + 1, "1": 1}
+        for path, _, shape, _ in rows(CHECKPOINT, "path", "kind", "shape", "content"):
+            if shape:
+                found = file[
+                    path.replace("STAGE", "point-mass").replace("states/NAME", "states/x").replace("NAME", "n_z_dot")
+                ]
+                assert found.shape == (sizes[shape.strip("`")],), path
+
+
+def test_the_settings_page_has_every_key_with_its_default() -> None:
+    table = [*rows(SETTINGS, "key", "default", "meaning"), *rows(SETTINGS, "key", "default", "its items")]
+    defaults = {key: default for key, default, *_ in table}
+    schema = json_schema("settings")
+    keys: set[str] = set()
+    for key, node in schema["properties"].items():
+        part = node.get("allOf", [{}])[0].get("$ref", "").rpartition("/")[2]
+        keys |= {f"{key}.{one}" for one in schema["definitions"][part]["properties"]} if part else {key}
+    assert defaults.keys() == keys - {"schema"}
+    silent = load_inputs(TRACK).settings
+    for key, default in defaults.items():
+        if default:
+            assert yaml.safe_load(default) is not None
+            assert load_inputs(TRACK, overrides=[f"settings.{key}={default}"]).settings == silent, key
+
+
+def test_a_wrong_default_would_be_found() -> None:
+    assert load_inputs(TRACK, overrides=["settings.mesh.intervals_min=7"]).settings != load_inputs(TRACK).settings
+
+
+def test_the_readme_has_at_most_150_lines() -> None:
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= 150
+
+
+def test_the_citation_names_this_version_and_licence() -> None:
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert cited["cff-version"] == "1.2.0"
+    assert f'version = "{cited["version"]}"' in project
+    assert f'license = "{cited["license"]}"' in project
+    assert cited["authors"]
+
+
+@pytest.mark.parametrize(
+    "example",
+    [row[1] for row in rows((DOCS / "course.md").read_text(encoding="utf-8"), "`type`", "for example", "what it is")],
+)
+def test_every_example_of_an_element_is_valid(example: str, tmp_path: Path) -> None:
+    (name,) = yaml.safe_load(example)
+    course = {"start": "first", "lap": [name, "last"]}
+    first = {"type": "level", "north_m": -900, "east_m": 0, "heading_deg": 0}
+    gates = {"first": first, "last": {**first, "north_m": 2000}, **yaml.safe_load(example)}
+    track = {"schema": "airrace/track/1", "name": "one", "rules": {"n_z_max": 10}, "gates": gates, "course": course}
+    path = tmp_path / "one.yaml"
+    path.write_text(yaml.safe_dump(track), encoding="utf-8")
+    inputs = load_inputs(path, aircraft=ROOT / "configs" / "edge540.yaml")
+    assert len(inputs.race.course.passages) >= 3
