@@ -240,7 +240,12 @@ class Layout:
     # values
 
     def pack(self, iterate: Iterate) -> Array:
-        """The scaled unknowns of an iterate, shape (n_w,)."""
+        """Put the values of an iterate into the scaled unknowns, shape (n_w,).
+
+        Raises:
+            ValueError: the iterate belongs to another problem or another mesh, to judge by its shapes.
+        """
+        self._require_shapes(iterate)
         w = np.zeros(self.unknowns)
         w[self.state_index] = iterate.state.T
         w[self.control_index] = iterate.control.T
@@ -248,6 +253,18 @@ class Layout:
         w[self.duration_index] = iterate.durations[phase]
         w[self.duration_source[self.first_node[1:-1] - 1]] = iterate.durations[1:]
         return w / self.scale
+
+    def _require_shapes(self, iterate: Iterate) -> None:
+        """Refuse what numpy would repeat as often as needed."""
+        expected = {
+            "durations": (len(self.problem.phases),),
+            "state": (self.n_x, self.intervals + 1),
+            "control": (self.n_u, self.intervals),
+        }
+        for name, shape in expected.items():
+            found = getattr(iterate, name).shape
+            if found != shape:
+                raise ValueError(f"the iterate's {name} has the shape {found}, the problem's {shape}")
 
     def unpack(self, w: Array) -> Iterate:
         """The iterate of scaled unknowns."""

@@ -60,6 +60,18 @@ def test_every_constraint_has_a_description(problem: Problem) -> None:
         assert described[gap].endswith("continuity of the flight")
 
 
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [("durations", (1,)), ("state", (3, 1)), ("state", (2, 7)), ("control", (2, 7)), ("control", (1, 6))],
+)
+def test_an_iterate_of_another_shape_is_refused(name: str, shape: tuple[int, ...]) -> None:
+    """numpy would repeat some of them."""
+    problem = rich_problem()
+    wrong = replace(random_iterate(problem, 1), **{name: np.ones(shape)})
+    with pytest.raises(ValueError, match=f"the iterate's {name} has the shape"):
+        Layout(problem).pack(wrong)
+
+
 def test_a_watch_looks_once_at_every_node_of_its_phases() -> None:
     layout = Layout(rich_problem())
     watched = [(one.name.split(", ")[1], one.node) for one in layout.sightings if ", " in one.name]

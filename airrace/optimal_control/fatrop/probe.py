@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import SolverCrash
+from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.optimal_control.fatrop.library import (
     EVALUATED,
     OUTPUT,
@@ -48,7 +49,9 @@ def require_known_interface() -> None:
     Raises:
         SolverCrash: the library behaves otherwise than expected.
     """
-    if differences := _Probe().differences():
+    with interrupts_held_back():
+        differences = _Probe().differences()
+    if differences:
         raise SolverCrash(
             f"the solver fatrop in casadi {ca.CasadiMeta.version()} is not laid out as in casadi {TESTED}: "
             + ", ".join(differences)
