@@ -29,6 +29,7 @@ from airrace.cli.tables import rendered, result_tables, stages_table
 from airrace.cli.ways_table import ways_table
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, StorageError, UsageError
+from airrace.extensions import extension_versions
 from airrace.procedure import run as procedure
 from airrace.procedure.progress import Progress
 from airrace.procedure.restart import Another
@@ -62,8 +63,8 @@ def new_run(inputs: Inputs, path: Path) -> Run:
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of airrace and of the libraries that its numbers depend on."""
-    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
+    """Versions of airrace, of the libraries and of the extensions that its numbers depend on."""
+    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")} | extension_versions()
 
 
 def resolved_text(inputs: Inputs) -> str:
