@@ -11,28 +11,39 @@ import os
 import sys
 from pathlib import Path
 
-from airrace.errors import UsageError
+from airrace.errors import AirraceError, UsageError
 
 VARIABLE = "AIRRACE_EXTENSIONS"
 
 _loaded: set[Path] = set()
 
 
+def extensions() -> list[Path]:
+    """The files that the environment names."""
+    return [Path(text).resolve() for text in os.environ.get(VARIABLE, "").split(os.pathsep) if text]
+
+
+def extension_versions() -> dict[str, str]:
+    """A digest of each file by its name: what is computed with another content is another result."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:12] for path in extensions() if path.is_file()}
+
+
 def load_extensions() -> None:
     """Run the files that the environment names and that were not run before.
 
     Raises:
-        UsageError: a file does not exist, or is no Python file.
+        UsageError: a file does not exist, is no Python file, or fails.
     """
-    for text in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
-        path = Path(text).resolve()
+    for path in extensions():
         if path in _loaded:
             continue
         _loaded.add(path)  # before it runs: what it adds to asks for extensions, too
         try:
             _run(path)
-        except BaseException:
+        except BaseException as error:
             _loaded.discard(path)
+            if isinstance(error, Exception) and not isinstance(error, AirraceError):
+                raise UsageError(f"{VARIABLE} names {path}, which fails: {type(error).__name__}: {error}") from error
             raise
 
 

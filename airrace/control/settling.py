@@ -10,7 +10,8 @@ from airrace.control.inner_controller import InnerController, InnerLoopInverse
 from airrace.control.outer_loop import Commands
 from airrace.control.reference import Reference, ReferencePoint
 from airrace.dynamics.flight_model import ATTITUDE, FlightModel
-from airrace.dynamics.outer_loop import FlightPathState
+from airrace.dynamics.outer_loop import PoweredState
+from airrace.dynamics.roll_counter import RollCounter
 from airrace.frames import normalised
 from airrace.quantities import Quantity
 from airrace.system import System
@@ -18,7 +19,7 @@ from airrace.trajectory import Array
 
 SETTLING = 30
 """Steps of Newton's method towards the settled state."""
-SHARED = (*FlightPathState.names(), "delta_T", "Phi", "gain")
+SHARED = (*PoweredState.names(), *RollCounter.names())
 """States that every model has in common."""
 
 

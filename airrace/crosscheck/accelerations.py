@@ -12,6 +12,7 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, g0
+from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import rotation
 from airrace.trajectory import Array
@@ -37,7 +38,7 @@ def own_accelerations(
     state: SixDofState[float], aircraft: InnerLoopParameters[float], atmosphere: AtmosphereParameters[float]
 ) -> Accelerations:
     """By the six-dof equations in still air: `f_B = R_BKbar g0 (n_x, n_y, -n_z)`, with `n_x = V_K_dot / g0 - R31`."""
-    rates, path = six_dof(state, AT_REST, aircraft=aircraft, atmosphere=atmosphere, field=STILL, wind=())
+    rates, path = six_dof(state, AT_REST, aircraft=aircraft, weather=Weather(atmosphere, STILL))
     n = np.array([rates.V_K / g0 - rotation(state.q)[2][0], path.n_y, -path.n_z], dtype=np.float64)
     R_BKbar = np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64)
     return Accelerations(g0 * R_BKbar @ n, np.array([rates.p_K, rates.q_K, rates.r_K], dtype=np.float64))

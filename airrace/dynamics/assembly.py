@@ -14,6 +14,7 @@ from airrace.dynamics.outer_loop import FlightPathState
 from airrace.dynamics.roll_counter import RollCounter, RollReset, counter_rates
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters
+from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, Vector
@@ -34,9 +35,7 @@ class Equations(Protocol[State, Control, Path, Numbers]):
         control: Control,
         *,
         aircraft: Numbers,
-        atmosphere: AtmosphereParameters[Scalar],
-        field: WindField,
-        wind: Sequence[Scalar],
+        weather: Weather,
     ) -> tuple[State, Path]: ...
 
 
@@ -123,9 +122,11 @@ def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
         state,
         of.vectors[1](**{name: u[name] for name in of.vectors[1].names()}),
         aircraft=of.numbers(**{name: p[name] for name in of.numbers.names()}),
-        atmosphere=AtmosphereParameters(**{name: p[name] for name in AtmosphereParameters.names()}),
-        field=of.wind,
-        wind=[p[one.name] for one in of.wind.parameters],
+        weather=Weather(
+            atmosphere=AtmosphereParameters(**{name: p[name] for name in AtmosphereParameters.names()}),
+            field=of.wind,
+            wind=[p[one.name] for one in of.wind.parameters],
+        ),
     )
     all_rates = list(rates.join())
     if of.counting:

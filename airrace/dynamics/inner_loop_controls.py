@@ -1,8 +1,26 @@
-"""What moves an aircraft that rotates: the rates of its control surfaces, or those of the commands to a controller."""
+"""What moves an aircraft that rotates: its control surfaces or the commands to a controller, and their rates."""
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.limits import symmetric
 from airrace.quantities import Interval, T, Vector, quantity, vector
+
+
+@vector
+class Deflected(Vector[T]):
+    """The deflections of the control surfaces."""
+
+    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
+    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
+    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
+
+
+@vector
+class Commanded(Vector[T]):
+    """What is commanded to a controller."""
+
+    n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
+    n_y_cmd: T = quantity("1", text="commanded lateral load factor")
+    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
 
 
 @vector

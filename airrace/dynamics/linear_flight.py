@@ -11,7 +11,6 @@ The derivatives follow airspeed, density and angle of attack; `n_x` is the point
 whole aircraft is the stall and what couples the two motions: products of rates above all.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from airrace.dynamics.aerodynamics import Airflow, airflow
@@ -26,20 +25,19 @@ from airrace.dynamics.moments import (
     side_force_coefficient,
     yawing_moment_coefficient,
 )
-from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates, turn_rates
+from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.propulsion import lever_rate, thrust
 from airrace.dynamics.rigid_body import uncoupled
-from airrace.environment.atmosphere import AtmosphereParameters, density, g0
-from airrace.environment.wind import WindField
+from airrace.environment.atmosphere import density, g0
+from airrace.environment.weather import Weather
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector
 
 
 @vector
-class LinearFlightState(FlightPathState[T]):
+class LinearFlightState(PoweredState[T]):
     """The flight path, the power lever, how the body lies in it and turns."""
 
-    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
     p_s: T = quantity("rad/s", scale=3.0, text="roll rate in stability axes, about the velocity")
@@ -99,19 +97,17 @@ def surrounding(
     state: LinearFlightState[Scalar],
     *,
     aircraft: InnerLoopParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
+    weather: Weather,
 ) -> Surrounding:
     """What surrounds the aircraft; arguments as of the models."""
-    R, rho = rotation(state.q), density(state.z, atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, field, wind)
+    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
     weight = aircraft.m * g0
     return Surrounding(
         R=R,
         rho=rho,
         flow=flow,
-        seen=incidence(state.alpha_K, state.beta_K, flow, windy=field.present),
+        seen=incidence(state.alpha_K, state.beta_K, flow, windy=weather.field.present),
         load=0.5 * rho * flow.V_A * flow.V_A * aircraft.S / weight,
         pull=thrust(state.delta_T, flow.V_A, rho, aircraft) / weight,
     )

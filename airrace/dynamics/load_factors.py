@@ -12,6 +12,15 @@ from airrace.dynamics.propulsion import thrust
 from airrace.environment.atmosphere import g0
 from airrace.environment.elementary import sqrt
 from airrace.frames import Scalar
+from airrace.quantities import T, Vector, quantity, vector
+
+
+@vector
+class LoadFactorPath(Vector[T]):
+    """What is limited along the path of a model without angles, besides states and controls."""
+
+    C_L: T = quantity("1", text="lift coefficient")
+    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
 
 
 def load_factor_coefficients(

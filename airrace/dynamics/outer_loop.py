@@ -31,6 +31,13 @@ class FlightPathState(Vector[T]):
         return self.q0, self.q1, self.q2, self.q3
 
 
+@vector
+class PoweredState(FlightPathState[T]):
+    """The flight path and the power lever: what every model has."""
+
+    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
+
+
 def turn_rates(V_K: Scalar, R: Matrix, *, n_y: Scalar, n_z: Scalar) -> tuple[Scalar, Scalar]:
     """`(q_Kbar, r_Kbar)`, rad/s: how fast the load factors (g) turn the flight path at the speed `V_K` (m/s)."""
     return g0 * (n_z - R[2][2]) / V_K, g0 * (n_y + R[2][1]) / V_K

@@ -1,29 +1,26 @@
 """The point mass: no inner loop; load factors and roll rate follow the commanded rates exactly."""
 
-from collections.abc import Sequence
-
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow
 from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
 from airrace.dynamics.assembly import assemble
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
-from airrace.dynamics.load_factors import axial_load_factor, load_factor_coefficients
-from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates
+from airrace.dynamics.load_factors import LoadFactorPath, axial_load_factor, load_factor_coefficients
+from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
 from airrace.dynamics.propulsion import lever_rate
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters, density
-from airrace.environment.wind import WindField
+from airrace.environment.atmosphere import density
+from airrace.environment.weather import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.track.course import Rules
 
 
 @vector
-class PointMassState(FlightPathState[T]):
+class PointMassState(PoweredState[T]):
     """The flight path, the power lever and what the pilot commands; the latter are states to be piecewise linear."""
 
-    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
     n_y: T = quantity("1", text="lateral load factor, to the right")
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
@@ -39,35 +36,23 @@ class PointMassControl(Vector[T]):
     delta_T_cmd: T = quantity("1", lower=0.0, upper=1.0, text="commanded power lever")
 
 
-@vector
-class PointMassPath(Vector[T]):
-    """What is limited along the path besides states and controls."""
-
-    C_L: T = quantity("1", text="lift coefficient")
-    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
-
-
 def point_mass(
     state: PointMassState[Scalar],
     control: PointMassControl[Scalar],
     *,
     aircraft: AircraftParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
-) -> tuple[PointMassState[Scalar], PointMassPath[Scalar]]:
+    weather: Weather,
+) -> tuple[PointMassState[Scalar], LoadFactorPath[Scalar]]:
     """Time derivatives of the state, and the path quantities.
 
     Args:
         state: see `PointMassState`.
         control: see `PointMassControl`.
         aircraft: its numbers.
-        atmosphere: the day's numbers.
-        field: the structure of the wind.
-        wind: values of `field.parameters`.
+        weather: of the day.
     """
-    R, rho = rotation(state.q), density(state.z, atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, field, wind)
+    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
     C_L, beta_A = load_factor_coefficients(state.n_z, state.n_y, flow=flow, rho=rho, aircraft=aircraft)
     n_x = axial_load_factor(
         state.n_z, state.n_y, C_L=C_L, beta_A=beta_A, delta_T=state.delta_T, flow=flow, rho=rho, aircraft=aircraft
@@ -80,7 +65,7 @@ def point_mass(
         n_y=control.n_y_dot,
         p_Kbar=control.p_Kbar_dot,
     )
-    return rates, PointMassPath(C_L=C_L, beta_A=beta_A)
+    return rates, LoadFactorPath(C_L=C_L, beta_A=beta_A)
 
 
 def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
@@ -128,5 +113,5 @@ def _declarations(
             "p_Kbar_dot": symmetric(pilot.p_dot),
         },
     )
-    path = bounded(PointMassPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A})
+    path = bounded(LoadFactorPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A})
     return states, controls, path

@@ -8,7 +8,6 @@ With `s = p cos(alpha) + r sin(alpha)` and aerodynamic force `qbar S (-C_D, C_Y,
 Nothing is linear and nothing left out: this is the aircraft that the other models simplify.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from airrace.aircraft.aircraft import Aircraft
@@ -18,6 +17,7 @@ from airrace.dynamics.attitude import Incidence, incidence, rotation_to_body
 from airrace.dynamics.body_path import BodyPath, body_path_bounds
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
+    Deflected,
     SurfaceControl,
     deflection_bounds,
     deflection_rate_bounds,
@@ -32,30 +32,31 @@ from airrace.dynamics.moments import (
     side_force_coefficient,
     yawing_moment_coefficient,
 )
-from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates, turn_rates
+from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
 from airrace.dynamics.propulsion import lever_rate, power_ratio, thrust
 from airrace.dynamics.rigid_body import angle_rates, angular_accelerations
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters, density, g0
-from airrace.environment.wind import WindField
+from airrace.environment.atmosphere import density, g0
+from airrace.environment.weather import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules
 
 
 @vector
-class SixDofState(FlightPathState[T]):
-    """The flight path, the power lever, how the body lies in it and turns, and the control surfaces."""
+class BodyState(PoweredState[T]):
+    """The flight path, the power lever, how the body lies in it and turns."""
 
-    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
     p_K: T = quantity("rad/s", scale=3.0, text="roll rate about x_B")
     q_K: T = quantity("rad/s", text="pitch rate about y_B")
     r_K: T = quantity("rad/s", text="yaw rate about z_B")
-    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
-    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
-    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
+
+
+@vector
+class SixDofState(Deflected[T], BodyState[T]):
+    """The flight path, the power lever, how the body lies in it and turns, and the control surfaces."""
 
 
 @vector
@@ -126,9 +127,7 @@ def six_dof(
     control: SurfaceControl[Scalar],
     *,
     aircraft: InnerLoopParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
+    weather: Weather,
 ) -> tuple[SixDofState[Scalar], SixDofPath[Scalar]]:
     """Time derivatives of the state, and the path quantities.
 
@@ -136,13 +135,11 @@ def six_dof(
         state: see `SixDofState`.
         control: see `SurfaceControl`.
         aircraft: its numbers.
-        atmosphere: the day's numbers.
-        field: the structure of the wind.
-        wind: values of `field.parameters`.
+        weather: of the day.
     """
-    R, rho = rotation(state.q), density(state.z, atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, field, wind)
-    seen = incidence(state.alpha_K, state.beta_K, flow, windy=field.present)
+    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
+    seen = incidence(state.alpha_K, state.beta_K, flow, windy=weather.field.present)
     n = forces(state, seen, flow.V_A, rho, aircraft)
     q_Kbar, r_Kbar = turn_rates(state.V_K, R, n_y=n.n_y, n_z=n.n_z)
     body_rates = (state.p_K, state.q_K, state.r_K)

@@ -1,12 +1,15 @@
-"""Linear state space: the linear inner loop, its control surfaces moved by hand."""
+"""The model `state-space`: linear flight whose control surfaces are moved by hand.
 
-from collections.abc import Sequence
+Its equations are those of `linear_flight.py`. The model that moves the same surfaces by commands is in
+`state_space_inversion.py`, and the algebra that turns commands into deflections in `state_space_inverse.py`.
+"""
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.assembly import assemble
 from airrace.dynamics.body_path import BodyPath, body_path_bounds
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
+    Deflected,
     SurfaceControl,
     deflection_bounds,
     deflection_rate_bounds,
@@ -23,20 +26,15 @@ from airrace.dynamics.linear_flight import (
     surrounding,
 )
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters
-from airrace.environment.wind import WindField
+from airrace.environment.weather import Weather
 from airrace.frames import Scalar
-from airrace.quantities import T, quantity, vector
+from airrace.quantities import T, vector
 from airrace.track.course import Rules
 
 
 @vector
-class StateSpaceState(LinearFlightState[T]):
+class StateSpaceState(Deflected[T], LinearFlightState[T]):
     """Flight path, lever, body motion and the control surfaces."""
-
-    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
-    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
-    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
 
 
 def state_space(
@@ -44,9 +42,7 @@ def state_space(
     control: SurfaceControl[Scalar],
     *,
     aircraft: InnerLoopParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
+    weather: Weather,
 ) -> tuple[StateSpaceState[Scalar], BodyPath[Scalar]]:
     """Time derivatives of the state, and the path quantities.
 
@@ -54,11 +50,9 @@ def state_space(
         state: see `StateSpaceState`.
         control: see `SurfaceControl`.
         aircraft: its numbers, from `linear_parameters`.
-        atmosphere: the day's numbers.
-        field: the structure of the wind.
-        wind: values of `field.parameters`.
+        weather: of the day.
     """
-    here = surrounding(state, aircraft=aircraft, atmosphere=atmosphere, field=field, wind=wind)
+    here = surrounding(state, aircraft=aircraft, weather=weather)
     motion = linear_motion(state, Deflections(state.eta, state.xi, state.zeta), here, aircraft)
     flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)
     rates = StateSpaceState[Scalar](**vars(flight), eta=control.eta_dot, xi=control.xi_dot, zeta=control.zeta_dot)

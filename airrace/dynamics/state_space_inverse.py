@@ -1,4 +1,6 @@
-"""The inverse of the linear inner loop: from commanded load factors and roll rate to the control surfaces.
+"""The algebra of the controller of linear flight: from commanded load factors and roll rate to deflections.
+
+It is no model of its own: `state_space_inversion.py` flies it.
 
 The causal chain deflection -> rate -> angle -> load factor, backwards. With the trim of a steady, not rolling flight,
 

@@ -1,9 +1,8 @@
-"""Linear state space with its inverse as a controller: commands move the surfaces, the surfaces move the aircraft.
+"""The model `state-space-inversion`: linear flight whose control surfaces are moved by a controller.
 
-The deflections follow from state and commands at every instant; their travels are limits along the path.
+Commands are its states. The deflections follow from state and commands at every instant, by the algebra of
+`state_space_inverse.py`; their travels are limits along the path.
 """
-
-from collections.abc import Sequence
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.assembly import assemble
@@ -12,6 +11,8 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
     BRISK_COMMANDS,
     CommandControl,
+    Commanded,
+    Deflected,
     command_bounds,
     command_rate_bounds,
     deflection_bounds,
@@ -28,29 +29,20 @@ from airrace.dynamics.linear_flight import (
 )
 from airrace.dynamics.state_space_inverse import Commands, deflections
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters
-from airrace.environment.wind import WindField
+from airrace.environment.weather import Weather
 from airrace.frames import Scalar
-from airrace.quantities import T, quantity, vector
+from airrace.quantities import T, vector
 from airrace.track.course import Rules
 
 
 @vector
-class StateSpaceInversionState(LinearFlightState[T]):
+class StateSpaceInversionState(Commanded[T], LinearFlightState[T]):
     """Flight path, lever, body motion and the commands."""
-
-    n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
-    n_y_cmd: T = quantity("1", text="commanded lateral load factor")
-    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
 
 
 @vector
-class StateSpaceInversionPath(BodyPath[T]):
+class StateSpaceInversionPath(Deflected[T], BodyPath[T]):
     """The deflections are limited along the path, too."""
-
-    eta: T = quantity("rad", scale=0.2, text="elevator, positive nose down")
-    xi: T = quantity("rad", scale=0.2, text="ailerons, positive left wing down")
-    zeta: T = quantity("rad", scale=0.2, text="rudder, positive nose left")
 
 
 def state_space_inversion(
@@ -58,9 +50,7 @@ def state_space_inversion(
     control: CommandControl[Scalar],
     *,
     aircraft: InnerLoopParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
+    weather: Weather,
 ) -> tuple[StateSpaceInversionState[Scalar], StateSpaceInversionPath[Scalar]]:
     """Time derivatives of the state, and the path quantities.
 
@@ -68,11 +58,9 @@ def state_space_inversion(
         state: see `StateSpaceInversionState`.
         control: see `CommandControl`.
         aircraft: its numbers, from `linear_parameters`.
-        atmosphere: the day's numbers.
-        field: the structure of the wind.
-        wind: values of `field.parameters`.
+        weather: of the day.
     """
-    here = surrounding(state, aircraft=aircraft, atmosphere=atmosphere, field=field, wind=wind)
+    here = surrounding(state, aircraft=aircraft, weather=weather)
     surfaces = deflections(state, Commands(state.n_z_cmd, state.n_y_cmd, state.p_cmd), here, aircraft)
     motion = linear_motion(state, surfaces, here, aircraft)
     flight = linear_flight_rates(state, motion, control.delta_T_cmd, here, aircraft)

@@ -7,8 +7,6 @@ Their constants are those of the aircraft's short period, Dutch roll and roll at
 The rest is as for the point mass.
 """
 
-from collections.abc import Sequence
-
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow, drag_coefficient
 from airrace.dynamics.assembly import assemble
@@ -16,44 +14,38 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import (
     BRISK_COMMANDS,
     CommandControl,
+    Commanded,
     command_bounds,
     command_rate_bounds,
 )
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.linear_derivatives import lags, linear_parameters
-from airrace.dynamics.load_factors import axial_load_factor, load_factor_coefficients
-from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates
+from airrace.dynamics.load_factors import LoadFactorPath, axial_load_factor, load_factor_coefficients
+from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
 from airrace.dynamics.propulsion import lever_rate
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters, density
-from airrace.environment.wind import WindField
+from airrace.environment.atmosphere import density
+from airrace.environment.weather import Weather
 from airrace.frames import Scalar, rotation
-from airrace.quantities import T, Vector, quantity, vector
+from airrace.quantities import T, quantity, vector
 from airrace.track.course import Rules
 
 
 @vector
-class TransferFunctionState(FlightPathState[T]):
-    """The flight path, the power lever, the lags and what is commanded to them."""
+class LaggingState(PoweredState[T]):
+    """The flight path, the power lever and the lags."""
 
-    delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
     n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
     n_y: T = quantity("1", text="lateral load factor, to the right")
     n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
-    n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
-    n_y_cmd: T = quantity("1", text="commanded lateral load factor")
-    p_cmd: T = quantity("rad/s", scale=3.0, text="commanded roll rate")
 
 
 @vector
-class TransferFunctionPath(Vector[T]):
-    """What is limited along the path besides states and controls."""
-
-    C_L: T = quantity("1", text="lift coefficient")
-    beta_A: T = quantity("rad", scale=0.2, text="sideslip")
+class TransferFunctionState(Commanded[T], LaggingState[T]):
+    """The flight path, the power lever, the lags and what is commanded to them."""
 
 
 def transfer_functions(
@@ -61,22 +53,18 @@ def transfer_functions(
     control: CommandControl[Scalar],
     *,
     aircraft: InnerLoopParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
-) -> tuple[TransferFunctionState[Scalar], TransferFunctionPath[Scalar]]:
+    weather: Weather,
+) -> tuple[TransferFunctionState[Scalar], LoadFactorPath[Scalar]]:
     """Time derivatives of the state, and the path quantities.
 
     Args:
         state: see `TransferFunctionState`.
         control: see `CommandControl`.
         aircraft: its numbers, from `linear_parameters`.
-        atmosphere: the day's numbers.
-        field: the structure of the wind.
-        wind: values of `field.parameters`.
+        weather: of the day.
     """
-    R, rho = rotation(state.q), density(state.z, atmosphere)
-    flow = airflow((state.x, state.y, state.z), state.V_K, R, field, wind)
+    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
     C_L, beta_A = load_factor_coefficients(state.n_z, state.n_y, flow=flow, rho=rho, aircraft=aircraft)
     n_x = axial_load_factor(
         state.n_z, state.n_y, C_L=C_L, beta_A=beta_A, delta_T=state.delta_T, flow=flow, rho=rho, aircraft=aircraft
@@ -95,7 +83,7 @@ def transfer_functions(
         n_y_cmd=control.n_y_cmd_dot,
         p_cmd=control.p_cmd_dot,
     )
-    return rates, TransferFunctionPath(C_L=C_L, beta_A=beta_A)
+    return rates, LoadFactorPath(C_L=C_L, beta_A=beta_A)
 
 
 def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
@@ -122,7 +110,7 @@ def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, coun
         (
             bounded(TransferFunctionState.quantities(), states),
             bounded(CommandControl.quantities(), command_rate_bounds(aircraft)),
-            bounded(TransferFunctionPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
+            bounded(LoadFactorPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
         ),
         roll_rate=lambda state, _: state.p_Kbar,
         at_rest=("n_z", "n_z_dot", "n_y", "n_y_dot", "p_Kbar"),

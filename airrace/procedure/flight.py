@@ -1,6 +1,5 @@
 """A race made ready for optimisation: its plan, the equations of the aircraft and the problem on any mesh."""
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -116,12 +115,19 @@ def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
 
 
 def mesh_of(flown: Trajectory) -> list[tuple[float, ...]]:
-    """The fractions of every phase's intervals."""
-    meshes: list[tuple[float, ...]] = []
-    for first, last in itertools.pairwise(flown.first_node.tolist()):
-        steps = np.diff(flown.time[first : last + 1])
-        meshes.append(tuple((steps / steps.sum()).tolist()))
-    return meshes
+    """The fractions of every phase's intervals of a flight."""
+    return fractions_of(flown.time, flown.first_node.tolist())
+
+
+def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ...]]:
+    """The fractions of every phase's intervals.
+
+    Args:
+        time: of the nodes, s; shape (N + 1,).
+        first_node: the node at which each phase begins and, last, the end.
+    """
+    steps = np.split(np.diff(time), first_node[1:-1])
+    return [tuple((one / one.sum()).tolist()) for one in steps]
 
 
 def iterate_of(flown: Trajectory) -> Iterate:

@@ -16,7 +16,7 @@ from airrace.control.settling import settle
 from airrace.control.simulation import follow
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import Marks
-from airrace.procedure.flight import Flight, history, mesh_of
+from airrace.procedure.flight import Flight, fractions_of, history, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start
 from airrace.procedure.result import Facts, StageResult
 from airrace.quantities import Quantity
@@ -46,7 +46,7 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     if not simulated.finished or simulated.strayed > flight.fidelity.handover.farthest:
         return dataclasses.replace(settled(flight, source, optimum), facts=facts)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
-    return Start(flight, flight.problem(_mesh(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
+    return Start(flight, flight.problem(fractions_of(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -56,18 +56,16 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     state, control = settle(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
     return Start(
-        flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)
+        flight,
+        flight.problem(fractions_of(nodes, first_node)),
+        guess,
+        HANDOVER_BARRIER,
+        Facts(source=source.stage.value),
     )
 
 
 def _reference(source: Flight, optimum: StageResult) -> Reference:
     return from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
-
-
-def _mesh(time: Array, first_node: list[int]) -> list[tuple[float, ...]]:
-    """The fractions of every phase's intervals."""
-    steps = np.split(np.diff(time), first_node[1:-1])
-    return [tuple((one / one.sum()).tolist()) for one in steps]
 
 
 def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]:
@@ -115,5 +113,9 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         np.vstack([control(one) for one in flight.model.system.controls]),
     )
     return Start(
-        flight, flight.problem(_mesh(nodes, first_node)), guess, HANDOVER_BARRIER, Facts(source=source.stage.value)
+        flight,
+        flight.problem(fractions_of(nodes, first_node)),
+        guess,
+        HANDOVER_BARRIER,
+        Facts(source=source.stage.value),
     )

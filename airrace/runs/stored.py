@@ -32,8 +32,8 @@ def new_run(inputs: Inputs, path: Path | None = None) -> Run:
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of airrace and of the libraries that its numbers depend on."""
-    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")}
+    """Versions of airrace, of the libraries and of the extensions that its numbers depend on."""
+    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")} | extension_versions()
 
 
 def resolved_text(inputs: Inputs) -> str:

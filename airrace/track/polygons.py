@@ -20,7 +20,7 @@ def to_right(start: Point, end: Point, place: Point) -> float:
 
 
 def edges(corners: Sequence[Point], *, closed: bool) -> list[tuple[Point, Point]]:
-    """Neighbouring corners; of a closed figure also the last with the first."""
+    """Neighbouring corners; of a closed outline also the last with the first."""
     pairs = list(itertools.pairwise(corners))
     return [*pairs, (corners[-1], corners[0])] if closed else pairs
 

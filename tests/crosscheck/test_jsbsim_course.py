@@ -20,6 +20,7 @@ from airrace.dynamics.inner_loop_controls import SurfaceControl
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.weather import Weather
 from airrace.frames import quaternion
 from airrace.trajectory import Array, Trajectory
 
@@ -58,7 +59,7 @@ def flight(aircraft: InnerLoopParameters[float], air: AtmosphereParameters[float
     for u in control.T:
 
         def slopes(_: float, x: Array, u: Array = u) -> Array:
-            still = {"aircraft": aircraft, "atmosphere": air, "field": STILL, "wind": ()}
+            still = {"aircraft": aircraft, "weather": Weather(air, STILL)}
             return np.array(six_dof(SixDofState[float].split(x), SurfaceControl[float].split(u), **still)[0].join())
 
         solved = solve_ivp(slopes, (0.0, STEP), state[-1], rtol=1e-9, atol=1e-9, dense_output=True)

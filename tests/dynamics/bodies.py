@@ -16,6 +16,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import CommandControl, SurfaceControl
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.linear_derivatives import linear_parameters
+from airrace.dynamics.load_factors import LoadFactorPath
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof
 from airrace.dynamics.state_space import StateSpaceState, state_space
 from airrace.dynamics.state_space_inversion import (
@@ -23,9 +24,10 @@ from airrace.dynamics.state_space_inversion import (
     StateSpaceInversionState,
     state_space_inversion,
 )
-from airrace.dynamics.transfer_functions import TransferFunctionPath, TransferFunctionState, transfer_functions
+from airrace.dynamics.transfer_functions import TransferFunctionState, transfer_functions
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
+from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import quaternion
 
@@ -121,7 +123,7 @@ def fly_state_space_inversion(
 
 def fly_transfer_functions(
     aircraft: Aircraft, air: Air, state: TransferFunctionState[float], control: CommandControl[float] = COMMANDS_HELD
-) -> tuple[TransferFunctionState[float], TransferFunctionPath[float]]:
+) -> tuple[TransferFunctionState[float], LoadFactorPath[float]]:
     """Rates and path quantities of the transfer functions."""
     return transfer_functions(state, control, aircraft=linear_parameters(aircraft), **surroundings(air))
 
@@ -129,7 +131,7 @@ def fly_transfer_functions(
 def surroundings(air: Air) -> dict[str, Any]:
     """The arguments of a model that belong to the air."""
     field = WindField.of(air)
-    return {"atmosphere": atmosphere_parameters(air), "field": field, "wind": field.values(air)}
+    return {"weather": Weather(atmosphere_parameters(air), field, field.values(air))}
 
 
 def wind_at(air: Air, position: tuple[float, float, float]) -> Array:

@@ -15,15 +15,16 @@ from scipy.optimize import brentq
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aircraft_parameters import aircraft_parameters
 from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.load_factors import LoadFactorPath
 from airrace.dynamics.point_mass import (
     PointMassControl,
-    PointMassPath,
     PointMassState,
     build_point_mass,
     point_mass,
 )
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import atmosphere_parameters, density, g0
+from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import rotation
 from airrace.track.course import Rules
@@ -41,15 +42,13 @@ GUSTY = Air(
 
 def evaluate(
     aircraft: Aircraft, air: Air, state: PointMassState[float], control: PointMassControl[float] = HOLD
-) -> tuple[PointMassState[float], PointMassPath[float]]:
+) -> tuple[PointMassState[float], LoadFactorPath[float]]:
     field = WindField.of(air)
     return point_mass(
         state,
         control,
         aircraft=aircraft_parameters(aircraft),
-        atmosphere=atmosphere_parameters(air),
-        field=field,
-        wind=field.values(air),
+        weather=Weather(atmosphere_parameters(air), field, field.values(air)),
     )
 
 
@@ -63,7 +62,7 @@ def wind_at(air: Air, state: PointMassState[float]) -> Array:
 
 
 def thrust_minus_drag(
-    aircraft: Aircraft, air: Air, state: PointMassState[float], path: PointMassPath[float], V_A: float
+    aircraft: Aircraft, air: Air, state: PointMassState[float], path: LoadFactorPath[float], V_A: float
 ) -> float:
     """From the aircraft's own numbers, apart from the model under test (N)."""
     rho, drag, engine = density(state.z, atmosphere_parameters(air)), aircraft.drag, aircraft.propulsion

@@ -3,18 +3,16 @@
 p_Kbar' = (p_cmd - p_Kbar) / TAU
 """
 
-from collections.abc import Sequence
-
 from airrace.aircraft.aircraft import Aircraft
 from airrace.control.inner_controller import InnerController, Plant, limited
 from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
 from airrace.dynamics.assembly import assemble
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
-from airrace.dynamics.point_mass import PointMassControl, PointMassPath, PointMassState, point_mass
+from airrace.dynamics.load_factors import LoadFactorPath
+from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.environment.air import Air
-from airrace.environment.atmosphere import AtmosphereParameters
-from airrace.environment.wind import WindField
+from airrace.environment.weather import Weather
 from airrace.frames import Scalar
 from airrace.procedure.fidelities import register
 from airrace.procedure.fidelity import Fidelity
@@ -50,10 +48,8 @@ def rolling(
     control: RollingControl[Scalar],
     *,
     aircraft: AircraftParameters[Scalar],
-    atmosphere: AtmosphereParameters[Scalar],
-    field: WindField,
-    wind: Sequence[Scalar],
-) -> tuple[RollingState[Scalar], PointMassPath[Scalar]]:
+    weather: Weather,
+) -> tuple[RollingState[Scalar], LoadFactorPath[Scalar]]:
     """Time derivatives of the state, and the path quantities."""
     exact = PointMassControl[Scalar](
         n_z_dot=control.n_z_dot,
@@ -61,7 +57,7 @@ def rolling(
         p_Kbar_dot=(state.p_cmd - state.p_Kbar) / TAU,
         delta_T_cmd=control.delta_T_cmd,
     )
-    rates, path = point_mass(state, exact, aircraft=aircraft, atmosphere=atmosphere, field=field, wind=wind)
+    rates, path = point_mass(state, exact, aircraft=aircraft, weather=weather)
     return RollingState[Scalar](**vars(rates), p_cmd=control.p_cmd_dot), path
 
 
@@ -88,7 +84,7 @@ def build_rolling(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool 
         (
             bounded(RollingState.quantities(), states),
             bounded(RollingControl.quantities(), controls),
-            bounded(PointMassPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
+            bounded(LoadFactorPath.quantities(), {"C_L": limits.C_L, "beta_A": limits.beta_A}),
         ),
         roll_rate=lambda state, _: state.p_Kbar,
         at_rest=("p_Kbar",),

@@ -40,10 +40,11 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ran, Path]:
 
 
 def test_own_kind_is_flown_certified(flown: tuple[Ran, Path]) -> None:
-    ran, _ = flown
+    ran, run = flown
     assert ran.code == 0, ran.err
     assert ran.answer["certified"] is True
     assert ran.answer["track"] == "rings"
+    assert "ring.py" in read_checkpoint(run).versions
 
 
 def test_own_kind_is_passed_by_its_own_rule_in_any_attitude(flown: tuple[Ran, Path]) -> None:

@@ -1,0 +1,23 @@
+"""The weather in which a model flies: the numbers of the day's air, and its wind."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.wind import WindField
+from airrace.frames import Scalar
+
+
+@dataclass(frozen=True)
+class Weather:
+    """The air and the wind as the equations of a model see them, in symbols or numbers.
+
+    Attributes:
+        atmosphere: the day's numbers.
+        field: the structure of the wind, which equations depend on.
+        wind: values of `field.parameters`, which they do not.
+    """
+
+    atmosphere: AtmosphereParameters[Scalar]
+    field: WindField
+    wind: Sequence[Scalar] = ()
