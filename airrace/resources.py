@@ -9,7 +9,7 @@ def shipped_folder(name: str) -> Path:
     """The folder of the courses (`tracks`) or of the aircraft (`configs`) that come along.
 
     In an installed package it lies in the package's own folder `shipped`. In a source tree, and where the package is
-    installed from one as editable, it is the folder of that tree: there is no second copy of the files.
+    installed from one as editable, it is the folder of that tree, so that an edited file counts at once.
     """
     installed = PACKAGE / "shipped" / name
     return installed if installed.is_dir() else PACKAGE.parent / name

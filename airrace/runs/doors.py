@@ -3,6 +3,7 @@
 Nothing is printed unless it is asked for, and nothing is written but the files that are named.
 """
 
+import logging
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +33,9 @@ from airrace.runs.starting import Changes, ensure_other_file, other_run
 from airrace.runs.stored import opened_run
 from airrace.runs.task import Task
 from airrace.views.live import watching
+
+# Without this, Python prints warnings of a library that nobody listens to.
+logging.getLogger("airrace").addHandler(logging.NullHandler())
 
 
 def optimize(

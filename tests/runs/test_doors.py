@@ -1,7 +1,6 @@
 """The commands as functions: what they take, what they return, and what they leave alone."""
 
 import dataclasses
-import logging
 import math
 import subprocess
 import sys
@@ -36,10 +35,18 @@ def run() -> Run:
 
 def test_nothing_is_printed_and_nothing_is_written_unasked(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     airrace.optimize("rovinj_2014")
-    logging.getLogger("airrace.somewhere").warning("the solver took another way")
     printed = capfd.readouterr()
     assert (printed.out, printed.err) == ("", "")
     assert list(folder.iterdir()) == []
+
+
+def test_warnings_of_the_library_are_for_those_who_listen() -> None:
+    program = (
+        "import logging, airrace; airrace.tracks; "
+        "logging.getLogger('airrace.somewhere').warning('the solver took another way')"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert (ran.stdout, ran.stderr) == ("", "")
 
 
 def test_progress_is_shown_when_asked_for(capfd: pytest.CaptureFixture[str]) -> None:
