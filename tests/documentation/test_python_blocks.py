@@ -49,7 +49,8 @@ def test_the_python_of_a_page_runs(
         pytest.skip(f"still to come: {', '.join(missing)}")
     for folder in ("tracks", "configs"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
-    shutil.copy(flown, tmp_path / "rovinj.h5")
+    for name in ("rovinj.h5", "rovinj_2014.h5"):
+        shutil.copy(flown, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     known: dict[str, Any] = {  # Any: whatever the page defines
