@@ -16,6 +16,7 @@ from airrace.checkpoint import (
 )
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError
+from airrace.extensions import extension_versions
 from airrace.runs.run import Run
 
 

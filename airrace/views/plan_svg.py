@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.documents.units import KNOT
-from airrace.track.gates import Gate
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
@@ -129,16 +128,18 @@ def _colours(speed: Array) -> NDArray[np.int64]:
 
 
 def _marks(sheet: _Sheet, seen: Scenery) -> list[str]:
-    """A gate as a stroke across its axis, everything else as a dot."""
+    """What is flown through as a stroke across the way, long enough to be seen; everything else as a dot."""
     parts: list[str] = []
     for mark in seen.marks:
         x, y = sheet.at(mark.north, mark.east)
-        if not isinstance(mark.element, Gate):
+        across = mark.element.drawing().across
+        if across is None:
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.2" fill="{BLACK}"/>')
             continue
-        half = max(0.5 * mark.element.width * sheet.scale, GATE_LEAST)
-        right, down = half * math.cos(mark.element.heading), half * math.sin(mark.element.heading)
-        ends = f'x1="{x - right:.1f}" y1="{y - down:.1f}" x2="{x + right:.1f}" y2="{y + down:.1f}"'
+        (left, top), (right, bottom) = (sheet.at(point.north, point.east) for point in across)
+        longer = max(1.0, 2.0 * GATE_LEAST / max(math.hypot(right - left, bottom - top), 1e-9))
+        half = 0.5 * longer * (right - left), 0.5 * longer * (bottom - top)
+        ends = f'x1="{x - half[0]:.1f}" y1="{y - half[1]:.1f}" x2="{x + half[0]:.1f}" y2="{y + half[1]:.1f}"'
         parts.append(f'<line {ends} stroke="{BLACK}" stroke-width="3.5" stroke-linecap="round"/>')
     return parts
 

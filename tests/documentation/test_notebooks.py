@@ -7,8 +7,6 @@ from typing import Any
 import pytest
 from pages import DOCS
 
-import airrace
-
 NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 Cell = dict[str, Any]  # Any: JSON of any shape
 
@@ -43,8 +41,6 @@ def test_a_notebook_begins_with_its_title_and_tells_nothing_of_its_machine(path:
 @pytest.mark.slow  # it flies several races
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not hasattr(airrace, "optimize"):
-        pytest.skip("still to come: airrace.optimize")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     names: dict[str, Any] = {}  # Any: whatever the notebook defines

@@ -10,7 +10,7 @@ from airrace.planning import plan as planning
 from airrace.planning.race import Race
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.run import derived_quantities, optimise, sampler
+from airrace.procedure.run import derived_quantities, optimize, sampler
 from airrace.procedure.settings import GuessKind
 from airrace.procedure.stage import STAGES, Stage
 
@@ -46,7 +46,7 @@ def test_all_stages_fly_one_plan(searches: list[int]) -> None:
 
 def test_looking_at_a_flight_plans_nothing(searches: list[int]) -> None:
     race = fresh()
-    (result,) = optimise(race, PLAN, until=Stage.POINT_MASS, threads=1, progress=Silent())
+    (result,) = optimize(race, PLAN, until=Stage.POINT_MASS, threads=1, progress=Silent())
     searches.clear()
     sampler(race, PLAN, result)(np.array([0.0, 1.0]))
     derived_quantities(race, PLAN, result)

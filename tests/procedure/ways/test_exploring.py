@@ -17,7 +17,7 @@ from airrace.procedure import ladder
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, Way
-from airrace.procedure.run import optimise
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import Explore
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import THOROUGH, Effort, Radius
@@ -171,7 +171,7 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
     others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ladder, "EFFORTS", {Explore.QUICK: others_lead_nowhere})
-        (result,) = optimise(WOUND, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
+        (result,) = optimize(WOUND, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
     assert (result.explored.led, result.explored.elsewhere, result.explored.lost) == (1, 0, 0)
     assert seconds(result) == pytest.approx(seconds(optimum(WOUND, OFF)), abs=SAME)
