@@ -26,7 +26,7 @@ from airrace.procedure.stage import STAGES
 from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.effort import EFFORTS, Effort
 from airrace.procedure.ways.exploring import Exploration, explore
-from airrace.procedure.ways.sketch import OWN_ITERATIONS, Draught
+from airrace.procedure.ways.sketch import Draught
 
 logger = logging.getLogger(__name__)
 
@@ -224,9 +224,9 @@ def _made(start: Start) -> Start:
 def _planned(flight: Flight, way: Plan, bench: Workbench) -> Draught:
     """A plan, on the mesh on which the race's own is solved without exploring."""
     mesh = first_mesh(way, bench.settings.mesh)
-    return Draught(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, OWN_ITERATIONS)
+    return Draught(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, is_own=True)
 
 
 def _draught(flight: Flight, pieces: StageResult) -> Draught:
     """The pieces of a homotopy, to be sketched."""
-    return Draught(flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, OWN_ITERATIONS)
+    return Draught(flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, is_own=True)

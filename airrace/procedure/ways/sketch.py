@@ -43,13 +43,22 @@ SKETCHES = 3  # meshes at most
 
 @dataclass(frozen=True, eq=False)
 class Draught:
-    """A flight to be sketched: how it is planned, a guess on a mesh, and how many iterations it is worth."""
+    """A flight to be sketched.
+
+    Attributes:
+        flight: as it is planned.
+        mesh: that the guess is on.
+        guess: where the solver begins.
+        barrier: the first value of the barrier parameter.
+        is_own: whether the race would be started like this without exploring: then it is worth more iterations, and as
+            its mesh is a finer one, it is sketched from the optimum on that.
+    """
 
     flight: Flight
     mesh: Sequence[tuple[float, ...]]
     guess: Iterate
     barrier: float
-    iterations: int = ITERATIONS
+    is_own: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +109,21 @@ def intervals(seconds: float) -> int:
 
 def sketched(service: SolverService, draught: Draught) -> Sketch | None:
     """The rough optimum; None if there is none within the budget."""
+    found = _sketched(service, draught)
+    if found is None or not draught.is_own:
+        return found
+    counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
+    mesh, iterate = resampled(found.problem.mesh, found.iterate, counts)
+    return _sketched(service, Draught(found.flight, mesh, iterate, AGAIN_BARRIER)) or found
+
+
+def _sketched(service: SolverService, draught: Draught) -> Sketch | None:
     mesh, iterate, barrier = list(draught.mesh), draught.guess, draught.barrier
     found: Sketch | None = None
     for _ in range(SKETCHES):
         problem = draught.flight.problem(mesh)
-        solution = attempted(service, problem, iterate, barrier, draught.iterations)
+        iterations = OWN_ITERATIONS if draught.is_own else ITERATIONS
+        solution = attempted(service, problem, iterate, barrier, iterations)
         if solution is None or not solution.success:
             return found
         multipliers = solution.multipliers.constraints

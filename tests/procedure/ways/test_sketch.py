@@ -8,6 +8,7 @@ from explored_races import OFF, WOUND, optimum
 from races import SHIPPED, SMALL, prepared
 from ways_bench import planned_sketch, workbench
 
+from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.service import SolverService, Stalled
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
@@ -130,3 +131,16 @@ def test_sketch_of_an_optimum_stays_there() -> None:
         again = sketched(bench.service, Draught(found.flight, found.problem.mesh, found.iterate, sketch.AGAIN_BARRIER))
     assert again is not None
     assert again.race_time == pytest.approx(found.race_time, abs=1e-3)
+
+
+def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
+    """Other ways are thought of on the meshes of sketches, whatever mesh their flight was begun on."""
+    rough = planned_sketch(SMALL)
+    counts = [2 * len(phase) for phase in rough.problem.mesh]
+    mesh, guess = resampled(rough.problem.mesh, rough.iterate, counts)
+    begun = Draught(rough.flight, mesh, guess, sketch.AGAIN_BARRIER, is_own=True)
+    with workbench() as bench:
+        found = sketched(bench.service, begun)
+    assert found is not None
+    assert [len(phase) for phase in found.problem.mesh] == [len(phase) for phase in rough.problem.mesh]
+    assert found.race_time == pytest.approx(rough.race_time, abs=1e-3)
