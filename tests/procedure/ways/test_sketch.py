@@ -142,5 +142,7 @@ def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
     with workbench() as bench:
         found = sketched(bench.service, begun)
     assert found is not None
-    assert [len(phase) for phase in found.problem.mesh] == [len(phase) for phase in rough.problem.mesh]
+    wanted = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
+    assert [len(phase) for phase in found.problem.mesh] == wanted
+    assert sum(wanted) < sum(counts)
     assert found.race_time == pytest.approx(rough.race_time, abs=1e-3)
