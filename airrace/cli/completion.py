@@ -2,10 +2,8 @@
 
 from pathlib import Path
 
+from airrace.procedure.stage import STAGES
 from airrace.resources import shipped_folder
-
-STAGES = ("homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
-"""The names of `airrace.procedure.result.Stage`, which takes too long to import for a key press."""
 
 
 def tracks(incomplete: str) -> list[str]:
@@ -19,8 +17,8 @@ def aircraft(incomplete: str) -> list[str]:
 
 
 def stages(incomplete: str) -> list[str]:
-    """Stages that begin so."""
-    return [stage for stage in STAGES if stage.startswith(incomplete)]
+    """Stages that begin so, those of extensions among them."""
+    return [stage.value for stage in STAGES if stage.value.startswith(incomplete)]
 
 
 def _named(folder: str, incomplete: str) -> list[str]:

@@ -56,9 +56,10 @@ def optimize(
 ) -> Run:
     """Fly a course as fast as can be, stage by stage, each certified.
 
-    >>> run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
-    >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
-    8.634 s, certified: True
+    Examples:
+        >>> run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+        >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
+        8.634 s, certified: True
 
     Args:
         track: a course that comes along, by name (see `airrace.tracks`); a file; or a `Course` or a `Race` that was
@@ -126,9 +127,10 @@ def resume(
     `track`, `aircraft` or `settings` the changed run is a new one, started from the highest certified stage of this
     run, which stays as it is.
 
-    >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
-    >>> print(f"{windy.race_time - run.race_time:+.3f} s")
-    -0.052 s
+    Examples:
+        >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
+        >>> print(f"{windy.race_time - run.race_time:+.3f} s")
+        -0.052 s
 
     Args:
         run: a run, or its file.
@@ -190,8 +192,9 @@ def check(
 ) -> Checked:
     """Read a course, review it as a race director would, and show it; nothing is flown.
 
-    >>> airrace.check("rovinj_2014")
-    <Checked Rovinj 2014: 17 passages, 0 warnings>
+    Examples:
+        >>> airrace.check("rovinj_2014")
+        <Checked Rovinj 2014: 17 passages, 0 warnings>
 
     Args:
         track, aircraft, settings, set: as of `optimize`.
@@ -212,8 +215,9 @@ def check(
 def tracks() -> tuple[ShippedTrack, ...]:
     """The courses that come along; their names stand for files everywhere.
 
-    >>> [track.name for track in airrace.tracks()][:3]
-    ['abu_dhabi_2016', 'air_race_x_2024', 'chiba_2015']
+    Examples:
+        >>> [track.name for track in airrace.tracks()][:3]
+        ['abu_dhabi_2016', 'air_race_x_2024', 'chiba_2015']
     """
     return shipped().tracks
 

@@ -33,10 +33,11 @@ if TYPE_CHECKING:
 class FlownStage:
     """One stage of a run: the optimum that one fidelity of the aircraft found, and its certificate.
 
-    >>> run["point-mass"]
-    <FlownStage half_cuban_eight: point-mass, 8.634 s, certified>
-    >>> run["point-mass"].to_dataframe(rate=10).index[:3].tolist()
-    [0.0, 0.1, 0.2]
+    Examples:
+        >>> run["point-mass"]
+        <FlownStage half_cuban_eight: point-mass, 8.634 s, certified>
+        >>> run["point-mass"].to_dataframe(rate=10).index[:3].tolist()
+        [0.0, 0.1, 0.2]
 
     Attributes:
         inputs: what the run was given.

@@ -23,9 +23,10 @@ SHOWN = 30  # prices; a data frame has all of them
 class Prices(Mapping[str, Price]):
     """Prices by the keys of `set`, the dearest first.
 
-    >>> prices = run.prices(by="rules")
-    >>> prices["rules.n_z_max"].price < 0.0
-    True
+    Examples:
+        >>> prices = run.prices(by="rules")
+        >>> prices["rules.n_z_max"].price < 0.0
+        True
 
     Attributes:
         by_key: one per number that can be changed alone.

@@ -31,12 +31,13 @@ class Run:
     A run is a value: what continues or changes it returns another one. Its stages are found by their names, and the
     numbers of a run are those of its last stage:
 
-    >>> run
-    <Run half_cuban_eight: point-mass, 8.634 s, certified>
-    >>> run["point-mass"].race_time == run.race_time
-    True
-    >>> [stage.name for stage in run]
-    ['homotopy', 'point-mass']
+    Examples:
+        >>> run
+        <Run half_cuban_eight: point-mass, 8.634 s, certified>
+        >>> run["point-mass"].race_time == run.race_time
+        True
+        >>> [stage.name for stage in run]
+        ['homotopy', 'point-mass']
 
     Attributes:
         inputs: course, aircraft, air and settings, with the documents that they come from.

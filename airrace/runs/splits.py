@@ -23,10 +23,11 @@ HEADS = ("gate", "time s", "leg s", "speed kt", "height m", "load g", "bank deg"
 class Splits(Sequence[GateSplit]):
     """The passings of a flight in their order; each is a `GateSplit` in SI units and radians.
 
-    >>> run.splits[0].name, run.splits[-1].name
-    ('0:entry', '1:exit')
-    >>> abs(run.splits[-1].time - run.race_time) < 1e-9
-    True
+    Examples:
+        >>> run.splits[0].name, run.splits[-1].name
+        ('0:entry', '1:exit')
+        >>> abs(run.splits[-1].time - run.race_time) < 1e-9
+        True
 
     Attributes:
         rows: one per passing.

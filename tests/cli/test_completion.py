@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from airrace.cli.completion import STAGES, aircraft, stages, tracks
+from airrace.cli.completion import aircraft, stages, tracks
 from airrace.documents.shipped import AIRCRAFT, TRACKS
-from airrace.procedure.result import Stage
+from airrace.procedure.stage import STAGES
 
 
 @pytest.fixture(autouse=True)
@@ -21,7 +21,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_all_names_that_come_along_and_all_stages_are_offered() -> None:
     assert tracks("") == list(TRACKS.names)
     assert aircraft("") == list(AIRCRAFT.names)
-    assert stages("") == list(STAGES) == [stage.value for stage in Stage]
+    assert stages("") == [stage.value for stage in STAGES]
 
 
 def test_what_is_begun_is_completed() -> None:

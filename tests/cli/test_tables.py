@@ -18,6 +18,7 @@ from airrace.documents.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.prices import Activity, Group, Price
 from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, Why
+from airrace.procedure.stage import STAGES
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -81,7 +82,7 @@ def words_of(table: Table) -> set[str]:
 def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     eighty(monkeypatch)
     flown = replace(stage_result(Stage.POINT_MASS), facts=Facts(0.012, "point-mass", 123.45))
-    ladder = [replace(flown, stage=stage) for stage in Stage]
+    ladder = [replace(flown, stage=stage) for stage in STAGES]
     failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), facts=flown.facts)
     for results in (ladder, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
         table = stages_table(results)

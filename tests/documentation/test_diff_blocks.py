@@ -29,8 +29,9 @@ def changed(diff: str, root: Path) -> None:
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A folder with a copy of the package."""
-    shutil.copytree(ROOT / "airrace", tmp_path / "airrace", ignore=shutil.ignore_patterns("__pycache__"))
+    """A folder with a copy of the package, and of what comes along with it."""
+    for folder in ("airrace", "tracks", "configs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path
 
 
