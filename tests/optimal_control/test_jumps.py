@@ -132,7 +132,7 @@ def test_samples_are_those_of_the_exact_flight_and_lie_after_the_jump_at_its_ins
     stated = kicked()
     flown, time = kicked_flight(stated), known_flights.node_times(stated)
     wanted = np.array([time[3] - 0.1, time[3], time[3] + 0.1])
-    seen = sample(stated, flown, time, wanted)
+    seen = sample(stated.system, np.array(stated.parameters), flown, time=time, times=wanted)
     last, next_ = float(flown.control[0, 2]), float(flown.control[0, 3])
     assert seen[:, 0] == pytest.approx(exact(flown.state[:, 2], last, time[3] - time[2] - 0.1), abs=EXACT)
     assert seen[:, 1] == pytest.approx(flown.state[:, 3], abs=EXACT)
