@@ -88,12 +88,12 @@ class Record:
 
 
 def checkpoint_path(folder: Path, name: str) -> Path:
-    """Where the checkpoint of a job lies."""
+    """The path of a job's checkpoint."""
     return folder / f"{name}.h5"
 
 
 def record_path(folder: Path, name: str) -> Path:
-    """Where the record of a job lies."""
+    """The path of a job's record."""
     return folder / f"{name}.json"
 
 

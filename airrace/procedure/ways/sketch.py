@@ -34,7 +34,8 @@ TOLERANCE = 1e-5
 STALL_SECONDS = 20.0  # of which an iteration takes a thousandth
 ITERATIONS = 120  # those that converge take 30 to 60; one that is lost is not worth more
 OWN_ITERATIONS = 400
-"""Of the start without exploring, which must not be lost by it: of generated courses it takes 30 to 300, once 900."""
+"""Of the start without exploring, which must not be lost by it. All solves of a point mass without exploring, the proof
+among them, took 69 to 203 iterations on most of 14 generated courses, 367 on one and 638 and 939 on two."""
 AGAIN_BARRIER = 1e-3  # of a solve that starts from the same flight on another mesh
 TOO_FEW = 0.7  # of the intervals that a phase should have
 DECEIVED = 0.01  # s, by which a phase may be too fast for its mesh alone
