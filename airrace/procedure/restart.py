@@ -45,7 +45,8 @@ factor was halved; one that takes many more is lost, and a lower stage is the be
 
 RESTART_BARRIER = 1e-5
 """The first value of the barrier parameter of the first solve. On Rovinj changed by half a g or 5 kt it takes 31 to 43
-iterations on both meshes, and with 1e-4 39 to 50; with 1e-6 28 instead of 31 in one case, 47 instead of 43 in another."""
+iterations on both meshes, and with 1e-4 39 to 50. With 1e-6 it took 28 instead of 31 in one case, and 47 instead of 43
+in another."""
 
 
 @dataclass(frozen=True)
