@@ -36,8 +36,11 @@ logger = logging.getLogger(__name__)
 DRIVER_FLAGS = ("-O3",)
 """Flags for the driver's loops over sensitivities, which then run a third faster than with -O2."""
 
-VECTOR_FLAGS = ("-fexpensive-optimizations", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden")
-"""Flags for code on vectors: it is to have the bits of code on single numbers, and its parts call one another only."""
+VECTOR_FLAGS = ("-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
+"""Flags for code on vectors: it is to have the bits of code on single numbers, and its parts call one another only.
+
+The last belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls the
+C library, and everything took three times as long."""
 
 FORMAT = 4
 """Number of the form of the generated code; it changes with that, so that no cached library of another form is used."""
@@ -102,15 +105,28 @@ def build_kernels(
     """
     with_path = system.path_values is not None
     if compiled:
-        chosen = _instructions(system) if instructions is None else instructions
-        # A compiler may know no vectors; one interval at a time it compiles all the same.
-        for these in dict.fromkeys([chosen, SINGLE]):
-            try:
-                return _load(compile_kernels(system, scheme, these), with_path=with_path, lanes=these.lanes)
-            except KernelError as error:
-                failure = error
-        logger.warning("no compiled kernels, evaluating in casadi's virtual machine: %s", failure)
+        try:
+            return _compiled(system, scheme, instructions or _instructions(system))
+        except KernelError as error:
+            logger.warning("no compiled kernels, evaluating in casadi's virtual machine: %s", error)
     return _assemble(symbolic_kernels(system, scheme).__getitem__, with_path=with_path, compiled=False)
+
+
+def _compiled(system: System, scheme: RungeKutta, instructions: InstructionSet) -> Kernels:
+    """The kernels compiled; for one interval at a time where the compiler knows no vectors.
+
+    Raises:
+        KernelError: they cannot be compiled.
+    """
+    with_path = system.path_values is not None
+    try:
+        library = compile_kernels(system, scheme, instructions)
+    except KernelError as error:
+        if instructions.lanes == 1:
+            raise
+        logger.info("no kernels for several intervals at once: %s", error)
+        return _compiled(system, scheme, SINGLE)
+    return _load(library, with_path=with_path, lanes=instructions.lanes)
 
 
 def compile_kernels(system: System, scheme: RungeKutta, instructions: InstructionSet | None = None) -> Path:
@@ -126,6 +142,13 @@ def compile_kernels(system: System, scheme: RungeKutta, instructions: Instructio
         sources = _sources(system, scheme) if chosen.lanes == 1 else _lane_sources(system, scheme, chosen)
         kernel_library.compile_library(sources, library)
     return library
+
+
+def cached_rows(system: System, scheme: RungeKutta) -> Path | None:
+    """The library in the cache that evaluates rates and path quantities at many points; None if it is not there."""
+    instructions = _instructions(system)
+    library = _library(system, scheme, instructions)
+    return library if instructions.lanes > 1 and kernel_library.is_intact(library) else None
 
 
 def needs_compiling(system: System, scheme: RungeKutta) -> bool:
@@ -270,9 +293,7 @@ def _first_of_lanes(function: ca.Function, lanes: int) -> ca.Function:
 
 def _load(library: Path, *, with_path: bool, lanes: int) -> Kernels:
     try:
-        return _assemble(
-            lambda name: ca.external(name, str(library)), with_path=with_path, compiled=True, lanes=lanes
-        )
+        return _assemble(lambda name: ca.external(name, str(library)), with_path=with_path, compiled=True, lanes=lanes)
     except RuntimeError as error:  # casadi raises it for a library that cannot be opened
         raise KernelError(f"{library}: {error}") from error
 

@@ -76,11 +76,7 @@ def has_lanes(function: ca.Function) -> bool:
 
 def header(lanes: int) -> str:
     """What stands before all code on vectors."""
-    text = Path(__file__).with_name("lanes.h").read_text(encoding="utf-8")
-    functions = dict(LANE_BY_LANE.values())
-    return "\n".join(
-        [f"#define LANES {lanes}", text, *(f"LANE_BY_LANE({name}, {one})" for name, one in functions.items()), ""]
-    )
+    return f"#define LANES {lanes}\n{Path(__file__).with_name('lanes.h').read_text(encoding='utf-8')}\n"
 
 
 def lane_function(function: ca.Function, name: str) -> str:
@@ -89,14 +85,17 @@ def lane_function(function: ca.Function, name: str) -> str:
     Raises:
         KernelError: it contains an operation that is not known here.
     """
-    lines = [_line(function, number) for number in range(function.n_instructions())]
-    variables = ", ".join(f"w{number}" for number in range(function.sz_w()))
+    numbers = range(function.n_instructions())
+    operations = {function.instruction_id(number) for number in numbers}
+    loops = dict(LANE_BY_LANE[one] for one in sorted(operations & LANE_BY_LANE.keys()))
+    variables = ", ".join(f"w{number}" for number in range(max(1, function.sz_w())))
     return "\n".join(
         [
+            *(f"LANE_BY_LANE({loop}, {expression})" for loop, expression in loops.items()),
             f"int {name}(const real **arg, real **res, integer *iw, real *w, int mem)",
             "{",
             f"    real {variables};",
-            *(f"    {line}" for line in lines),
+            *(f"    {_line(function, number)}" for number in numbers),
             "    return 0;",
             "}",
             "",

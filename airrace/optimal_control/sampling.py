@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from airrace.optimal_control.compiled_rates import PointFunctions
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
@@ -23,13 +24,11 @@ def sample(problem: Problem, iterate: Iterate, time: Array, times: Array) -> Arr
     lengths = times - time[interval]
     start, control = iterate.state[:, interval], iterate.control[:, interval]
     n_x, n = start.shape
-    rates = problem.system.rates.map(n)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], n, axis=1)
+    rates = PointFunctions(problem).rates(control)
     scale = np.array([quantity.scale for quantity in problem.system.states])[:, None]
 
     def side_by_side(_: float, flat: Array) -> Array:
-        slopes = np.asarray(rates(flat.reshape(n_x, n) * scale, control, p))
-        return np.asarray(slopes * lengths / scale).ravel()
+        return (rates(flat.reshape(n_x, n) * scale) * lengths / scale).ravel()
 
     ends = integrate(side_by_side, (start / scale).ravel(), np.array([0.0, 1.0]), relative=1e-10, absolute=1e-10)
     return ends[:, -1].reshape(n_x, n) * scale

@@ -18,8 +18,8 @@ from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatt
 from airrace.system import System
 
 GROUP = 4
-"""Rows of single intervals' sensitivities are padded to a multiple of so many numbers, which a compiler makes vectors of:
-four doubles fill a register of AVX2. Where every number is a vector already, nothing is padded."""
+"""Rows of a single interval's sensitivities are padded to a multiple of so many numbers, of which the compiler makes
+vectors: four doubles fill a register of AVX2. Where every number is a vector already, nothing is padded."""
 
 
 @dataclass(frozen=True)
@@ -196,4 +196,3 @@ def _compressed(name: str, rows: int, entries: Iterable[tuple[int, int, int]]) -
         integers(f"{name}_COLUMN", [column for _, column, _ in ordered]),
         integers(f"{name}_SOURCE", [source for _, _, source in ordered]),
     ]
-
