@@ -36,8 +36,8 @@ logger = logging.getLogger(__name__)
 DRIVER_FLAGS = ("-O3",)
 """Flags for the driver's loops over sensitivities, which then run a third faster than with -O2."""
 
-VECTOR_FLAGS = ("-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
-"""Flags for code on vectors: it is to have the bits of code on single numbers, and its parts call one another only.
+VECTOR_FLAGS = ("-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
+"""Flags for code on vectors, whose parts call one another only.
 
 The last belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls the
 C library, and everything took three times as long."""

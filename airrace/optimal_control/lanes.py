@@ -22,30 +22,38 @@ class InstructionSet:
 SINGLE = InstructionSet(1, ())
 """No vectors: one interval at a time."""
 
-_PREFIXES = 8192
-"""Bytes of the processor's description that are read: those of the first core, the others are alike."""
+_FIRST_CORE = 8192
+"""Bytes of the processor's description that are read: they hold the first core's, and the others are alike."""
+
+
+_VECTORS = (
+    InstructionSet(2, ()),  # SSE2 and Neon belong to their architectures
+    InstructionSet(4, ("-mavx2",)),
+    InstructionSet(8, ("-mavx512f", "-mavx512dq", "-mavx512vl")),
+)
+
+
+def instruction_set() -> InstructionSet:
+    """The widest that the processor knows; kernels for it run on no lesser one."""
+    return instruction_sets()[-1]
 
 
 @cache
-def instruction_set() -> InstructionSet:
-    """The widest that the processor knows; kernels for it run on no lesser one."""
+def instruction_sets() -> tuple[InstructionSet, ...]:
+    """All that the processor knows, from single numbers to the widest."""
     if platform.machine() in ("x86_64", "AMD64"):
-        known = _processor_flags()
-        if {"avx512f", "avx512dq", "avx512vl"} <= known:
-            return InstructionSet(8, ("-mavx512f", "-mavx512dq", "-mavx512vl"))
-        if "avx2" in known:
-            return InstructionSet(4, ("-mavx2",))
-        return InstructionSet(2, ())  # SSE2 belongs to the architecture
+        known = {f"-m{flag}" for flag in _processor_flags()}
+        return (SINGLE, *(one for one in _VECTORS if known.issuperset(one.flags)))
     if platform.machine() in ("aarch64", "arm64"):
-        return InstructionSet(2, ())
-    return SINGLE
+        return (SINGLE, _VECTORS[0])
+    return (SINGLE,)
 
 
 def _processor_flags() -> set[str]:
     """Names of the instruction sets as Linux tells them; empty where it does not run."""
     try:
         with Path("/proc/cpuinfo").open("rb") as description:
-            text = description.read(_PREFIXES).decode(errors="replace")
+            text = description.read(_FIRST_CORE).decode(errors="replace")
     except OSError:
         return set()
     lines = [line for line in text.splitlines() if line.startswith("flags")]
