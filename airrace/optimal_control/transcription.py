@@ -20,11 +20,11 @@ from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
 MAP_IN_THREADS = 64
-"""Number of calls of a kernel from which on they are spread over threads.
+"""Number of calls of a kernel from which on they are spread over threads; twice as many if it has lanes.
 
 Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
 a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
-step. For fewer calls little of the gain would be left."""
+step, or 128 intervals in lanes. For fewer calls little of the gain would be left."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,8 @@ class _Transcription:
         batches = -(-count // kernel.lanes)
         filling = batches * kernel.lanes - count
         y, own, *given = (_filled(one, filling) for one in (y, calls.own, *multipliers))
-        how = "thread" if self.threads > 1 and count >= MAP_IN_THREADS else "serial"
+        enough = MAP_IN_THREADS if kernel.lanes == 1 else 2 * MAP_IN_THREADS
+        how = "thread" if self.threads > 1 and count >= enough else "serial"
         mapped = function.map(batches, how, self.threads) if how == "thread" else function.map(batches)
         outputs = mapped(y, own, ca.repmat(calls.shared, 1, batches), *given)
         # the nonzeros of a row come as a row
