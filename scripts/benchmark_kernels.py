@@ -11,6 +11,7 @@ the best of several rounds; all kinds are measured in turn, in one run.
 """
 
 import argparse
+import ctypes
 import os
 import tempfile
 import time
@@ -155,7 +156,7 @@ def measure_rates(model: FlightModel, count: int, rounds: int) -> None:
         return
     y, p, n_x = arguments(system.rates, model, count)[0], model.parameter_values, len(system.states)
     x, u = np.ascontiguousarray(y[:n_x]), np.ascontiguousarray(y[n_x:-1])
-    rows, machine = compiled_rows(library, "rates", n_x, u, p), interpreted(system.rates, u, p)
+    rows, machine = compiled_rows(ctypes.CDLL(str(library)), "rates", n_x, u, p), interpreted(system.rates, u, p)
     mapped, many = system.rates.map(count), np.tile(p[:, None], count)
     calls = (lambda: rows(x), lambda: machine(x), lambda: np.asarray(mapped(x, u, many)))
     lanes, buffered, python = best([timed(call, count) for call in calls], rounds)

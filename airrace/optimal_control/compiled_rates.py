@@ -1,11 +1,13 @@
 """Rates and path quantities of a system at many points, called as often as an integrator asks.
 
 They come from the system's compiled kernels if the cache holds them, for several points at once and without casadi;
-else casadi's virtual machine evaluates the same functions. Both work on arrays that stay where they are. Nothing is
-compiled here, and both give the same bits, so what is integrated does not depend on what the cache holds.
+else casadi's virtual machine evaluates the same functions. Both work on arrays that stay where they are, without the
+conversions of a call of casadi from Python. Nothing is compiled here, and both give the same bits, so what is
+integrated does not depend on what the cache holds.
 """
 
 import ctypes
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from airrace.optimal_control.kernels import cached_rows
 from airrace.optimal_control.problem import Problem
 from airrace.trajectory import Array
 
+logger = logging.getLogger(__name__)
+
 AtPoints = Callable[[Array], Array]
 """From states (n_x, n) to values (n_v, n), a new array."""
 
@@ -28,7 +32,7 @@ class PointFunctions:
     def __init__(self, problem: Problem) -> None:
         self._system = problem.system
         self._p = np.ascontiguousarray(problem.parameters, dtype=np.float64)
-        self._library = cached_rows(problem.system, problem.scheme)
+        self._library = _loaded(cached_rows(problem.system, problem.scheme))
 
     def rates(self, control: Array) -> AtPoints:
         """The rates under the controls (n_u, n), one column per point.
@@ -49,11 +53,20 @@ class PointFunctions:
         return interpreted(function, control, self._p)
 
 
-def compiled_rows(library: Path, name: str, values: int, control: Array, p: Array) -> AtPoints:
+def _loaded(library: Path | None) -> ctypes.CDLL | None:
+    """A library, unless the system refuses to load it, as from a folder whose files may not be executed."""
+    try:
+        return None if library is None else ctypes.CDLL(str(library))
+    except OSError as error:
+        logger.info("%s: %s", library, error)
+        return None
+
+
+def compiled_rows(library: ctypes.CDLL, name: str, values: int, control: Array, p: Array) -> AtPoints:
     """A function of a compiled library that holds several lanes, see `lane_interface.c`.
 
     Args:
-        library: whole, see `kernel_library.is_intact`.
+        library: of a system's kernels, with lanes.
         name: `rates` or `path`.
         values: number of values at a point.
         control, p: shapes (n_u, n), (n_p,).
@@ -61,7 +74,7 @@ def compiled_rows(library: Path, name: str, values: int, control: Array, p: Arra
     Raises:
         KernelError: on a call, if the function reports a failure.
     """
-    function: Any = ctypes.CDLL(str(library))[f"{name}_rows"]  # Any: ctypes makes it up
+    function: Any = library[f"{name}_rows"]  # Any: ctypes makes it up
     function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong]
     u, count = np.ascontiguousarray(control, dtype=np.float64), control.shape[1]
 

@@ -42,6 +42,9 @@ VECTOR_FLAGS = ("-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizat
 The last belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls the
 C library, and everything took three times as long."""
 
+INTERFACE_FLAGS = ("-O2",)
+"""Flags for what carries numbers to the lanes and back; -O3 makes it no faster in three times the time."""
+
 FORMAT = 4
 """Number of the form of the generated code; it changes with that, so that no cached library of another form is used."""
 
@@ -213,7 +216,7 @@ def _lane_sources(system: System, scheme: RungeKutta, instructions: InstructionS
     return [
         *(Source(name, before + text, (*kernel_library.GENERATED_FLAGS, *flags)) for name, text in texts.items()),
         Source("step_kernel", before + composed.driver, (*DRIVER_FLAGS, *flags)),
-        Source("interface", interface_source(shapes, rows, system, lanes), ("-O2", *flags)),
+        Source("interface", interface_source(shapes, rows, system, lanes), (*INTERFACE_FLAGS, *flags)),
     ]
 
 
@@ -309,7 +312,7 @@ def _fingerprint(system: System, scheme: RungeKutta, instructions: InstructionSe
     parts = [function.serialize() if function is not None else "none" for function in functions]
     flags = (*kernel_library.COMPILE_FLAGS, *kernel_library.HIDDEN_FLAGS, *DRIVER_FLAGS)
     if instructions.lanes > 1:
-        parts += [repr(instructions), *VECTOR_FLAGS, header(instructions.lanes), interface_text()]
+        parts += [repr(instructions), *VECTOR_FLAGS, *INTERFACE_FLAGS, header(instructions.lanes), interface_text()]
     parts += [repr(scheme), ca.CasadiMeta.version(), platform.machine(), *flags, driver_text(), str(FORMAT)]
     for part in parts:
         digest.update(part.encode())

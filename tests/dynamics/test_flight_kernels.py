@@ -1,5 +1,6 @@
 """The compiled steps of the flight models have the derivatives of the whole graph, in every lane, and their rates."""
 
+import ctypes
 from collections.abc import Callable
 from pathlib import Path
 
@@ -129,6 +130,6 @@ def test_lanes_and_compiled_rates_have_the_bits_of_single_numbers(
     n_x = len(system.states)
     for name, function in (("rates", system.rates), ("path", system.path_values)):
         assert function is not None
-        compiled = compiled_rows(library, name, function.size1_out(0), y[n_x:-1], p)(y[:n_x])
+        compiled = compiled_rows(ctypes.CDLL(str(library)), name, function.size1_out(0), y[n_x:-1], p)(y[:n_x])
         assert np.array_equal(compiled, interpreted(function, y[n_x:-1], p)(y[:n_x]))
         assert np.array_equal(compiled, np.asarray(function(y[:n_x], y[n_x:-1], p)))

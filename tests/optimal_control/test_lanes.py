@@ -1,7 +1,9 @@
 """Several intervals at once have the bits of one at a time, in whatever lane and beside whatever others."""
 
+import ctypes
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -10,7 +12,7 @@ import pytest
 from kernel_comparison import needs_compiler
 from small_problems import PROBLEMS, rich_system
 
-from airrace.optimal_control.compiled_rates import compiled_rows, interpreted
+from airrace.optimal_control.compiled_rates import PointFunctions, compiled_rows, interpreted
 from airrace.optimal_control.kernel_library import find_compiler
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cached_rows, compile_kernels
 from airrace.optimal_control.lane_code import LANE_BY_LANE, has_lanes
@@ -182,14 +184,14 @@ def test_compiled_rates_are_those_of_casadi_at_any_number_of_points(count: int) 
     for name, function in (("rates", system.rates), ("path", system.path_values)):
         assert function is not None
         expected = np.hstack([np.asarray(function(x[:, [c]], u[:, [c]], p)) for c in range(count)])
-        found = compiled_rows(library, name, len(expected), u, p)(x)
+        found = compiled_rows(ctypes.CDLL(str(library)), name, len(expected), u, p)(x)
         assert np.array_equal(found, expected)
         assert np.array_equal(interpreted(function, u, p)(x), expected)
 
 
 def test_states_of_another_number_of_points_are_refused() -> None:
     library = compile_kernels(rich_system(), RK4)
-    rates = compiled_rows(library, "rates", 3, np.zeros((2, 5)), np.zeros(2))
+    rates = compiled_rows(ctypes.CDLL(str(library)), "rates", 3, np.zeros((2, 5)), np.zeros(2))
     with pytest.raises(ValueError, match="5 points"):
         rates(np.zeros((3, 4)))
 
@@ -223,3 +225,16 @@ def test_a_compiler_without_vectors_compiles_single_intervals(
 def test_every_number_of_lanes_has_its_own_library() -> None:
     libraries = {compile_kernels(rich_system(), RK4, one) for one in instruction_sets()}
     assert len(libraries) == len(instruction_sets())
+
+
+def test_a_library_that_cannot_be_loaded_is_done_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    compile_kernels(rich_system(), RK4)
+    problem = replace(PROBLEMS["everything"], scheme=RK4)
+    x, u = np.full((3, 4), 0.3), np.full((2, 4), -0.2)
+    expected = PointFunctions(problem).rates(u)(x)
+
+    def refuse(*_: object) -> None:
+        raise OSError("cannot map the file")
+
+    monkeypatch.setattr(ctypes, "CDLL", refuse)
+    assert np.array_equal(PointFunctions(problem).rates(u)(x), expected)
