@@ -16,7 +16,9 @@ from airrace.errors import KernelError
 
 logger = logging.getLogger(__name__)
 
-COMPILE_FLAGS = ("-fPIC",)
+COMPILE_FLAGS = ("-fPIC", "-ffp-contract=off")
+"""Flags for all sources; no product is fused with a sum, so that single numbers and vectors have the same bits."""
+
 LINK_FLAGS = ("-shared",)
 GENERATED_FLAGS = ("-O1",)
 """Flags for what casadi generates: straight lines of scalar arithmetic, of which -O2 makes nothing faster in twice the

@@ -7,8 +7,9 @@ what does not:
     path: y = (x, u), own empty, shared = p                                          -> path quantities
 
 Compiled, the step's derivatives are composed from those of its stages, see `step_kernel.py`; all else is the graph that
-casadi makes. A library is kept per machine, named by a hash of all it depends on. Without a C compiler casadi's own
-virtual machine evaluates the graphs, the step's among them, slower.
+casadi makes. The functions take several intervals at once where processor and compiler have vectors, see `lanes.h`; an
+interval's results are the same bits then. A library is kept per machine, named by a hash of all it depends on. Without
+a C compiler casadi's own virtual machine evaluates the graphs, the step's among them, slower.
 """
 
 import hashlib
@@ -23,8 +24,11 @@ import casadi as ca
 from airrace.errors import KernelError
 from airrace.optimal_control import background_compilation, kernel_library
 from airrace.optimal_control.kernel_library import Source, generated_source
+from airrace.optimal_control.lane_code import has_lanes, header, lane_function
+from airrace.optimal_control.lane_interface import Shape, interface_source, interface_text, shape_of
+from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.step_kernel import driver_text, step_sources
+from airrace.optimal_control.step_kernel import StepSources, driver_text, step_sources
 from airrace.system import Observation, System
 
 logger = logging.getLogger(__name__)
@@ -32,7 +36,16 @@ logger = logging.getLogger(__name__)
 DRIVER_FLAGS = ("-O3",)
 """Flags for the driver's loops over sensitivities, which then run a third faster than with -O2."""
 
-FORMAT = 3
+VECTOR_FLAGS = ("-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
+"""Flags for code on vectors, whose parts call one another only.
+
+The last belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls the
+C library, and everything took three times as long."""
+
+INTERFACE_FLAGS = ("-O2",)
+"""Flags for what carries numbers to the lanes and back; -O3 makes it no faster in three times the time."""
+
+FORMAT = 4
 """Number of the form of the generated code; it changes with that, so that no cached library of another form is used."""
 
 
@@ -44,11 +57,16 @@ class Kernel:
         value: (y, own, shared) -> c.
         jacobian: (y, own, shared) -> c, dc/dy.
         hessian: (y, own, shared, lam) -> gradient (n_y,) and upper triangle of the Hessian of lam . c.
+        several: the same for so many intervals at once as it has lanes: arguments and results stand side by side, but
+            for `shared`, of which there is one. None if the kernel is evaluated one interval at a time.
+        lanes: number of intervals in a call.
     """
 
     value: ca.Function
     jacobian: ca.Function
     hessian: ca.Function
+    several: "Kernel | None" = None
+    lanes: int = 1
 
 
 @dataclass(frozen=True)
@@ -80,28 +98,60 @@ def observation_kernel(observation: Observation, states: int) -> Kernel:
     return _kernel("observe", functions.__getitem__)
 
 
-def build_kernels(system: System, scheme: RungeKutta, *, compiled: bool) -> Kernels:
-    """Kernels of a system; compiled if wanted and possible, from the cache where it has them."""
+def build_kernels(
+    system: System, scheme: RungeKutta, *, compiled: bool, instructions: InstructionSet | None = None
+) -> Kernels:
+    """Kernels of a system; compiled if wanted and possible, from the cache where it has them.
+
+    Args:
+        instructions: for which they are compiled; None for the widest that this machine has.
+    """
     with_path = system.path_values is not None
     if compiled:
         try:
-            return _load(compile_kernels(system, scheme), with_path=with_path)
+            return _compiled(system, scheme, instructions or _instructions(system))
         except KernelError as error:
             logger.warning("no compiled kernels, evaluating in casadi's virtual machine: %s", error)
     return _assemble(symbolic_kernels(system, scheme).__getitem__, with_path=with_path, compiled=False)
 
 
-def compile_kernels(system: System, scheme: RungeKutta) -> Path:
+def _compiled(system: System, scheme: RungeKutta, instructions: InstructionSet) -> Kernels:
+    """The kernels compiled; for one interval at a time where the compiler knows no vectors.
+
+    Raises:
+        KernelError: they cannot be compiled.
+    """
+    with_path = system.path_values is not None
+    try:
+        library = compile_kernels(system, scheme, instructions)
+    except KernelError as error:
+        if instructions.lanes == 1:
+            raise
+        logger.info("no kernels for several intervals at once: %s", error)
+        return _compiled(system, scheme, SINGLE)
+    return _load(library, with_path=with_path, lanes=instructions.lanes)
+
+
+def compile_kernels(system: System, scheme: RungeKutta, instructions: InstructionSet | None = None) -> Path:
     """The compiled library of a system, built unless the cache has it whole.
 
     Raises:
         KernelError: it cannot be built.
     """
-    library = _library(system, scheme)
+    chosen = _instructions(system) if instructions is None else instructions
+    library = _library(system, scheme, chosen)
     background_compilation.finish(library)
     if not kernel_library.is_intact(library):
-        kernel_library.compile_library(_sources(system, scheme), library)
+        sources = _sources(system, scheme) if chosen.lanes == 1 else _lane_sources(system, scheme, chosen)
+        kernel_library.compile_library(sources, library)
     return library
+
+
+def cached_rows(system: System, scheme: RungeKutta) -> Path | None:
+    """The library in the cache that evaluates rates and path quantities at many points; None if it is not there."""
+    instructions = _instructions(system)
+    library = _library(system, scheme, instructions)
+    return library if instructions.lanes > 1 and kernel_library.is_intact(library) else None
 
 
 def needs_compiling(system: System, scheme: RungeKutta) -> bool:
@@ -110,14 +160,14 @@ def needs_compiling(system: System, scheme: RungeKutta) -> bool:
         kernel_library.find_compiler()
     except KernelError:
         return False
-    return not kernel_library.is_intact(_library(system, scheme))
+    return not kernel_library.is_intact(_library(system, scheme, _instructions(system)))
 
 
 def prepare(system: System, scheme: RungeKutta) -> bool:
     """Compile the kernels in the background if they need it, and tell whether; `build_kernels` waits where it must."""
     needed = needs_compiling(system, scheme)
     if needed:
-        background_compilation.start(_library(system, scheme), system, scheme)
+        background_compilation.start(_library(system, scheme, _instructions(system)), system, scheme)
     return needed
 
 
@@ -127,7 +177,7 @@ def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], N
     Args:
         on_wait: called if it takes a while.
     """
-    library = _library(system, scheme)
+    library = _library(system, scheme, _instructions(system))
     if background_compilation.under_way(library):
         on_wait()
     background_compilation.finish(library)
@@ -149,6 +199,46 @@ def _sources(system: System, scheme: RungeKutta) -> list[Source]:
         Source("step_kernel", composed.driver, DRIVER_FLAGS),
         *(generated_source(function) for function in (step, *_path_functions(system).values())),
     ]
+
+
+def _lane_sources(system: System, scheme: RungeKutta, instructions: InstructionSet) -> list[Source]:
+    """What is compiled for several intervals at once; the rates and path quantities serve the replay, too."""
+    lanes, arguments = instructions.lanes, _arguments(system)
+    step = ca.Function("step", [*arguments], [ca.densify(_end(system, scheme, *arguments))], {"cse": True})
+    composed = step_sources(system, scheme, lanes=lanes)
+    before, flags = header(lanes), (*VECTOR_FLAGS, *instructions.flags)
+    called = [step, *_path_functions(system).values()]
+    shapes = {function.name(): shape_of(function) for function in called} | _derivative_shapes(system, composed)
+    rows = {"rates": len(system.states)} | ({"path": len(system.path)} if system.path_values is not None else {})
+    texts = {function.name(): lane_function(function, function.name()) for function in composed.generated}
+    for function in [*called, _rates(system)]:
+        texts[function.name()] = lane_function(function, f"{function.name()}_of_lanes")
+    return [
+        *(Source(name, before + text, (*kernel_library.GENERATED_FLAGS, *flags)) for name, text in texts.items()),
+        Source("step_kernel", before + composed.driver, (*DRIVER_FLAGS, *flags)),
+        Source("interface", interface_source(shapes, rows, system, lanes), (*INTERFACE_FLAGS, *flags)),
+    ]
+
+
+def _derivative_shapes(system: System, composed: StepSources) -> dict[str, Shape]:
+    y, fraction, p = (symbols.sparsity() for symbols in _arguments(system))
+    x = ca.Sparsity.dense(len(system.states))
+    return {
+        "step_jacobian": Shape([y, fraction, p], [x, composed.jacobian]),
+        "step_hessian": Shape([y, fraction, p, x], [y, composed.hessian]),
+    }
+
+
+def _rates(system: System) -> ca.Function:
+    x, u, p = (ca.SX.sym(name, system.rates.size1_in(place)) for place, name in enumerate("xup"))
+    return ca.Function("rates", [x, u, p], [ca.densify(system.rates(x, u, p))])
+
+
+def _instructions(system: System) -> InstructionSet:
+    """Those of the machine, unless the system has operations that are known for single numbers only."""
+    functions = (system.rates, system.path_values, system.projection)
+    known = all(function is None or has_lanes(function) for function in functions)
+    return instruction_set() if known else SINGLE
 
 
 def _arguments(system: System) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -177,27 +267,52 @@ def _kernel(name: str, function: Callable[[str], ca.Function]) -> Kernel:
     return Kernel(function(name), function(f"{name}_jacobian"), function(f"{name}_hessian"))
 
 
-def _assemble(function: Callable[[str], ca.Function], *, with_path: bool, compiled: bool) -> Kernels:
-    return Kernels(_kernel("step", function), _kernel("path", function) if with_path else None, compiled)
+def _assemble(function: Callable[[str], ca.Function], *, with_path: bool, compiled: bool, lanes: int = 1) -> Kernels:
+    def kernel(name: str) -> Kernel:
+        loaded = _kernel(name, function)
+        return loaded if lanes == 1 else _of_one(loaded, lanes)
+
+    return Kernels(kernel("step"), kernel("path") if with_path else None, compiled)
 
 
-def _load(library: Path, *, with_path: bool) -> Kernels:
+def _of_one(several: Kernel, lanes: int) -> Kernel:
+    """The kernel of one interval, which stands in every lane."""
+    value, jacobian, hessian = (
+        _first_of_lanes(function, lanes) for function in (several.value, several.jacobian, several.hessian)
+    )
+    return Kernel(value, jacobian, hessian, several, lanes)
+
+
+def _first_of_lanes(function: ca.Function, lanes: int) -> ca.Function:
+    given = [
+        ca.MX.sym(f"i{place}", function.size1_in(place), function.size2_in(place) // (1 if place == 2 else lanes))
+        for place in range(function.n_in())
+    ]
+    repeated = [one if place == 2 else ca.repmat(one, 1, lanes) for place, one in enumerate(given)]
+    found = function(*repeated)
+    outputs = found if isinstance(found, tuple) else (found,)
+    return ca.Function(function.name(), given, [one[:, : one.size2() // lanes] for one in outputs])
+
+
+def _load(library: Path, *, with_path: bool, lanes: int) -> Kernels:
     try:
-        return _assemble(lambda name: ca.external(name, str(library)), with_path=with_path, compiled=True)
+        return _assemble(lambda name: ca.external(name, str(library)), with_path=with_path, compiled=True, lanes=lanes)
     except RuntimeError as error:  # casadi raises it for a library that cannot be opened
         raise KernelError(f"{library}: {error}") from error
 
 
-def _library(system: System, scheme: RungeKutta) -> Path:
-    return kernel_library.cache_folder() / f"{_fingerprint(system, scheme)}.so"
+def _library(system: System, scheme: RungeKutta, instructions: InstructionSet) -> Path:
+    return kernel_library.cache_folder() / f"{_fingerprint(system, scheme, instructions)}.so"
 
 
-def _fingerprint(system: System, scheme: RungeKutta) -> str:
+def _fingerprint(system: System, scheme: RungeKutta, instructions: InstructionSet) -> str:
     """Hash of everything the machine code depends on."""
     digest = hashlib.sha256()
     functions = [system.rates, system.path_values, system.projection]
     parts = [function.serialize() if function is not None else "none" for function in functions]
     flags = (*kernel_library.COMPILE_FLAGS, *kernel_library.HIDDEN_FLAGS, *DRIVER_FLAGS)
+    if instructions.lanes > 1:
+        parts += [repr(instructions), *VECTOR_FLAGS, *INTERFACE_FLAGS, header(instructions.lanes), interface_text()]
     parts += [repr(scheme), ca.CasadiMeta.version(), platform.machine(), *flags, driver_text(), str(FORMAT)]
     for part in parts:
         digest.update(part.encode())

@@ -1,7 +1,9 @@
 """Flying an optimum again: its controls integrated by an independent integrator, restarted at every node or phase.
 
-scipy's DOP853 shares no code with the shooting scheme. Restarted at every node, all intervals are integrated side by
-side over their own share of time, so one call serves a whole race; restarted at every phase, all phases side by side.
+scipy's DOP853 shares no code with the shooting scheme. It integrates the model's rates, compiled where they are, see
+`compiled_rates.py`; a test holds the compiled ones against casadi's. Restarted at every node, all intervals are
+integrated side by side over their own share of time, so one call serves a whole race; restarted at every phase, all
+phases side by side.
 """
 
 import dataclasses
@@ -9,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from airrace.optimal_control.compiled_rates import PointFunctions
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
@@ -65,12 +68,11 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     n_x, intervals = len(system.states), problem.intervals
     scale = np.array([quantity.scale for quantity in system.states])
     steps = interval_durations(problem, iterate.durations)
-    rates = system.rates.map(intervals)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], intervals, axis=1)
+    functions = PointFunctions(problem)
+    rates = functions.rates(iterate.control)
 
     def side_by_side(_: float, flat: Array) -> Array:
-        x = flat.reshape(n_x, intervals) * scale[:, None]
-        return np.asarray(np.asarray(rates(x, iterate.control, p)) * steps / scale[:, None]).ravel()
+        return (rates(flat.reshape(n_x, intervals) * scale[:, None]) * steps / scale[:, None]).ravel()
 
     # The integrator weighs the mean error of all intervals; one of them may hold all of it.
     tolerance = RELATIVE_TOLERANCE / np.sqrt(intervals)
@@ -80,7 +82,7 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     state = histories.reshape(n_x, intervals, SAMPLES + 1)
     defect = state[:, :, -1] - problem.arrivals(iterate.state) / scale[:, None]
     state = state * scale[:, None, None]
-    return Replay(state, _path_values(problem, state, iterate.control), defect)
+    return Replay(state, _path_values(problem, functions, state, iterate.control), defect)
 
 
 def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
@@ -105,25 +107,24 @@ def replay_phases(problem: Problem, iterate: Iterate) -> Array:
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
     scale = _scale(problem)
     steps = interval_durations(problem, iterate.durations)
-    x = iterate.state[:, first] / scale
+    x, functions = iterate.state[:, first] / scale, PointFunctions(problem)
     for number in range(int((ends - first).max())):
         flying = np.flatnonzero(first + number < ends)
         interval = first[flying] + number
-        x[:, flying] = _across(problem, x[:, flying], iterate.control[:, interval], steps[interval])
+        x[:, flying] = _across(problem, functions, x[:, flying], iterate.control[:, interval], steps[interval])
     return x * scale - problem.arrivals(iterate.state)[:, ends - 1]
 
 
 def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
     """The ends of all intervals by the shooting scheme, with so many steps in the place of one; shape (n_x, N)."""
-    mapped = problem.system.rates.map(problem.intervals)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], problem.intervals, axis=1)
+    at = PointFunctions(problem).rates(iterate.control)
     scheme = dataclasses.replace(problem.scheme, steps=shorter * problem.scheme.steps)
     steps = interval_durations(problem, iterate.durations)
 
     def rates(x: Array, u: Array, p: Array) -> Array:
-        return np.asarray(mapped(x, u, p))
+        return at(x)
 
-    return scheme.advance(rates, iterate.state[:, :-1], iterate.control, p, steps)
+    return scheme.advance(rates, iterate.state[:, :-1], iterate.control, np.asarray(problem.parameters), steps)
 
 
 def _scale(problem: Problem) -> Array:
@@ -131,30 +132,25 @@ def _scale(problem: Problem) -> Array:
     return np.array([quantity.scale for quantity in problem.system.states])[:, None]
 
 
-def _across(problem: Problem, x: Array, control: Array, steps: Array) -> Array:
+def _across(problem: Problem, functions: PointFunctions, x: Array, control: Array, steps: Array) -> Array:
     """Scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
-    system, (n_x, count) = problem.system, x.shape
     scale = _scale(problem)
-    rates = system.rates.map(count)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], count, axis=1)
+    rates = functions.rates(control)
 
     def side_by_side(_: float, flat: Array) -> Array:
-        return np.asarray(np.asarray(rates(flat.reshape(n_x, count) * scale, control, p)) * steps / scale).ravel()
+        return (rates(flat.reshape(x.shape) * scale) * steps / scale).ravel()
 
     whole = np.array([0.0, 1.0])
     tolerance = PHASE_TOLERANCE
     ends = integrate(side_by_side, x.ravel(), whole, relative=tolerance, absolute=tolerance, first_step=1.0)
-    return ends[:, -1].reshape(n_x, count)
+    return ends[:, -1].reshape(x.shape)
 
 
-def _path_values(problem: Problem, state: Array, control: Array) -> Array:
+def _path_values(problem: Problem, functions: PointFunctions, state: Array, control: Array) -> Array:
     """Path quantities along the replay, shape (n_c, N, SAMPLES + 1)."""
     system = problem.system
     n_x, intervals, samples = state.shape
     if system.path_values is None:
         return np.zeros((0, intervals, samples))
-    points = intervals * samples
-    u = np.repeat(control, samples, axis=1)
-    p = np.repeat(np.asarray(problem.parameters)[:, None], points, axis=1)
-    values = np.asarray(system.path_values.map(points)(state.reshape(n_x, points), u, p))
+    values = functions.path(np.repeat(control, samples, axis=1))(state.reshape(n_x, intervals * samples))
     return values.reshape(len(system.path), intervals, samples)

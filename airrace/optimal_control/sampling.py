@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from airrace.optimal_control.compiled_rates import interpreted
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.reference_integration import integrate
 from airrace.system import System
@@ -25,13 +26,11 @@ def sample(system: System, parameters: Array, iterate: Iterate, *, time: Array, 
     lengths = times - time[interval]
     start, control = iterate.state[:, interval], iterate.control[:, interval]
     n_x, n = start.shape
-    rates = system.rates.map(n)
-    p = np.repeat(parameters[:, None], n, axis=1)
+    rates = interpreted(system.rates, control, parameters)
     scale = np.array([quantity.scale for quantity in system.states])[:, None]
 
     def side_by_side(_: float, flat: Array) -> Array:
-        slopes = np.asarray(rates(flat.reshape(n_x, n) * scale, control, p))
-        return np.asarray(slopes * lengths / scale).ravel()
+        return (rates(flat.reshape(n_x, n) * scale) * lengths / scale).ravel()
 
     ends = integrate(side_by_side, (start / scale).ravel(), np.array([0.0, 1.0]), relative=1e-10, absolute=1e-10)
     return ends[:, -1].reshape(n_x, n) * scale

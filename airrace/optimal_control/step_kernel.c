@@ -18,15 +18,22 @@
  * nothing but the state itself depends (places, in still air) are left out: there S_i is the identity.
  */
 
+/* For several intervals at once lanes.h stands before the tables and says what a `real` is; its functions are called by
+ * the library's interface, see lane_interface.c. */
+#ifdef LANES
+#define KERNEL(name) int name##_of_lanes
+#else
 typedef double real;
 typedef long long int integer;
-
+#define all(number) (number)
 #if defined(__GNUC__)
 #define EXPORT __attribute__((visibility("default")))
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define EXPORT
 #define INLINE static inline
+#endif
+#define KERNEL(name) EXPORT int name
 #endif
 
 #define NZ (NX + NU)
@@ -55,7 +62,7 @@ static const struct curvature PROJECTION_CURVED = {
     PROJECTION_VARIABLE, SPARSE(PROJECTION_HESSIAN, PROJECTION_VARIABLES), SPARSE(PROJECTION_DEPENDENT, COLUMNS)};
 #endif
 
-/* One evaluation of f and what the backward sweep needs of it. PADDED is COLUMNS rounded up for the vector units. */
+/* One evaluation of f and what the backward sweep needs of it. PADDED is COLUMNS rounded up to whole groups of GROUP. */
 struct stage {
     real z[NZ], jacobian[RATES_JACOBIAN_NONZEROS];
     real S[NZ][PADDED];
@@ -93,7 +100,7 @@ INLINE void add_row(real *to, real factor, const real *from)
 
 INLINE void clear_row(real *row)
 {
-    for (int c = 0; c < PADDED; c++) row[c] = 0.0;
+    for (int c = 0; c < PADDED; c++) row[c] = all(0.0);
 }
 
 /* out = matrix S */
@@ -124,7 +131,7 @@ INLINE void add_curvature(const struct curvature *of, const real *nonzero, real 
         for (int c = 0; c < PADDED; c++) picked[m][c] = S[of->variable[m]][c];
     multiply(&of->hessian, nonzero, picked, product);
     for (int c = 0; c < COLUMNS; c++) {
-        const int first = c / LANES * LANES;
+        const int first = c / GROUP * GROUP;
         for (int e = of->dependent.start[c]; e < of->dependent.start[c + 1]; e++) {
             const int m = of->dependent.column[e];
             const real factor = picked[m][c];
@@ -137,14 +144,14 @@ INLINE void add_curvature(const struct curvature *of, const real *nonzero, real 
 
 static void begin(struct flight *flight, const real **arg)
 {
-    for (int i = 0; i < NY; i++) flight->y[i] = arg[0] ? arg[0][i] : 0.0;
+    for (int i = 0; i < NY; i++) flight->y[i] = arg[0] ? arg[0][i] : all(0.0);
     flight->p = arg[2];
-    flight->g = arg[1] ? arg[1][0] / STEPS : 0.0;
+    flight->g = arg[1] ? arg[1][0] / (double)STEPS : all(0.0);
     flight->h = flight->y[NY - 1] * flight->g;
     for (int r = 0; r < NX; r++) flight->x[r] = flight->y[r];
     for (int r = 0; r < NX; r++) {
         clear_row(flight->dx[r]);
-        if (COLUMN_OF[r] >= 0) flight->dx[r][COLUMN_OF[r]] = 1.0;
+        if (COLUMN_OF[r] >= 0) flight->dx[r][COLUMN_OF[r]] = all(1.0);
     }
 }
 
@@ -162,7 +169,7 @@ INLINE void stage_sensitivity(
     }
     for (int r = NX; r < NZ; r++) {
         clear_row(stage->S[r]);
-        stage->S[r][COLUMN_OF[r]] = 1.0;
+        stage->S[r][COLUMN_OF[r]] = all(1.0);
     }
 }
 
@@ -170,7 +177,7 @@ INLINE void stage_sensitivity(
 INLINE void stage_state(const struct flight *flight, real (*K)[NX], int i, real *V, real *z)
 {
     for (int r = 0; r < NX; r++) {
-        V[r] = 0.0;
+        V[r] = all(0.0);
         for (int j = 0; j < i; j++)
             if (A[i][j] != 0.0) V[r] += A[i][j] * K[j][r];
         z[r] = flight->x[r] + flight->h * V[r];
@@ -181,7 +188,7 @@ INLINE void stage_state(const struct flight *flight, real (*K)[NX], int i, real 
 /* x <- x + h times this */
 INLINE real mean_slope(real (*K)[NX], int r)
 {
-    real slope = 0.0;
+    real slope = all(0.0);
     for (int i = 0; i < STAGES; i++)
         if (B[i] != 0.0) slope += B[i] * K[i][r];
     return slope;
@@ -214,7 +221,7 @@ static int one_step_back(
     const struct flight *flight, struct stage *stages, real (*K)[NX], real *lam, real *gradient, real *w,
     real (*hessian)[PADDED])
 {
-    real zbar[STAGES][NZ] = {{0}};
+    real zbar[STAGES][NZ] = {{all(0.0)}};
     for (int i = STAGES - 1; i >= 0; i--) {
         struct stage *stage = stages + i;
         real k[NX], weighted[NX], nonzero[RATES_HESSIAN_NONZEROS];
@@ -259,7 +266,7 @@ static int project(struct flight *flight, real *value, real (*jacobian)[PADDED])
 static int project_back(struct flight *flight, real *lam, real (*hessian)[PADDED])
 {
 #if PROJECTED
-    real jacobian[PROJECTION_JACOBIAN_NONZEROS], nonzero[PROJECTION_HESSIAN_NONZEROS], before[NX] = {0};
+    real jacobian[PROJECTION_JACOBIAN_NONZEROS], nonzero[PROJECTION_HESSIAN_NONZEROS], before[NX] = {all(0.0)};
     if (call(projection_linear, flight->x, 0, 0, 0, 0, jacobian)) return 1;
     if (call(projection_curved, flight->x, lam, 0, 0, nonzero, 0)) return 1;
     multiply_transposed(&PROJECTION, jacobian, lam, before);
@@ -271,7 +278,7 @@ static int project_back(struct flight *flight, real *lam, real (*hessian)[PADDED
 
 /* the derivatives of the step */
 
-EXPORT int step_jacobian(const real **arg, real **res, integer *iw, real *w, int mem)
+KERNEL(step_jacobian)(const real **arg, real **res, integer *iw, real *w, int mem)
 {
     struct flight flight;
     real value[NX], jacobian[NX][PADDED];
@@ -281,20 +288,21 @@ EXPORT int step_jacobian(const real **arg, real **res, integer *iw, real *w, int
     if (project(&flight, value, jacobian)) return 1;
     if (res[0])
         for (int r = 0; r < NX; r++) res[0][r] = value[r];
-    const real *all = &jacobian[0][0];
+    const real *entry = &jacobian[0][0];
     if (res[1])
-        for (int e = 0; e < JACOBIAN_NONZEROS; e++) res[1][e] = JACOBIAN_SOURCE[e] < 0 ? 1.0 : all[JACOBIAN_SOURCE[e]];
+        for (int e = 0; e < JACOBIAN_NONZEROS; e++) res[1][e] = JACOBIAN_SOURCE[e] < 0 ? all(1.0) : entry[JACOBIAN_SOURCE[e]];
     return 0;
 }
 
-EXPORT int step_hessian(const real **arg, real **res, integer *iw, real *w, int mem)
+KERNEL(step_hessian)(const real **arg, real **res, integer *iw, real *w, int mem)
 {
     struct flight flight;
-    real lam[NX], gradient[NY] = {0}, through_T[PADDED] = {0}, hessian[COLUMNS][PADDED] = {{0}};
+    real lam[NX], gradient[NY] = {all(0.0)}, through_T[PADDED] = {all(0.0)};
+    real hessian[COLUMNS][PADDED] = {{all(0.0)}};
     begin(&flight, arg);
     for (int n = 0; n < STEPS; n++)
         if (one_step(&flight, flight.stages[n], flight.K[n])) return 1;
-    for (int r = 0; r < NX; r++) lam[r] = arg[3] ? arg[3][r] : 0.0;
+    for (int r = 0; r < NX; r++) lam[r] = arg[3] ? arg[3][r] : all(0.0);
     if (project_back(&flight, lam, hessian)) return 1;
     for (int n = STEPS - 1; n >= 0; n--)
         if (one_step_back(&flight, flight.stages[n], flight.K[n], lam, gradient, through_T, hessian)) return 1;
@@ -303,14 +311,15 @@ EXPORT int step_hessian(const real **arg, real **res, integer *iw, real *w, int 
     for (int r = 0; r < NX; r++) gradient[r] = lam[r];
     if (res[0])
         for (int i = 0; i < NY; i++) res[0][i] = gradient[i];
-    const real *all = &hessian[0][0];
+    const real *entry = &hessian[0][0];
     if (res[1])
-        for (int e = 0; e < HESSIAN_NONZEROS; e++) res[1][e] = all[HESSIAN_SOURCE[e]];
+        for (int e = 0; e < HESSIAN_NONZEROS; e++) res[1][e] = entry[HESSIAN_SOURCE[e]];
     return 0;
 }
 
 /* what casadi asks about a function of a library */
 
+#ifndef LANES
 #define INTERFACE(name, inputs, outputs)                                                                              \
     EXPORT void name##_incref(void) {}                                                                                \
     EXPORT void name##_decref(void) {}                                                                                \
@@ -333,3 +342,4 @@ static const integer *const step_jacobian_OUT[] = {PATTERN_X, PATTERN_JACOBIAN};
 static const integer *const step_hessian_OUT[] = {PATTERN_Y, PATTERN_HESSIAN};
 INTERFACE(step_jacobian, 3, 2)
 INTERFACE(step_hessian, 4, 2)
+#endif

@@ -12,12 +12,14 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
+from airrace.optimal_control.c_tables import encoded, integers
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatterns, derivatives, step_patterns
 from airrace.system import System
 
-LANES = 4
-"""Rows of sensitivities are padded to a multiple of so many numbers: four doubles fill a vector register of AVX2."""
+GROUP = 4
+"""Rows of a single interval's sensitivities are padded to a multiple of so many numbers, of which the compiler makes
+vectors: four doubles fill a register of AVX2. Where every number is a vector already, nothing is padded."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +29,13 @@ class StepSources:
     Attributes:
         generated: casadi functions that the driver calls, to be translated each into a file of its own.
         driver: the driver's C source, tables included.
+        jacobian, hessian: patterns of the results.
     """
 
     generated: list[ca.Function]
     driver: str
+    jacobian: ca.Sparsity
+    hessian: ca.Sparsity
 
 
 def driver_text() -> str:
@@ -38,8 +43,8 @@ def driver_text() -> str:
     return Path(__file__).with_name("step_kernel.c").read_text(encoding="utf-8")
 
 
-def step_sources(system: System, scheme: RungeKutta) -> StepSources:
-    """The derivatives of one step of a system."""
+def step_sources(system: System, scheme: RungeKutta, *, lanes: int = 1) -> StepSources:
+    """The derivatives of one step of a system, for so many intervals at once."""
     x, u = ca.SX.sym("x", len(system.states)), ca.SX.sym("u", len(system.controls))
     p = ca.SX.sym("p", len(system.parameters))
     rates = derivatives("rates", [x, u, p], ca.vertcat(x, u), system.rates(x, u, p))
@@ -49,8 +54,11 @@ def step_sources(system: System, scheme: RungeKutta) -> StepSources:
     parts = [rates] if projection is None else [rates, projection]
     generated = [function for part in parts for function in (part.linear, part.curved)]
     patterns = step_patterns(scheme, rates, projection)
+    padded = _padded(patterns, lanes)
     lines = [
         *_sizes(scheme, parts, patterns),
+        f"#define GROUP {_group(lanes)}",
+        f"#define PADDED {padded}",
         *_scheme(scheme),
         *_places(parts[0], patterns),
         *(
@@ -58,9 +66,10 @@ def step_sources(system: System, scheme: RungeKutta) -> StepSources:
             for part, seen in zip(parts, (patterns.stage, patterns.end), strict=False)
             for line in _derivative_tables(part, seen[:, patterns.active])
         ),
-        *_results(len(system.states), len(system.parameters), patterns),
+        *_results(len(system.states), len(system.parameters), patterns, padded),
     ]
-    return StepSources(generated, "\n".join(lines) + "\n\n" + driver_text())
+    text = "\n".join(lines) + "\n\n" + driver_text()
+    return StepSources(generated, text, _sparsity(patterns.jacobian), _sparsity(patterns.hessian))
 
 
 def _sizes(scheme: RungeKutta, parts: Sequence[Derivatives], patterns: StepPatterns) -> list[str]:
@@ -71,9 +80,7 @@ def _sizes(scheme: RungeKutta, parts: Sequence[Derivatives], patterns: StepPatte
         "NU": n_z - n_x,
         "STAGES": len(scheme.a),
         "STEPS": scheme.steps,
-        "LANES": LANES,
         "COLUMNS": len(patterns.active),
-        "PADDED": _padded(patterns),
         "ACTING_STATES": len(_acting(parts[0])),
         "JACOBIAN_NONZEROS": int(patterns.jacobian.sum()),
         "HESSIAN_NONZEROS": int(patterns.hessian.sum()),
@@ -104,8 +111,8 @@ def _places(rates: Derivatives, patterns: StepPatterns) -> list[str]:
     """Where an entry of y has its column, -1 for none; and the states that f depends on."""
     place = {entry: number for number, entry in enumerate(patterns.active)}
     return [
-        _integers("COLUMN_OF", [place.get(entry, -1) for entry in range(len(patterns.hessian))]),
-        _integers("ACTING_STATE", _acting(rates)),
+        integers("COLUMN_OF", [place.get(entry, -1) for entry in range(len(patterns.hessian))]),
+        integers("ACTING_STATE", _acting(rates)),
     ]
 
 
@@ -121,7 +128,7 @@ def _derivative_tables(part: Derivatives, sensitivity: Pattern) -> list[str]:
     lower = [(column, row, source) for row, column, source in upper if row != column]
     columns, dependent = np.nonzero(sensitivity[variables].T)
     return [
-        _integers(f"{prefix}_VARIABLE", variables),
+        integers(f"{prefix}_VARIABLE", variables),
         *_compressed(f"{prefix}_JACOBIAN", len(part.jacobian), jacobian),
         *_compressed(f"{prefix}_HESSIAN", len(variables), upper + lower),
         *_compressed(
@@ -132,26 +139,30 @@ def _derivative_tables(part: Derivatives, sensitivity: Pattern) -> list[str]:
     ]
 
 
-def _results(n_x: int, n_p: int, patterns: StepPatterns) -> list[str]:
+def _results(n_x: int, n_p: int, patterns: StepPatterns, padded: int) -> list[str]:
     """Where the nonzeros of the results come from, and the patterns of arguments and results."""
-    padded, n_y = _padded(patterns), len(patterns.hessian)
+    n_y = len(patterns.hessian)
     place = {entry: number for number, entry in enumerate(patterns.active)}
     jacobian, hessian = _sparsity(patterns.jacobian), _sparsity(patterns.hessian)
     drawn = [row * padded + place[column] if column in place else -1 for row, column in _entries(jacobian)]
     return [
-        _integers("JACOBIAN_SOURCE", drawn),
-        _integers("HESSIAN_SOURCE", [place[row] * padded + place[column] for row, column in _entries(hessian)]),
-        _encoded("PATTERN_Y", ca.Sparsity.dense(n_y)),
-        _encoded("PATTERN_SCALAR", ca.Sparsity.dense(1)),
-        _encoded("PATTERN_P", ca.Sparsity.dense(n_p)),
-        _encoded("PATTERN_X", ca.Sparsity.dense(n_x)),
-        _encoded("PATTERN_JACOBIAN", jacobian),
-        _encoded("PATTERN_HESSIAN", hessian),
+        integers("JACOBIAN_SOURCE", drawn),
+        integers("HESSIAN_SOURCE", [place[row] * padded + place[column] for row, column in _entries(hessian)]),
+        encoded("PATTERN_Y", ca.Sparsity.dense(n_y)),
+        encoded("PATTERN_SCALAR", ca.Sparsity.dense(1)),
+        encoded("PATTERN_P", ca.Sparsity.dense(n_p)),
+        encoded("PATTERN_X", ca.Sparsity.dense(n_x)),
+        encoded("PATTERN_JACOBIAN", jacobian),
+        encoded("PATTERN_HESSIAN", hessian),
     ]
 
 
-def _padded(patterns: StepPatterns) -> int:
-    return -(-len(patterns.active) // LANES) * LANES
+def _group(lanes: int) -> int:
+    return GROUP if lanes == 1 else 1
+
+
+def _padded(patterns: StepPatterns, lanes: int) -> int:
+    return -(-len(patterns.active) // _group(lanes)) * _group(lanes)
 
 
 def _acting(rates: Derivatives) -> list[int]:
@@ -181,18 +192,7 @@ def _compressed(name: str, rows: int, entries: Iterable[tuple[int, int, int]]) -
     ordered = sorted(entries)
     starts = np.searchsorted([row for row, _, _ in ordered], np.arange(rows + 1))
     return [
-        _integers(f"{name}_START", starts.tolist()),
-        _integers(f"{name}_COLUMN", [column for _, column, _ in ordered]),
-        _integers(f"{name}_SOURCE", [source for _, _, source in ordered]),
+        integers(f"{name}_START", starts.tolist()),
+        integers(f"{name}_COLUMN", [column for _, column, _ in ordered]),
+        integers(f"{name}_SOURCE", [source for _, _, source in ordered]),
     ]
-
-
-def _integers(name: str, values: Sequence[int]) -> str:
-    """A table; C has none without entries."""
-    return f"static const int {name}[] = {{{', '.join(map(str, values or [0]))}}};"
-
-
-def _encoded(name: str, sparsity: ca.Sparsity) -> str:
-    """A pattern as casadi encodes it: rows, columns, starts of the columns, rows of the nonzeros."""
-    numbers = [*sparsity.shape, *sparsity.colind(), *sparsity.row()]
-    return f"static const long long int {name}[] = {{{', '.join(map(str, numbers))}}};"

@@ -20,11 +20,11 @@ from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
 MAP_IN_THREADS = 64
-"""Number of calls of a kernel from which on they are spread over threads.
+"""Number of calls of a kernel from which on they are spread over threads; twice as many if it has lanes.
 
 Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
 a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
-step. For fewer calls little of the gain would be left."""
+step, or 128 intervals in lanes. For fewer calls little of the gain would be left."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,9 @@ class _Transcription:
     def program(self) -> NonlinearProgram:
         w, p, lam_f, lam_g = self.w, self.p, self.lam_f, self.lam_g
         f, grad_f = self._objective()
-        values = [self._evaluate(calls, calls.kernel.value)[0] for calls in self.calls]
-        linear = [self._evaluate(calls, calls.kernel.jacobian) for calls in self.calls]
-        curved = [self._evaluate(calls, calls.kernel.hessian, self._multipliers(calls)) for calls in self.calls]
+        values = [self._evaluate(calls, _value)[0] for calls in self.calls]
+        linear = [self._evaluate(calls, _jacobian) for calls in self.calls]
+        curved = [self._evaluate(calls, _hessian, self._multipliers(calls)) for calls in self.calls]
         gradient = lam_f * grad_f + self._adjoint([gradient for gradient, _ in curved])
         arguments, inputs = [w, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
         outputs = ["grad_gamma_x", "hess_gamma_x_x"]
@@ -124,7 +124,7 @@ class _Transcription:
         )
 
     def constraint_function(self) -> ca.Function:
-        values = [self._evaluate(calls, calls.kernel.value)[0] for calls in self.calls]
+        values = [self._evaluate(calls, _value)[0] for calls in self.calls]
         return ca.Function("nlp_g", [self.w, self.p], [self._constraints(values)], ["x", "p"], ["g"])
 
     # the kernel calls
@@ -190,17 +190,28 @@ class _Transcription:
                 weights[call, row.component] = 1.0 / row.quantity.scale
         return rows, weights
 
-    def _evaluate(self, calls: _Calls, function: ca.Function, *multipliers: ca.MX) -> list[ca.MX]:
-        """The outputs of a kernel function over all its calls, as columns of nonzeros."""
+    def _evaluate(self, calls: _Calls, of: Callable[[Kernel], ca.Function], *multipliers: ca.MX) -> list[ca.MX]:
+        """The outputs of a kernel function over all its calls, as columns of nonzeros.
+
+        Several calls are made at once where the kernel has lanes for them. Lanes that are left over repeat the last
+        call, so that they hold nothing that could not be evaluated.
+        """
+        kernel = calls.kernel
         count, n_y = calls.inputs.shape
         y = ca.reshape(self.unscaled[calls.inputs.ravel().tolist()], n_y, count)
         if calls.jumps is not None:
             y -= calls.jumps
-        how = "thread" if self.threads > 1 and count >= MAP_IN_THREADS else "serial"
-        mapped = function.map(count, how, self.threads) if how == "thread" else function.map(count)
-        outputs = mapped(y, calls.own, ca.repmat(calls.shared, 1, count), *multipliers)
+        function = of(kernel if kernel.several is None else kernel.several)
+        batches = -(-count // kernel.lanes)
+        filling = batches * kernel.lanes - count
+        y, own, *given = (_filled(one, filling) for one in (y, calls.own, *multipliers))
+        enough = MAP_IN_THREADS if kernel.lanes == 1 else 2 * MAP_IN_THREADS
+        how = "thread" if self.threads > 1 and count >= enough else "serial"
+        mapped = function.map(batches, how, self.threads) if how == "thread" else function.map(batches)
+        outputs = mapped(y, own, ca.repmat(calls.shared, 1, batches), *given)
         # the nonzeros of a row come as a row
-        return [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
+        columns = [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]
+        return [column[: column.numel() // (count + filling) * count] if filling else column for column in columns]
 
     def _multipliers(self, calls: _Calls) -> ca.MX:
         """Multipliers of the kernel's outputs in SI, shape (n_c, calls); zero where not constrained."""
@@ -337,6 +348,23 @@ class _Transcription:
         matrix.add(places, places, factor, everywhere)
         matrix.draw_from(share * self.w[places.tolist()])
         matrix.add(places, durations, factor * layout.scale[durations], everywhere)
+
+
+def _value(kernel: Kernel) -> ca.Function:
+    return kernel.value
+
+
+def _jacobian(kernel: Kernel) -> ca.Function:
+    return kernel.jacobian
+
+
+def _hessian(kernel: Kernel) -> ca.Function:
+    return kernel.hessian
+
+
+def _filled(columns: ca.MX, filling: int) -> ca.MX:
+    """The columns, the last of them so many times more."""
+    return ca.horzcat(columns, ca.repmat(columns[:, -1], 1, filling)) if filling else columns
 
 
 def _pattern(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:

@@ -1,5 +1,6 @@
-"""The compiled steps of the flight models have the derivatives of the whole graph."""
+"""The compiled steps of the flight models have the derivatives of the whole graph, in every lane, and their rates."""
 
+import ctypes
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,8 +11,13 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
+from airrace.dynamics.state_space import build_state_space
+from airrace.dynamics.state_space_inversion import build_state_space_inversion
+from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.optimal_control.kernels import Kernel, build_kernels
+from airrace.optimal_control.compiled_rates import compiled_rows, interpreted
+from airrace.optimal_control.kernels import Kernel, build_kernels, cached_rows
+from airrace.optimal_control.lanes import SINGLE
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 from airrace.track.course import Rules
 
@@ -69,3 +75,61 @@ def test_compiled_steps_have_the_derivatives_of_the_whole_graph(
         assert set(zip(*mine.sparsity_out(1).get_triplet(), strict=True)) == set(
             zip(*theirs.sparsity_out(1).get_triplet(), strict=True)
         )
+
+
+MODELS = [
+    (build_point_mass, WINDY),
+    (build_transfer_functions, Air()),
+    (build_state_space_inversion, Air()),
+    (build_state_space, Air()),
+    (build_six_dof, WINDY),
+]
+
+
+def columns(model: FlightModel, count: int) -> list[np.ndarray]:
+    """Intervals of flight side by side: y, own, shared once, multipliers."""
+    each = [flown(model, seed) for seed in range(count)]
+    stacked = [np.stack(one, axis=1) for one in zip(*each, strict=True)]
+    return [stacked[0], stacked[1], model.parameter_values, stacked[3]]
+
+
+@pytest.mark.parametrize(("build", "air"), MODELS)
+def test_lanes_and_compiled_rates_have_the_bits_of_single_numbers(
+    build: Callable[..., FlightModel],
+    air: Air,
+    edge540: Aircraft,
+    rules: Rules,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    model = build(edge540, rules, air)
+    system = model.system
+    lanes = build_kernels(system, DORMAND_PRINCE_5, compiled=True)
+    library = cached_rows(system, DORMAND_PRINCE_5)
+    if library is None:
+        pytest.skip("there is no C compiler, or none for several intervals at once")
+    single = build_kernels(system, DORMAND_PRINCE_5, compiled=True, instructions=SINGLE)
+    assert lanes.path is not None
+    assert single.path is not None
+    y, own, p, lam = columns(model, lanes.step.lanes)
+    path_lam = np.random.default_rng(0).normal(size=(len(system.path), lanes.step.lanes))
+    nothing = np.zeros((0, lanes.step.lanes))
+    for mine, theirs, given in (
+        (lanes.step, single.step, [y, own, p, lam]),
+        (lanes.path, single.path, [y[:-1], nothing, p, path_lam]),
+    ):
+        assert mine.several is not None
+        found = outputs(mine.several, given)
+        for lane in range(mine.lanes):
+            point = [given[0][:, lane], given[1][:, lane], p, given[3][:, lane]]
+            for several, one in zip(found, outputs(theirs, point), strict=True):
+                width = one.shape[1]
+                assert np.isfinite(one).all()
+                assert np.array_equal(several[:, lane * width : (lane + 1) * width], one)
+    n_x = len(system.states)
+    for name, function in (("rates", system.rates), ("path", system.path_values)):
+        assert function is not None
+        compiled = compiled_rows(ctypes.CDLL(str(library)), name, function.size1_out(0), y[n_x:-1], p)(y[:n_x])
+        assert np.array_equal(compiled, interpreted(function, y[n_x:-1], p)(y[:n_x]))
+        assert np.array_equal(compiled, np.asarray(function(y[:n_x], y[n_x:-1], p)))

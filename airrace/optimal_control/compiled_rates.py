@@ -1,0 +1,127 @@
+"""Rates and path quantities of a system at many points, called as often as an integrator asks.
+
+They come from the system's compiled kernels if the cache holds them, for several points at once and without casadi;
+else casadi's virtual machine evaluates the same functions. Both work on arrays that stay where they are, without the
+conversions of a call of casadi from Python. Nothing is compiled here, and both give the same bits, so what is
+integrated does not depend on what the cache holds.
+"""
+
+import ctypes
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from airrace.errors import KernelError
+from airrace.optimal_control.kernels import cached_rows
+from airrace.optimal_control.problem import Problem
+from airrace.trajectory import Array
+
+logger = logging.getLogger(__name__)
+
+AtPoints = Callable[[Array], Array]
+"""From states (n_x, n) to values (n_v, n), a new array."""
+
+
+class PointFunctions:
+    """The functions of a problem's system and parameters; what they take from the cache is looked up here, once."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._system = problem.system
+        self._p = np.ascontiguousarray(problem.parameters, dtype=np.float64)
+        self._library = _loaded(cached_rows(problem.system, problem.scheme))
+
+    def rates(self, control: Array) -> AtPoints:
+        """The rates under the controls (n_u, n), one column per point.
+
+        Raises:
+            KernelError: on a call, if the compiled functions report a failure.
+        """
+        return self._at(self._system.rates, "rates", control)
+
+    def path(self, control: Array) -> AtPoints:
+        """The path quantities under the controls (n_u, n), of which there must be some; as `rates`."""
+        assert self._system.path_values is not None
+        return self._at(self._system.path_values, "path", control)
+
+    def _at(self, function: ca.Function, name: str, control: Array) -> AtPoints:
+        if self._library is not None:
+            return compiled_rows(self._library, name, function.size1_out(0), control, self._p)
+        return interpreted(function, control, self._p)
+
+
+def _loaded(library: Path | None) -> ctypes.CDLL | None:
+    """A library, unless the system refuses to load it, as from a folder whose files may not be executed."""
+    try:
+        return None if library is None else ctypes.CDLL(str(library))
+    except OSError as error:
+        logger.info("%s: %s", library, error)
+        return None
+
+
+def compiled_rows(library: ctypes.CDLL, name: str, values: int, control: Array, p: Array) -> AtPoints:
+    """A function of a compiled library that holds several lanes, see `lane_interface.c`.
+
+    Args:
+        library: of a system's kernels, with lanes.
+        name: `rates` or `path`.
+        values: number of values at a point.
+        control, p: shapes (n_u, n), (n_p,).
+
+    Raises:
+        KernelError: on a call, if the function reports a failure.
+    """
+    function: Any = library[f"{name}_rows"]  # Any: ctypes makes it up
+    function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong]
+    u, count = np.ascontiguousarray(control, dtype=np.float64), control.shape[1]
+
+    def at(x: Array) -> Array:
+        states, found = np.ascontiguousarray(x, dtype=np.float64), np.empty((values, count))
+        if states.ndim != 2 or states.shape[1] != count:
+            raise ValueError(f"states of shape {states.shape} for {count} points")
+        if function(states.ctypes.data, u.ctypes.data, p.ctypes.data, found.ctypes.data, count):
+            raise KernelError(f"{name} could not be evaluated")
+        return found
+
+    return at
+
+
+def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
+    """A function (x, u, p) -> values in casadi's virtual machine; shapes as in `compiled_rows`.
+
+    Raises:
+        KernelError: on a call, if the function reports a failure.
+    """
+    count = control.shape[1]
+    mapped = _dense(function).map(count)
+    # one point after another, as casadi stores them
+    given = (
+        np.zeros((count, function.size1_in(0))),
+        np.ascontiguousarray(control.T, dtype=np.float64),
+        np.tile(p, (count, 1)),
+    )
+    found = np.zeros((count, function.size1_out(0)))
+    buffer, evaluate = mapped.buffer()
+    for place, array in enumerate(given):
+        if array.size:
+            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `fatrop/functions.py`
+    buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
+
+    def at(states: Array, kept: tuple[Array, ...] = given) -> Array:  # the buffer does not keep its arrays alive
+        kept[0][:] = states.T
+        evaluate()
+        if buffer.ret():
+            raise KernelError(f"{function.name()} could not be evaluated")
+        return np.ascontiguousarray(found.T)
+
+    return at
+
+
+def _dense(function: ca.Function) -> ca.Function:
+    if function.sparsity_out(0).is_dense():
+        return function
+    symbols = [ca.SX.sym(f"i{place}", function.size1_in(place)) for place in range(function.n_in())]
+    return ca.Function("dense", symbols, [ca.densify(function(*symbols))])
