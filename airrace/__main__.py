@@ -1,4 +1,4 @@
-"""`python -m airrace`: the command line."""
+"""The command line, run as `python -m airrace`."""
 
 from airrace.cli.main import main
 

@@ -1,16 +1,16 @@
-"""One tree of errors: everything airrace raises on purpose derives from `AirraceError`."""
+"""The tree of errors: everything that airrace raises on purpose derives from `AirraceError`."""
 
 import os
 from dataclasses import dataclass
 
 
 class AirraceError(Exception):
-    """Root of all errors that are raised on purpose; its text is meant for the user."""
+    """The root of all errors that are raised on purpose; its text is meant for the user."""
 
 
 @dataclass(frozen=True, order=True)
 class Finding:
-    """One thing that is wrong in an input file.
+    """A single fault of an input file.
 
     `line` and `column` count from 1; both are 0 where the finding concerns the whole file.
     `key` is the dotted path of the entry, e.g. `gates.g4.heading_deg`; empty for syntax errors.
@@ -28,7 +28,7 @@ class Finding:
 
 
 class InputError(AirraceError):
-    """The user's input is not valid; carries every finding, not only the first."""
+    """An error in the user's input; it carries every finding, not only the first."""
 
     def __init__(self, findings: list[Finding]) -> None:
         self.findings = sorted(findings)
@@ -36,33 +36,36 @@ class InputError(AirraceError):
 
 
 class UsageError(AirraceError):
-    """A command was called in a way that cannot work (an output that exists, an unknown stage)."""
+    """A call of a command that cannot work (an output that exists, an unknown stage)."""
 
 
 class CheckpointError(AirraceError):
-    """A checkpoint cannot be trusted or read."""
+    """An error of a checkpoint that cannot be trusted or read."""
 
 
 class NotCertified(AirraceError):
-    """What was asked for can only be told of a certified optimum."""
+    """An error of a request that can only be answered for a certified optimum."""
 
 
 class StorageError(AirraceError):
-    """The system refused: disk full, no permission, no memory."""
+    """A refusal of the operating system: the disk is full, permission or memory is lacking."""
 
 
 class ClusterError(AirraceError):
-    """A cluster's scheduler cannot be reached, or it or its workers cannot be used."""
+    """An error of a cluster: its scheduler cannot be reached, or it or its workers cannot be used."""
 
 
 class SolverCrash(AirraceError):
-    """The solver process died or stopped answering."""
+    """An error of the solver process, which died or stopped answering."""
 
 
 class KernelError(AirraceError):
-    """A compiled kernel could not be built or loaded (the caller falls back to casadi's own evaluation)."""
+    """An error of a compiled kernel that could not be built or loaded.
+
+    The caller falls back to casadi's own evaluation.
+    """
 
 
 def debugging() -> bool:
-    """Whether the user asked for tracebacks and for the library's own log, with AIRRACE_DEBUG."""
+    """Return whether the user asked for tracebacks and for the library's own log, with `AIRRACE_DEBUG`."""
     return os.environ.get("AIRRACE_DEBUG", "0") not in ("", "0")

@@ -1,4 +1,4 @@
-"""Files of one's own that add to airrace: a fidelity, a kind of gate.
+"""Extensions: Python files of the user that add a fidelity or a kind of gate to airrace.
 
 The environment variable `AIRRACE_EXTENSIONS` names Python files, separated like the folders of `PATH`. They are run
 once, when a list that they can add to is first read, so the command line, its child processes and a notebook all know
@@ -19,17 +19,20 @@ _loaded: set[Path] = set()
 
 
 def extensions() -> list[Path]:
-    """The files that the environment names."""
+    """Return the paths of the files that the environment names, in its order."""
     return [Path(text).resolve() for text in os.environ.get(VARIABLE, "").split(os.pathsep) if text]
 
 
 def extension_versions() -> dict[str, str]:
-    """A digest of each file by its name: what is computed with another content is another result."""
+    """Return the first 12 hexadecimal digits of each file's sha256, by the file's name.
+
+    A result that was computed with another content of a file is another result.
+    """
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:12] for path in extensions() if path.is_file()}
 
 
 def load_extensions() -> None:
-    """Run the files that the environment names and that were not run before.
+    """Run the files that the environment names, each of them once per process.
 
     Raises:
         UsageError: a file does not exist, is no Python file, or fails.

@@ -1,4 +1,4 @@
-"""Frames and rotations.
+"""Frames, rotation matrices and quaternions.
 
 O is the local north-east-down frame, K the kinematic flight-path frame, Kbar the frame K rolled about the velocity by
 the kinematic bank angle `mu_K`. `R_OKbar` takes components in Kbar to components in O. Quaternions `(q0, q1, q2, q3)`
@@ -15,7 +15,9 @@ Matrix = list[list[Scalar]]
 
 
 def rotation(q: Sequence[Scalar]) -> Matrix:
-    """`R_OKbar` from a quaternion of any length: built from `q / |q|`, so it is always orthonormal.
+    """Return `R_OKbar`, shape (3, 3), of a quaternion of any length.
+
+    It is built from `q / |q|`, so it is always orthonormal.
 
     Args:
         q: `(q0, q1, q2, q3)`, not all zero.
@@ -30,7 +32,7 @@ def rotation(q: Sequence[Scalar]) -> Matrix:
 
 
 def normalised(q: Sequence[Scalar]) -> list[Scalar]:
-    """`q / |q|`: the unit quaternion of the same rotation."""
+    """Return `q / |q|`, the unit quaternion of the same rotation."""
     q0, q1, q2, q3 = q
     # a power, not math.sqrt: it serves symbols, too
     length = (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3) ** 0.5
@@ -38,7 +40,7 @@ def normalised(q: Sequence[Scalar]) -> list[Scalar]:
 
 
 def product(p: Sequence[Scalar], q: Sequence[Scalar]) -> list[Scalar]:
-    """Hamilton product `p o q`."""
+    """Return the Hamilton product `p o q`, four components."""
     p0, p1, p2, p3 = p
     q0, q1, q2, q3 = q
     return [
@@ -50,7 +52,7 @@ def product(p: Sequence[Scalar], q: Sequence[Scalar]) -> list[Scalar]:
 
 
 def quaternion_rates(q: Sequence[Scalar], p: Scalar, q_rate: Scalar, r: Scalar) -> list[Scalar]:
-    """`q_dot = 1/2 q o (0, p, q, r)`, the rates in the rotated frame, rad/s."""
+    """Return `q_dot = 1/2 q o (0, p, q, r)` in 1/s, with the angular rates in the rotated frame in rad/s."""
     q0, q1, q2, q3 = q
     return [
         0.5 * (-q1 * p - q2 * q_rate - q3 * r),
@@ -61,7 +63,10 @@ def quaternion_rates(q: Sequence[Scalar], p: Scalar, q_rate: Scalar, r: Scalar) 
 
 
 def quaternion(chi: float, gamma: float, mu: float) -> list[float]:
-    """Attitude of Kbar from course, climb and bank angle (rad): rotations about z, y, x in this order."""
+    """Return the attitude of Kbar as a unit quaternion, from course, climb and bank angle (rad).
+
+    The rotations are about z, y and x in this order.
+    """
     cz, sz = math.cos(chi / 2), math.sin(chi / 2)
     cy, sy = math.cos(gamma / 2), math.sin(gamma / 2)
     cx, sx = math.cos(mu / 2), math.sin(mu / 2)
@@ -69,11 +74,14 @@ def quaternion(chi: float, gamma: float, mu: float) -> list[float]:
 
 
 def angles(R: Sequence[Sequence[float]]) -> tuple[float, float, float]:
-    """`(chi_K, gamma_K, mu_K)` of a rotation matrix `R_OKbar`, rad. At the vertical chi and mu are not unique."""
+    """Return `(chi_K, gamma_K, mu_K)` of a rotation matrix `R_OKbar`, rad.
+
+    At the vertical chi and mu are not unique.
+    """
     gamma = -math.asin(max(-1.0, min(1.0, R[2][0])))
     return math.atan2(R[1][0], R[0][0]), gamma, math.atan2(R[2][1], R[2][2])
 
 
 def angle_between(a: float, b: float) -> float:
-    """`a - b` wrapped to (-pi, pi], rad."""
+    """Return `a - b` wrapped to [-pi, pi], rad."""
     return math.remainder(a - b, 2.0 * math.pi)

@@ -1,4 +1,4 @@
-"""Declare a scalar once: its unit, scale, bounds and meaning; and build typed vectors of such scalars.
+"""Declarations of scalars, each with its unit, scale, bounds and meaning, and typed vectors of such scalars.
 
 A vector is a frozen dataclass, generic in its scalar type, so that the same class holds symbols (casadi `SX`),
 numbers or whole histories (one numpy row per quantity):
@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Quantity:
-    """A named scalar.
+    """A declared scalar: its name, unit, scale, bounds and meaning.
 
     Attributes:
         name: the symbol it has in equations and tables.
@@ -75,24 +75,24 @@ def quantity(
     text: str = "",
     rate_of: str = "",
 ) -> Any:  # Any: a dataclass field stands in for a value of the field's own type
-    """Declare one entry of a `Vector`."""
+    """Declare one component of a `Vector`."""
     declared = Quantity("", unit, scale, lower, upper, text, rate_of)
     return dataclasses.field(metadata={"quantity": declared})
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(quantity,))
 def vector(cls: type[T]) -> type[T]:
-    """Class decorator: make a `Vector` subclass a frozen, keyword-only dataclass."""
+    """Make a subclass of `Vector` a frozen, keyword-only dataclass (a class decorator)."""
     return dataclass(frozen=True, kw_only=True)(cls)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Vector(Generic[T]):
-    """Base of all typed vectors; the order of the fields is the order of the components."""
+    """The base of all typed vectors; the order of the fields is the order of the components."""
 
     @classmethod
     def quantities(cls) -> tuple[Quantity, ...]:
-        """The declarations, each with its field's name."""
+        """Return the declarations of the components, each with its field's name."""
         return tuple(
             dataclasses.replace(field.metadata["quantity"], name=field.name) for field in dataclasses.fields(cls)
         )
@@ -107,9 +107,9 @@ class Vector(Generic[T]):
 
     @classmethod
     def split(cls, column: Any) -> Self:  # Any: SX, MX, ndarray alike
-        """Name the components of a column (or the rows of a history)."""
+        """Return a vector of the components of a column, or of the rows of a history."""
         return cls(**{name: column[index] for index, name in enumerate(cls.names())})
 
     def join(self) -> Sequence[T]:
-        """The components in order, as a list (`ca.vertcat(*v.join())`, `np.array(v.join())`)."""
+        """Return the components in order, as a list (`ca.vertcat(*v.join())`, `np.array(v.join())`)."""
         return [getattr(self, name) for name in self.names()]

@@ -1,4 +1,7 @@
-"""Where files that come with the package lie. Nothing heavy is imported here: a shell that completes names asks it."""
+"""The places of files that come with the package.
+
+Nothing heavy is imported here, for completion in the shell asks this module.
+"""
 
 from pathlib import Path
 
@@ -6,7 +9,7 @@ PACKAGE = Path(__file__).parent
 
 
 def shipped_folder(name: str) -> Path:
-    """The folder of the courses (`tracks`) or of the aircraft (`configs`) that come along.
+    """Return the folder of the courses (`tracks`) or of the aircraft (`configs`) that come with the package.
 
     In an installed package it lies in the package's own folder `shipped`. In a source tree, and where the package is
     installed from one as editable, it is the folder of that tree, so that an edited file counts at once.

@@ -1,4 +1,4 @@
-"""A controlled dynamical system: named states, controls and parameters, and casadi functions of them.
+"""Controlled dynamical systems: named states, controls and parameters, and casadi functions of them.
 
 Nothing here knows of aircraft; dynamics builds systems, optimal control optimises them.
 """
@@ -21,7 +21,7 @@ class NoQuantities(Vector[Any]):  # Any: there is no component whose type it cou
 
 @dataclass(frozen=True)
 class System:
-    """A system `x_dot = f(x, u, p)` with quantities `c(x, u, p)` to be limited along the path.
+    """A controlled dynamical system `x_dot = f(x, u, p)` with quantities `c(x, u, p)` to be limited along the path.
 
     Attributes:
         name: identifies the model in messages and in the names of compiled kernels.
@@ -55,7 +55,7 @@ class System:
 
 @dataclass(frozen=True)
 class Observation:
-    """Quantities seen at one instant, e.g. where and how an aircraft crosses a gate.
+    """A set of quantities seen at one instant, e.g. where and how an aircraft crosses a gate.
 
     Attributes:
         name: identifies it in messages.
@@ -71,7 +71,7 @@ class Observation:
 
 
 def side_by_side(one: Observation, other: Observation) -> Observation:
-    """Two observations of the same states as one: quantities and parameters of the first, then those of the second.
+    """Join two observations of the same states: the quantities and parameters of the first, then those of the second.
 
     Raises:
         ValueError: a quantity of the one has the name of a quantity of the other, so that a bound could mean either.
@@ -155,5 +155,5 @@ def observation_of(
 
 
 def _column(components: Vector[Any]) -> ca.SX:
-    """The components one below the other; numbers among them become constants."""
+    """Stack the components as a column, shape (n,); numbers among them become constants."""
     return _vertcat(*components.join())

@@ -1,4 +1,4 @@
-"""Named time histories of a flight through several phases (numpy only)."""
+"""Trajectories: named time histories of a flight through several phases (numpy only)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Histories on the nodes of a mesh.
+    """The histories of a flight's states and controls on the nodes of a mesh.
 
     Phase `i` owns the nodes `first_node[i] ... first_node[i + 1]`, both ends included: neighbours share one node.
 
@@ -39,11 +39,15 @@ class Trajectory:
 
     @property
     def race_time(self) -> float:
-        """Time from the first to the last node, s."""
+        """The time from the first to the last node, s."""
         return float(self.durations.sum())
 
     def of(self, name: str) -> Array:
-        """The history of one state (on nodes) or control (on intervals), by name."""
+        """Return the history of one state (on the nodes) or control (on the intervals) by its name.
+
+        Raises:
+            KeyError: no state and no control has this name.
+        """
         for declared, values in ((self.states, self.state), (self.controls, self.control)):
             for row, one in enumerate(declared):
                 if one.name == name:
@@ -51,6 +55,6 @@ class Trajectory:
         raise KeyError(name)
 
     def named(self) -> Mapping[str, Array]:
-        """All histories by name."""
+        """Return the histories of all states and controls by name."""
         names = [one.name for one in (*self.states, *self.controls)]
         return {name: self.of(name) for name in names}

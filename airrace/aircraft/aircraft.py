@@ -1,4 +1,4 @@
-"""The aircraft: frozen numbers with units, no equations. Symbols follow the flight model; SI and radians."""
+"""Aircraft: frozen numbers with units, without equations. Symbols follow the flight model; SI and radians."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from airrace.quantities import Interval
 
 @dataclass(frozen=True)
 class Airframe:
-    """Mass and size. `m` kg; `S` m2; `b`, `cbar` m; moments of inertia kg m2."""
+    """The mass and size of an aircraft: `m` kg; `S` m2; `b`, `cbar` m; moments of inertia kg m2."""
 
     m: float
     S: float
@@ -21,7 +21,10 @@ class Airframe:
 
 @dataclass(frozen=True)
 class Lift:
-    """`C_L = C_L0 + C_Lalpha alpha_A + C_Lq q* + C_Leta eta`, rounded off at `C_L_max` and `C_L_min`."""
+    """The coefficients of lift, rounded off at `C_L_max` and `C_L_min`.
+
+    `C_L = C_L0 + C_Lalpha alpha_A + C_Lq q* + C_Leta eta`
+    """
 
     C_L0: float
     C_Lalpha: float
@@ -33,7 +36,10 @@ class Lift:
 
 @dataclass(frozen=True)
 class Drag:
-    """`C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`; `beta_A_max` is where that fit ends (rad)."""
+    """The coefficients of drag; their fit ends at the sideslip `beta_A_max` (rad).
+
+    `C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`
+    """
 
     C_D0: float
     k: float
@@ -44,7 +50,7 @@ class Drag:
 
 @dataclass(frozen=True)
 class SideForce:
-    """Derivatives of `C_Y`."""
+    """The derivatives of `C_Y`."""
 
     beta: float
     p: float
@@ -55,7 +61,7 @@ class SideForce:
 
 @dataclass(frozen=True)
 class RollMoment:
-    """Derivatives of `C_l`; `r_per_C_L` adds to `r` in proportion to the lift coefficient."""
+    """The derivatives of `C_l`; `r_per_C_L` adds to `r` in proportion to the lift coefficient."""
 
     beta: float
     p: float
@@ -67,7 +73,7 @@ class RollMoment:
 
 @dataclass(frozen=True)
 class PitchMoment:
-    """`C_m0` and the derivatives of `C_m`."""
+    """The coefficient `C_m0` and the derivatives of `C_m`."""
 
     zero: float
     alpha: float
@@ -78,7 +84,7 @@ class PitchMoment:
 
 @dataclass(frozen=True)
 class YawMoment:
-    """Derivatives of `C_n`; `p_per_C_L` adds to `p` in proportion to the lift coefficient."""
+    """The derivatives of `C_n`; `p_per_C_L` adds to `p` in proportion to the lift coefficient."""
 
     beta: float
     p: float
@@ -90,7 +96,10 @@ class YawMoment:
 
 @dataclass(frozen=True)
 class Propulsion:
-    """`T = delta_T eta_p P_max sigma_P / sqrt(V_A^2 + V_s^2)`, `V_s = eta_p P_max / T_static`; W, N, s."""
+    """The numbers of the thrust: `P_max` W, `T_static` N, lag `tau_T` s, efficiency `eta_p`.
+
+    `T = delta_T eta_p P_max sigma_P / sqrt(V_A^2 + V_s^2)`, `V_s = eta_p P_max / T_static`
+    """
 
     P_max: float
     eta_p: float
@@ -121,7 +130,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class LinearLoops:
-    """What the models with a linear inner loop shall fly with instead of what the derivatives make of the aircraft.
+    """The dynamics of the linear inner loops, where they are known better than the aircraft's derivatives tell.
 
     Attributes:
         V: speed at which this holds in level flight at sea level, m/s; at other speeds it follows the derivatives.
@@ -137,7 +146,7 @@ class LinearLoops:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Travels of the control surfaces (rad) and the fastest stick (rad/s)."""
+    """The travels of the control surfaces (rad) and the fastest rate at which a stick moves them (rad/s)."""
 
     eta: Interval
     xi: Interval
@@ -147,7 +156,7 @@ class Surfaces:
 
 @dataclass(frozen=True)
 class PointMassLimits:
-    """What stands in for the missing rotational dynamics: rates of the point mass's controls.
+    """The limits of the point mass's controls, which stand in for the missing rotational dynamics.
 
     `n_z_dot`, `n_y_dot` 1/s; `p` rad/s; `p_dot` rad/s2; `n_y` g.
     """
@@ -161,7 +170,7 @@ class PointMassLimits:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Structural and speed limits. `V` is the allowed kinematic speed (m/s), `n_z` the load factor (g)."""
+    """The structural and speed limits: `V` is the allowed kinematic speed (m/s), `n_z` the load factor (g)."""
 
     V: Interval
     n_z: Interval
@@ -169,7 +178,10 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Aircraft:
-    """One aircraft, ready to race. `propeller` is None where it does nothing but pull, `linear` without corrections."""
+    """An aircraft, complete for a race.
+
+    `propeller` is None if it has no effect but thrust, `linear` if the linear inner loops follow from the derivatives.
+    """
 
     name: str
     airframe: Airframe

@@ -1,4 +1,4 @@
-"""Many courses at once: what is to be flown, by whom, what of it is done already, and what came of it.
+"""Batches of many courses: what is to be flown, by whom, what of it is done already, and what came of it.
 
     sources -> sweep, naming -> plan --- jobs ---> supervision <--- events --- an executor (local.py, cluster.py)
                                  ^                     |

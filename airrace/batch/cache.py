@@ -1,4 +1,4 @@
-"""Which jobs are done already, and why another one is flown again."""
+"""The decision which jobs of a batch are done already, and why another one is flown again."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -9,17 +9,17 @@ from airrace.batch.record import Record, RecordError, checkpoint_path, read_reco
 from airrace.runs.exit_codes import ExitCode
 
 VERDICTS = (ExitCode.DONE, ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED)
-"""Ends that the same inputs would lead to again: these are answers, not accidents."""
+"""The exit codes to which the same inputs would lead again: these ends are answers, not accidents."""
 
 REASONS: Mapping[int, str] = {
     ExitCode.INVALID_INPUT: "its input was not valid",
     ExitCode.INTERRUPTED: "it was interrupted",
 }
-"""Why jobs that ended so are flown again."""
+"""The reason for which a job is flown again, by the exit code that it ended with."""
 
 
 class Choice(Enum):
-    """Which finished jobs are flown again."""
+    """A choice of the finished jobs that are flown again."""
 
     NONE = "none"
     FAILED = "failed"
@@ -27,7 +27,7 @@ class Choice(Enum):
 
 
 def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, Record | None]:
-    """Why a job has to be flown, a clause, and its record.
+    """Return why a job has to be flown, as a clause, and its record.
 
     Returns:
         The reason, empty if the job is finished and nothing it depends on has changed; the record where there is one.

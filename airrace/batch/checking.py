@@ -1,4 +1,4 @@
-"""Whether the inputs of jobs are valid, found out before anything is flown, without reading thousands of them in full.
+"""A check of the jobs' inputs before anything is flown, without reading thousands of them in full.
 
 Of every course as many combinations are read as it takes for each value of each sweep to occur. If all of them are
 wrong in the same way, so are the others. What is not looked at here, or wrong in some combination only, the job tells.
@@ -16,16 +16,17 @@ from airrace.documents.overrides import FILE as SET_OPTION
 from airrace.errors import Finding, InputError
 
 CHECKED_MAX = 300
-"""So many jobs are checked at most."""
+"""The largest number of jobs that are checked."""
 
 SWEPT = Place("--sweep", 0, 0)
+"""The place that a finding names for a value that was swept on the command line."""
 
 Findings = tuple[Finding, ...]
 
 
 @dataclass(frozen=True)
 class Family:
-    """The jobs of one course and aircraft, that differ by the values of the sweeps.
+    """A family of jobs of one course and aircraft, which differ by the values of the sweeps.
 
     Attributes:
         sweeps: what they differ by.
@@ -39,7 +40,10 @@ class Family:
 
 
 def findings_of(job: Job, places: Mapping[str, Place]) -> Findings:
-    """What is wrong with the inputs of a job; of a value that was swept, or set in a file, it is told where."""
+    """Return what is wrong with the inputs of a job.
+
+    For a value that was swept, or set in a file, the finding names the place where that was done.
+    """
     try:
         inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     except InputError as error:
@@ -49,7 +53,7 @@ def findings_of(job: Job, places: Mapping[str, Place]) -> Findings:
 
 
 def refused_jobs(families: Sequence[Family]) -> Mapping[str, Findings]:
-    """Findings by name, of the jobs whose inputs are not valid."""
+    """Return the findings of the jobs whose inputs are not valid, by the job's name."""
     chosen = [list(_chosen(family.sweeps, family.jobs)) for family in families]
     found: dict[str, Findings] = {}
     checked: list[set[Findings]] = [set() for _ in families]
@@ -65,14 +69,14 @@ def refused_jobs(families: Sequence[Family]) -> Mapping[str, Findings]:
 
 
 def _chosen(sweeps: Sequence[Sweep], jobs: Sequence[Job]) -> Iterator[Job]:
-    """The jobs in which every value occurs; of those that are flown at all."""
+    """Yield the jobs in which every value occurs, as far as they are flown at all."""
     by_values = {job.swept: job for job in jobs}
     wanted = [by_values[values] for values in cover(sweeps) if values in by_values]
     yield from wanted or jobs[:1]
 
 
 def _in_turn(chosen: Sequence[Sequence[Job]]) -> Iterator[tuple[int, Job]]:
-    """The first job of every family, then the second of each, and so on."""
+    """Yield the first job of every family, then the second of each, and so on, with the number of the family."""
     for row in zip_longest(*chosen):
         yield from ((family, job) for family, job in enumerate(row) if job is not None)
 

@@ -1,4 +1,4 @@
-"""Jobs on a cluster: tasks of dask.distributed, which decides where each of them runs.
+"""The executor of a cluster: jobs as tasks of dask.distributed, which decides where each of them runs.
 
     submit -> scheduler -> a worker: cluster_job.fly -> local.py -> process.py
     events <- started, stages (with the checkpoint so far) <-+
@@ -29,7 +29,7 @@ from airrace.errors import StorageError
 from airrace.runs.exit_codes import ExitCode
 
 WORKERS_WAIT = 600.0
-"""So long a batch waits for a worker, s, when there is none."""
+"""The time for which a batch waits for a worker when there is none, s."""
 LOOK = 1.0  # s, between two looks at the workers
 FETCH = 60.0  # s, to bring a result here
 
@@ -61,7 +61,7 @@ class _Flight:
 
 
 class ClusterExecutor:
-    """Flies jobs on the workers of a scheduler.
+    """An executor that flies jobs on the workers of a scheduler.
 
     Args:
         address: of the scheduler.
@@ -192,7 +192,7 @@ class ClusterExecutor:
                 self._lose(key, self._no_worker)
 
     def _hear(self, said: Mapping[str, Any]) -> None:
-        """What a worker says, or a future; of a flight that has ended nothing is heard."""
+        """Take in what a worker or a future tells; what concerns a flight that has ended is ignored."""
         flight = self._flights.get(said["key"])
         if flight is None:
             return
@@ -211,7 +211,10 @@ class ClusterExecutor:
                 pass
 
     def _keep_stage(self, key: str, flight: _Flight, stage: StageFinished) -> None:
-        """Fetch the checkpoint of a job under way, so that less is lost with its worker; else it is told in the end."""
+        """Fetch the checkpoint of a job under way, so that less is lost with its worker.
+
+        Where that fails, the stage is told of at the end of the attempt.
+        """
         with contextlib.suppress(Exception):  # whatever the library raises, a full disk, a damaged parcel
             parcel = self._connection.call(collect, key, workers=[flight.where]).get(flight.where)
             if parcel is not None:
@@ -220,7 +223,7 @@ class ClusterExecutor:
                 self._pending.append(stage)
 
     def _land(self, key: str, flight: _Flight) -> None:
-        """The end of an attempt as its task tells it."""
+        """End an attempt as its task reports it."""
         try:
             flown = flight.future.result(timeout=FETCH)
         except (Exception, asyncio.CancelledError) as error:  # the task's, the library's, a lost connection's

@@ -1,4 +1,6 @@
-"""A scheduler of dask.distributed and those of its workers that can fly: all that is asked of the library.
+"""The connection to a scheduler of dask.distributed and to those of its workers that can fly.
+
+All that is asked of the library is asked here. Any: `distributed` has few annotations.
 
 Any: `distributed` has few annotations.
 """
@@ -24,7 +26,7 @@ _log = logging.getLogger(__name__)
 
 
 class Connection:
-    """A scheduler that was reached, and whose workers at that time fit.
+    """A connection to a scheduler whose workers all fitted when it was reached.
 
     Args:
         address: of the scheduler, e.g. `tcp://head:8786`.
@@ -47,7 +49,7 @@ class Connection:
             raise
 
     def threads(self) -> Mapping[str, int]:
-        """How many threads each fitting worker has, by address.
+        """Return the number of threads of each fitting worker, by its address.
 
         Raises:
             Exception: the scheduler does not answer.
@@ -62,14 +64,14 @@ class Connection:
         return {worker: number for worker, number in known.items() if self._fitting.get(worker, False)}
 
     def submit(self, function: Callable[..., Any], argument: Any, *, key: str, workers: Sequence[str]) -> Any:
-        """The future of a task that nothing but the death of its worker makes dask repeat."""
+        """Submit a task that dask repeats only if its worker dies, and return its future."""
         with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 GiB"}):  # a checkpoint is large
             return self._client.submit(
                 function, argument, key=key, pure=False, retries=0, workers=list(workers), allow_other_workers=False
             )
 
     def call(self, function: Callable[..., Any], *arguments: Any, workers: Sequence[str]) -> Mapping[str, Any]:
-        """Call a function in the processes of workers, beside their tasks; what it returns, by address.
+        """Call a function in the processes of workers, beside their tasks, and return its results by address.
 
         Raises:
             Exception: they do not answer in time.
@@ -77,16 +79,16 @@ class Connection:
         return self._client.run(function, *arguments, workers=list(workers), on_error="ignore", callback_timeout=REPLY)
 
     def forget(self, future: Any, key: str) -> None:
-        """Let go of a task that is done, and of its mark that it was begun."""
+        """Release a task that is done, and the mark that it was begun."""
         future.release()
         Flag(key, client=self._client).clear()
 
     def cancel(self, futures: Sequence[Any]) -> None:
-        """Call tasks off, queued or running."""
+        """Cancel tasks, queued or running."""
         self._client.cancel(list(futures))
 
     def listen(self, topic: str, hear: Callable[[Any], None]) -> None:
-        """Have everything that workers say under a topic handed over, in another thread."""
+        """Pass on everything that workers report under a topic; `hear` is called in another thread."""
 
         def heard(event: tuple[float, Any]) -> None:
             hear(event[1])
@@ -94,11 +96,13 @@ class Connection:
         self._client.subscribe_topic(topic, heard)
 
     def close(self) -> None:
-        """Say goodbye; tasks under way are called off by the scheduler."""
+        """Close the connection; the scheduler cancels tasks that are under way."""
         self._client.close(timeout=REPLY)
 
     def _refuse_misfits(self) -> None:
-        """Ask everybody who is there; with a cluster that was set up wrongly nothing is begun."""
+        """Check the versions of the scheduler and of all its workers; with a cluster set up wrongly nothing is
+        begun.
+        """
         try:
             try:
                 own = self._client.run_on_scheduler(version, "airrace", callback_timeout=REPLY)
@@ -118,7 +122,9 @@ class Connection:
             raise ClusterError(f"the scheduler {self.address} does not answer as it should: {words(error)}") from error
 
     def _misfits(self, workers: Sequence[str]) -> Mapping[str, str]:
-        """What is wrong with each of these workers, empty if nothing is; workers that do not answer are left out."""
+        """Return what is wrong with each of these workers, empty if nothing is; workers that do not answer are left
+        out.
+        """
         if not workers:
             return {}
         found = dict.fromkeys(workers, "")
@@ -136,7 +142,7 @@ class Connection:
 
 
 def words(error: BaseException) -> str:
-    """An error of a library in one line."""
+    """Return an error of a library in one line of at most 300 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")[:300]
 
 
@@ -153,7 +159,10 @@ def _client_of(address: str) -> Any:
 
 
 async def _shake_hands(address: str) -> None:
-    """Find out whether a scheduler is there at all: a client waits for ever for somebody who listens and is silent."""
+    """Find out whether a scheduler is there at all.
+
+    A client would wait for ever for one that listens and is silent.
+    """
     security: Any = Security()
     comm = await cast(Any, connect)(address, timeout=CONNECT, **security.get_connection_args("client"))
     await comm.close()

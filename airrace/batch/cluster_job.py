@@ -24,7 +24,7 @@ POLL = 0.5  # s, between two looks whether the job is still wanted
 
 
 class DamagedParcel(AirraceError):
-    """What arrived is not what was sent."""
+    """An error of a parcel whose content is not what was sent."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,10 @@ class Parcel:
 
     @classmethod
     def of(cls, path: Path) -> Self | None:
-        """Of a file as it is now; None where there is none.
+        """Pack a file as it is now; return None if there is none.
+
+        Raises:
+            OSError: the file cannot be read.
 
         Raises:
             OSError: there is one that cannot be read.
@@ -48,7 +51,7 @@ class Parcel:
         return cls(content, hashlib.sha256(content).hexdigest())
 
     def unpacked(self) -> bytes:
-        """The bytes.
+        """Return the bytes of the file.
 
         Raises:
             DamagedParcel: they are not those that were sent.
@@ -82,7 +85,7 @@ class Sending:
 
 @dataclass(frozen=True)
 class Flown:
-    """What came of an attempt.
+    """The result of an attempt, as it travels back.
 
     Attributes:
         ending: None if nothing was flown: the attempt had been begun before, on a worker that is gone.
@@ -101,7 +104,7 @@ _stopped: set[str] = set()
 
 
 def fly(sending: Sending) -> Flown:
-    """Fly a job; the task of a worker."""
+    """Fly a job, as a task of a worker."""
     worker = distributed.get_worker()
     if not _is_first(sending.key):
         return Flown(None)
@@ -126,7 +129,7 @@ def fly(sending: Sending) -> Flown:
 
 # Any: `distributed`'s Worker, and a function of keyword arguments; run by name on the worker.
 def _watched(sending: Sending, path: Path, worker: Any, tell: Any) -> Flown:
-    """The flight, told of while it lasts, and ended when it is no longer wanted."""
+    """Fly a job, report its stages while it lasts, and end it when it is no longer wanted."""
     stages: list[StageFinished] = []
     with LocalExecutor((sys.executable, *sending.command), 1) as local:
         local.submit(Order(sending.job, sending.attempt, path, sending.timeout))
@@ -150,7 +153,7 @@ def _watched(sending: Sending, path: Path, worker: Any, tell: Any) -> Flown:
 
 
 def collect(key: str) -> Parcel | None:
-    """The checkpoint of a job under way on this worker, as it is now; None if it is not (any more)."""
+    """Return the checkpoint of a job under way on this worker, as it is now; None if the job is not under way."""
     path = _under_way.get(key)
     return None if path is None else Parcel.of(path)
 
@@ -161,7 +164,7 @@ def stop(batch: str) -> None:
 
 
 def _is_first(key: str) -> bool:
-    """Whether this attempt is begun for the first time, on any worker.
+    """Return whether this attempt is begun for the first time, on any worker.
 
     dask repeats the tasks of a worker that is gone by itself, several times. Whether a job is flown again is not for
     it to say: attempts are counted, and their reasons kept.
@@ -175,7 +178,9 @@ def _is_first(key: str) -> bool:
 
 
 def _is_dropped(worker: Any, key: str) -> bool:
-    """Whether nobody waits for this task any more: it was cancelled, or who asked for it is gone.
+    """Return whether nobody waits for this task any more: it was cancelled, or the client that asked for it is gone.
+
+    dask offers a task no function to ask this, so the worker's own list of tasks is looked into.
 
     dask has no word for a task to ask this with, so the worker's own list of tasks is looked into.
     """

@@ -1,4 +1,4 @@
-"""What supervision asks of whoever flies the jobs, and what it is told in return."""
+"""The interface between supervision and those who fly the jobs: orders one way, events the other."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Order:
 
 
 class Fault(Enum):
-    """Why a job ended without an answer of its own."""
+    """A reason for which a job ended without an answer of its own."""
 
     NONE = "none"
     CRASHED = "crashed"
@@ -42,7 +42,7 @@ class Fault(Enum):
 
 @dataclass(frozen=True)
 class Ending:
-    """How one attempt at a job ended.
+    """The end of one attempt at a job.
 
     Attributes:
         code: the exit code that `airrace optimize` would have ended with.
@@ -64,7 +64,7 @@ class Ending:
 
 @dataclass(frozen=True)
 class Started:
-    """An attempt is under way; `where` names the machine, empty for this one."""
+    """An event: an attempt is under way; `where` names the machine, empty for this one."""
 
     name: str
     where: str = ""
@@ -72,7 +72,7 @@ class Started:
 
 @dataclass(frozen=True)
 class StageStarted:
-    """A stage of a job is under way."""
+    """An event: a stage of a job is under way."""
 
     name: str
     stage: str
@@ -80,7 +80,7 @@ class StageStarted:
 
 @dataclass(frozen=True)
 class StageFinished:
-    """A stage of a job is finished and in its checkpoint; `race_time` (s) is None where it found no flight."""
+    """An event: a stage of a job is finished and in its checkpoint; `race_time` (s) is None if it found no flight."""
 
     name: str
     stage: str
@@ -91,7 +91,7 @@ class StageFinished:
 
 @dataclass(frozen=True)
 class Ended:
-    """An attempt is over. Told exactly once for every order, and the last event of it."""
+    """An event: an attempt is over. It comes exactly once for every order, as the last event of it."""
 
     name: str
     ending: Ending
@@ -101,7 +101,7 @@ Event = Started | StageStarted | StageFinished | Ended
 
 
 class Executor(Protocol):
-    """Flies jobs, here or elsewhere. A context manager that leaves nothing running behind.
+    """An object that flies jobs, here or elsewhere: a context manager that leaves nothing running behind.
 
     What it may rely on: all calls come from one thread; `submit` is called for at most `slots` jobs at a time, and
     never for a job that has not ended yet. What it owes:
@@ -118,15 +118,17 @@ class Executor(Protocol):
 
     @property
     def slots(self) -> int:
-        """Jobs that can be under way at a time; may change from call to call, and be 0 for a while."""
+        """The number of jobs that can be under way at a time; it may change from call to call, and be 0 for a while."""
         ...
 
     def submit(self, order: Order) -> None:
-        """Begin with a job; returns at once."""
+        """Begin with a job, and return at once."""
         ...
 
     def events(self, patience: float) -> Sequence[Event]:
-        """What has happened since the last call, in order; waits for the first event, `patience` seconds at most."""
+        """Return what has happened since the last call, in order; wait for the first event, `patience` seconds at
+        most.
+        """
         ...
 
     def stop(self) -> None:

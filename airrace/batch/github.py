@@ -1,4 +1,4 @@
-"""What GitHub Actions is told: marks on the files that are wrong, and a summary of the run."""
+"""The messages to GitHub Actions: annotations of the files that are wrong, and a summary of the run."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,16 +9,18 @@ from airrace.errors import Finding, StorageError
 from airrace.runs.exit_codes import ExitCode
 
 ANNOTATIONS_MAX = 50
-"""So many are made; GitHub shows ten of a step."""
+"""The largest number of annotations; GitHub shows ten of a step."""
 
 
 def runs_here(environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether this process is a step of GitHub Actions."""
+    """Return whether this process is a step of GitHub Actions."""
     return environment.get("GITHUB_ACTIONS") == "true"
 
 
 def annotations(rows: Sequence[Row], findings: Sequence[Finding]) -> Iterator[str]:
-    """Commands of a workflow, one per line: an error for every finding and for every job that is not certified."""
+    """Yield commands of a workflow, one per line: an error for every finding and for every job that is not
+    certified.
+    """
     lines = dict.fromkeys([*(_of_finding(one) for one in findings), *(line for row in rows for line in _of_row(row))])
     told = list(lines)
     yield from told[:ANNOTATIONS_MAX]
@@ -27,7 +29,7 @@ def annotations(rows: Sequence[Row], findings: Sequence[Finding]) -> Iterator[st
 
 
 def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> None:
-    """Add Markdown to the summary of the step, where there is one.
+    """Append Markdown to the summary of the step, if there is one.
 
     Raises:
         StorageError: the system refused.

@@ -1,4 +1,4 @@
-"""What a job is: everything needed to fly one course once, as values."""
+"""Jobs: everything that is needed to fly one course once, as values."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ from airrace.documents import Document
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """All that the result of a job depends on; each part a hash or a short text, so that a change can be named.
+    """All that the result of a job depends on; each part is a hash or a short text, so that a change can be named.
 
     Attributes:
         track, aircraft, settings: sha256 of the documents' texts; `settings` is empty where the defaults are used.
@@ -29,7 +29,7 @@ class Fingerprint:
     versions: str
 
     def changes(self, earlier: Self) -> list[str]:
-        """What differs from an earlier fingerprint, one clause for each part."""
+        """Return what differs from an earlier fingerprint, one clause for each part."""
         return [
             _clause(field.name, getattr(earlier, field.name), getattr(self, field.name))
             for field in fields(self)
@@ -39,7 +39,7 @@ class Fingerprint:
 
 @dataclass(frozen=True)
 class Job:
-    """One course to be flown once. It holds texts, not files: it means the same on any machine.
+    """A course to be flown once. It holds texts, not files, so it means the same on any machine.
 
     Attributes:
         name: stable, readable, a valid name of a file; unique in its batch. The checkpoint is `NAME.h5`.
@@ -74,13 +74,13 @@ class Job:
         )
 
     def as_object(self) -> dict[str, object]:
-        """Plain values, for JSON."""
+        """Return the job as plain values, for JSON."""
         return asdict(self)
 
     # Any: JSON that `as_object` wrote.
     @classmethod
     def from_object(cls, plain: Mapping[str, Any]) -> Self:
-        """The job that `as_object` was called on, also after a round trip through JSON.
+        """Return the job that `as_object` was called on, also after a round trip through JSON.
 
         Raises:
             KeyError, TypeError: it is no such object.
@@ -100,13 +100,13 @@ class Job:
 
 
 def hash_of_all(texts: Iterable[str]) -> str:
-    """sha256 of several texts in their order (hex)."""
+    """Return the sha256 (hex) of several texts in their order."""
     return hashlib.sha256(json.dumps(list(texts)).encode()).hexdigest()
 
 
 @cache
 def _hash_of(text: str) -> str:
-    """Thousands of jobs share few documents."""
+    """Return the sha256 (hex) of a text; cached, for thousands of jobs share few documents."""
     return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()
 
 

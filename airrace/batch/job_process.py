@@ -1,4 +1,8 @@
-"""The process of one job of a batch: reads it from standard input, flies it, and tells on a pipe how it goes.
+"""The process of one job of a batch: it reads the job from standard input, flies it, and reports on a pipe.
+
+`python -m airrace.batch.job_process FD`; `airrace/batch/process.py` describes what is read and reported. The process
+takes up its checkpoint where it stands, as `airrace resume` does, and ends with the code and the object of `airrace
+optimize`.
 
 `python -m airrace.batch.job_process FD`; what is read and told, `airrace/batch/process.py` says. It takes its
 checkpoint up where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
@@ -28,7 +32,9 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Told(Progress):
-    """Tells the stages as lines of JSON. A finished one is held back until it is in the checkpoint, too."""
+    """A progress that reports stages as lines of JSON. A finished one is held back until it is in the checkpoint,
+    too.
+    """
 
     def __init__(self, replies: IO[str]) -> None:
         self._replies = replies
@@ -46,7 +52,7 @@ class Told(Progress):
         self._finished = result
 
     def flush(self) -> None:
-        """Tell of the stage that was held back."""
+        """Report the stage that was held back."""
         result, self._finished = self._finished, None
         if result is not None:
             self.tell(
@@ -87,7 +93,7 @@ def main() -> None:
 
 
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
-    """All stages up to the job's last one but those in the checkpoint that still stand."""
+    """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
     from airrace.documents import inputs_from_documents
     from airrace.runs.flying import fly_stages
     from airrace.runs.resuming import continued_task
@@ -99,7 +105,10 @@ def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
 
 
 def _die_with(parent: int) -> None:
-    """Have the system end this process with the one that started it (Linux); elsewhere the next line told does it."""
+    """Have the system end this process with the one that started it (Linux).
+
+    Elsewhere the process ends when it next reports something, since nobody reads the pipe.
+    """
     if sys.platform != "linux":
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""Jobs on this machine: a process for each, a few at a time."""
+"""The executor of this machine: a process for each job, a few at a time."""
 
 import selectors
 import time
@@ -14,7 +14,7 @@ POLL = 0.2  # s, between two looks at time limits
 
 
 class LocalExecutor:
-    """Flies jobs in processes of this machine.
+    """An executor that flies jobs in processes of this machine.
 
     Args:
         command: what runs a job, see `process.py`.
@@ -72,7 +72,7 @@ class LocalExecutor:
         self._running = []
 
     def _wait(self, patience: float) -> None:
-        """Until a process says something, or ends after it has said everything."""
+        """Wait until a process reports something, or ends after it has reported everything."""
         talking = [process for process in self._running if not process.silent]
         if len(talking) < len(self._running) or not talking:
             patience = min(patience, 0.02)

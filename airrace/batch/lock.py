@@ -1,4 +1,4 @@
-"""One batch at a time in a folder: two would write the same files."""
+"""The lock of a batch's folder: two batches at a time would write the same files."""
 
 import fcntl
 import os
@@ -13,7 +13,7 @@ NAME = ".batch.lock"
 
 @contextmanager
 def locked(folder: Path) -> Generator[None, None, None]:
-    """Make the folder if need be, and hold it. The system lets go of it with this process, however that ends.
+    """Create the folder if it is missing, and lock it. The system releases the lock when this process ends in any way.
 
     Raises:
         UsageError: another batch holds it, or it is no folder.

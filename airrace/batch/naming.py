@@ -1,4 +1,4 @@
-"""Names of jobs: stable from call to call, readable, and good names of files.
+"""Names of jobs: stable from call to call, readable, and valid names of files.
 
 `COURSE[,AIRCRAFT][,KEY=VALUE]...`: the file of the course; that of the aircraft where the batch names aircraft; the
 value of every sweep, by the last part of its key or, where two sweeps share that, by all of it.
@@ -13,13 +13,13 @@ from airrace.batch.sweep import Combination
 from airrace.errors import UsageError
 
 LENGTH_MAX = 160
-"""Longer names are cut, and end with a hash of the whole."""
+"""The longest name, in bytes; longer names are cut, and end with a hash of the whole."""
 
 _UNFIT = re.compile(r"[^\w.,=+-]")
 
 
 def job_name(course: Path, aircraft: Path | None, swept: Combination) -> str:
-    """The name of a job.
+    """Return the name of a job.
 
     Args:
         course: the track file.
@@ -39,13 +39,13 @@ def job_name(course: Path, aircraft: Path | None, swept: Combination) -> str:
 
 
 def short_keys(keys: Sequence[str]) -> list[str]:
-    """The last part of every key; all of it where another key ends alike."""
+    """Return the last part of every key, or all of it where another key ends alike."""
     lasts = [key.rpartition(".")[2] for key in keys]
     return [last if lasts.count(last) == 1 else key for last, key in zip(lasts, keys, strict=True)]
 
 
 def refuse_clashes(named: Iterable[tuple[str, str]]) -> None:
-    """Make sure that no two jobs write to one file, also where the file system takes `A` for `a`.
+    """Make sure that no two jobs write to one file, even where the file system does not distinguish `A` from `a`.
 
     Args:
         named: name of each job, and what it is made of in the user's words.

@@ -1,4 +1,4 @@
-"""What a batch is going to do: its jobs, which of them are done already, and why the others are flown."""
+"""The plan of a batch: its jobs, which of them are done already, and why the others are flown."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from airrace.runs.exit_codes import ExitCode
 
 @dataclass(frozen=True)
 class Result:
-    """How a job stands at the end; small, for there may be thousands.
+    """The end of a job in short, for there may be thousands.
 
     Attributes:
         code: the exit code that `airrace optimize` would have ended with.
@@ -35,13 +35,13 @@ class Result:
 
 
 def result_of(record: Record) -> Result:
-    """What a record says."""
+    """Return the result that a record tells of."""
     ways = ways_of(record.run)
     return Result(record.code, record.message, record.race_time, record.wall, record.retries, record.findings, ways)
 
 
 def invalid(findings: tuple[Finding, ...]) -> Result:
-    """The result of a job whose inputs are not valid."""
+    """Return the result of a job whose inputs are not valid."""
     number = len(findings)
     message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
     return Result(ExitCode.INVALID_INPUT, message, findings=findings)
@@ -49,7 +49,7 @@ def invalid(findings: tuple[Finding, ...]) -> Result:
 
 @dataclass(frozen=True)
 class Step:
-    """One job and what is done with it.
+    """A job of the plan and what is done with it.
 
     Attributes:
         name: of the job.
@@ -72,13 +72,15 @@ class Step:
 
     @property
     def action(self) -> str:
-        """`fly`; `keep` what was finished before and stands; `refuse` inputs that are not valid."""
+        """What is done with the job: `fly`; `keep` what was finished before and stands; `refuse` inputs that are not
+        valid.
+        """
         if self.known is None:
             return "fly"
         return "refuse" if self.known.code == ExitCode.INVALID_INPUT else "keep"
 
     def as_object(self) -> dict[str, object]:
-        """For `--dry-run --json`."""
+        """Return the step as plain values, for `--dry-run --json`."""
         return {
             "name": self.name,
             "course": self.course,
@@ -92,7 +94,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Plan:
-    """All jobs of a batch, in order.
+    """The plan of a batch: all of its jobs, in order.
 
     Attributes:
         folder: where checkpoints and records lie.

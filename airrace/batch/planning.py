@@ -1,4 +1,4 @@
-"""From the courses that are meant to the plan: every combination a job, named, compared with what is done, checked."""
+"""Planning of a batch: every combination becomes a job, is named, compared with what is done, and checked."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from airrace.documents.document import read_document
 from airrace.errors import Finding, InputError, UsageError
 
 JOBS_MAX = 100_000
-"""So many jobs a batch may have."""
+"""The largest number of jobs of a batch."""
 
 AIRCRAFT_KEY = "aircraft"
 """The key with which a track names its aircraft; it may be set and swept like any other."""
@@ -24,14 +24,14 @@ AIRCRAFT_KEY = "aircraft"
 
 @dataclass(frozen=True)
 class _Steps:
-    """What is done with one course and aircraft."""
+    """The steps of one course and aircraft."""
 
     manner: Manner
     steps: tuple[Step, ...]
 
 
 def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choice: Choice = Choice.NONE) -> Plan:
-    """Everything that is found out before anything is flown.
+    """Return the plan of a batch: everything that is found out before anything is flown.
 
     Args:
         until: the last stage where nobody names one.
@@ -63,7 +63,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
 
 
 class _Reader:
-    """Reads every file once, and keeps every text once."""
+    """A reader that reads every file once, and keeps every text once."""
 
     def __init__(self) -> None:
         self._documents: dict[Document, Document] = {}
@@ -112,7 +112,7 @@ def _jobs(
     until: str,
     versions: str,
 ) -> Iterator[Job]:
-    """One job for every combination.
+    """Yield one job for every combination of swept values.
 
     Raises:
         InputError: the track or the aircraft cannot be read.
@@ -159,7 +159,7 @@ def _refuse_ambiguity(manner: Manner) -> None:
 
 
 def _origin(step: Step) -> str:
-    """A job in the user's words."""
+    """Return what a job is made of, in the user's words."""
     return " ".join([step.track, *_origin_of(step.aircraft, step.swept)])
 
 

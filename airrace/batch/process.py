@@ -32,13 +32,14 @@ GRACE = 5.0  # s, that a process which is told to stop may take
 SAID_MAX = 2000  # bytes of what a process that crashed had said
 ANSWER_MAX = 64 * 1024 * 1024  # bytes of an answer; beyond this it is none
 JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
-"""What runs a job in a process of its own."""
+"""The command that runs a job in a process of its own, without the number of the file descriptor."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment variables that keep libraries for linear algebra to one thread."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """What a process said of itself in the end."""
+    """The last report of a process on the job it has run."""
 
     code: int
     error: str
@@ -47,7 +48,7 @@ class _Answer:
 
 
 class JobProcess:
-    """A running attempt. `events` reads what it says; `stop` ends it early.
+    """A running attempt. `events` reads what it reports; `stop` ends it early.
 
     Args:
         order: the job; its checkpoint is read and written in place.
@@ -75,16 +76,19 @@ class JobProcess:
             os.close(writing)
 
     def fileno(self) -> int:
-        """Readable when there is something to be read, so that many can be waited for."""
+        """Return the descriptor that is readable when there is something to be read, so that many can be waited for."""
         return self._replies
 
     @property
     def silent(self) -> bool:
-        """Whether it has closed its end: nothing more will be said, and only its end is waited for."""
+        """Whether the process has closed its end of the pipe: only its end is still waited for."""
         return self._closed
 
     def events(self) -> list[Event]:
-        """What it has said since the last call, without waiting; the last is its `Ended`. Minds the time limit."""
+        """Return what the process has reported since the last call, without waiting; the last event is its `Ended`.
+
+        A process beyond its time limit is told to stop.
+        """
         events = self._heard()
         elapsed = time.monotonic() - self._started
         if self.order.timeout is not None and elapsed > self.order.timeout:
@@ -97,7 +101,7 @@ class JobProcess:
         return events
 
     def stop(self, why: Fault) -> None:
-        """Ask it to end; a little later it is made to."""
+        """Ask the process to end; after `GRACE` seconds `events` kills it."""
         if self._stopping is Fault.NONE:
             self._stopping = why
             self._killed_at = time.monotonic() + GRACE
@@ -105,7 +109,7 @@ class JobProcess:
                 self._process.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """End it and all it has started, now."""
+        """Kill the process and all that it has started, now."""
         family = _descendants(self._process.pid) if self._process.poll() is None else []
         self._process.kill()
         self._process.wait()
@@ -114,7 +118,7 @@ class JobProcess:
                 os.kill(process, signal.SIGKILL)
 
     def abandon(self) -> None:
-        """End it now and let nothing more be heard of it."""
+        """Kill the process now and ignore what it has reported."""
         self.kill()
         self._close()
 
@@ -157,7 +161,7 @@ class JobProcess:
         return None
 
     def _ending(self, wall: float) -> Ending:
-        """What became of it. An answer counts even if it was told to stop meanwhile."""
+        """Return how the attempt ended. An answer counts even if the process was told to stop meanwhile."""
         answer = self._answer
         if self._stopping is not Fault.NONE and (answer is None or answer.code == ExitCode.INTERRUPTED):
             run = None if answer is None else answer.run
@@ -184,7 +188,10 @@ class JobProcess:
 
 # Any: JSON, here and below.
 def _plain(line: bytes) -> Any:
-    """A line of JSON; None if it is none, for a process that went astray must not take this one along."""
+    """Return a line of JSON as plain values, or None if it is not JSON.
+
+    A process that went astray must not take this one along.
+    """
     try:
         return json.loads(line, parse_constant=_refused)
     except (ValueError, RecursionError):
@@ -196,7 +203,7 @@ def _refused(name: str) -> None:
 
 
 def _answered(plain: Mapping[str, Any]) -> _Answer | None:
-    """An answer; None if it is not as it should be, which is as good as none."""
+    """Return the answer in a report, or None if it is malformed, which counts as no answer."""
     try:
         run, findings = plain["run"], tuple(Finding(**finding) for finding in plain["findings"])
         float(run["race_time_s"] or 0.0)
@@ -206,12 +213,15 @@ def _answered(plain: Mapping[str, Any]) -> _Answer | None:
 
 
 def _with_suspicion(error: str) -> str:
-    """The solver has a process of its own, and most of the memory: it is the one that the system picks."""
+    """Return the error, with the suspicion that memory ran out if the solver's process was killed.
+
+    The solver has a process of its own, and most of the memory: it is the one that the system picks.
+    """
     return f"{error} (out of memory?)" if "status -9" in error else error
 
 
 def _spawned(order: Order, command: Sequence[str], replies: int, said: IO[bytes]) -> "subprocess.Popen[bytes]":
-    """The process, reading its order from a file without a name: a pipe would wait for it."""
+    """Start the process; it reads its order from a file without a name, since a pipe would wait for it."""
     with tempfile.TemporaryFile() as request:
         plain = {"job": order.job.as_object(), "checkpoint": str(order.checkpoint), "parent": os.getpid()}
         request.write(json.dumps(plain).encode("utf-8"))
@@ -228,7 +238,9 @@ def _spawned(order: Order, command: Sequence[str], replies: int, said: IO[bytes]
 
 
 def _descendants(process: int) -> list[int]:
-    """All that a process has started and that still runs (Linux; elsewhere nothing is known)."""
+    """Return the ids of all processes that a process has started and that still run (Linux; elsewhere none are
+    known).
+    """
     found: list[int] = []
     for children in Path("/proc").glob(f"{process}/task/*/children"):
         with contextlib.suppress(OSError):

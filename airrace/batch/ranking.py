@@ -1,4 +1,4 @@
-"""The jobs of a batch side by side: who is first, and by how much."""
+"""The ranking of the jobs of a batch: who is first, and by how much."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ STATES: Mapping[int, str] = {
     ExitCode.SYSTEM: "failed",
     ExitCode.INTERRUPTED: "interrupted",
 }
-"""How a job ended, by its exit code."""
+"""The words for how a job ended, by its exit code."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class Row:
 
     @property
     def state(self) -> str:
-        """In a word or two."""
+        """The state of the job at its end, in a word or two."""
         return STATES.get(self.result.code, f"exit code {self.result.code}")
 
 
 def ranked(plan: Plan, results: Sequence[Result]) -> list[Row]:
-    """All jobs: certified ones by race time, then other flights by race time, then the rest as planned."""
+    """Return all jobs: certified ones by race time, then other flights by race time, then the rest as planned."""
     pairs = list(zip(plan.steps, results, strict=True))
     best = _best(results)
     courses: dict[str, list[Result]] = {}
@@ -53,13 +53,16 @@ def ranked(plan: Plan, results: Sequence[Result]) -> list[Row]:
 
 
 def has_siblings(rows: Sequence[Row]) -> bool:
-    """Whether the jobs are of several courses, one of them flown several times: then two differences tell more."""
+    """Return whether the jobs are of several courses, one of them flown several times.
+
+    Then two differences tell more than one: to the best of all jobs and to the best of the same course.
+    """
     tracks = [row.step.track for row in rows]
     return 1 < len(set(tracks)) < len(tracks)
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
-    """How many jobs ended in which state, the most frequent first."""
+    """Return how many jobs ended in which state, the most frequent first."""
     found: dict[str, int] = {}
     for row in rows:
         found[row.state] = found.get(row.state, 0) + 1
@@ -67,7 +70,7 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def _best(results: Sequence[Result]) -> float | None:
-    """The fastest certified flight; where none is certified the fastest there is."""
+    """Return the race time (s) of the fastest certified flight; where none is certified, of the fastest flight."""
     certified = [one.race_time for one in results if one.code == ExitCode.DONE and one.race_time is not None]
     flown = [one.race_time for one in results if one.race_time is not None]
     return min(certified or flown, default=None)

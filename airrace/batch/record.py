@@ -1,4 +1,4 @@
-"""What is known of a job beside its checkpoint: how it ended, and on what. A small JSON file each, replaced atomically.
+"""Records of jobs: how a job ended, and on which inputs. Each is a small JSON file, replaced atomically.
 
 A record is read instead of the checkpoint, so that thousands of jobs are looked through in seconds. It describes the
 checkpoint well enough to notice one that is missing or was changed.
@@ -20,12 +20,12 @@ SIZE_MAX = 64 * 1024 * 1024
 
 
 class RecordError(AirraceError):
-    """A record that is not one."""
+    """An error of a job's record that cannot be used."""
 
 
 @dataclass(frozen=True)
 class FileMark:
-    """What a file was like: its size (bytes), sha256 (hex) and time of change (ns)."""
+    """A mark that tells whether a file has changed: its size (bytes), sha256 (hex) and time of change (ns)."""
 
     size: int
     sha256: str
@@ -33,7 +33,7 @@ class FileMark:
 
     @classmethod
     def of(cls, path: Path) -> Self | None:
-        """The mark of a file as it is now; None where there is none."""
+        """Return the mark of a file as it is now, or None if it cannot be read."""
         try:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256")
@@ -43,7 +43,10 @@ class FileMark:
         return cls(status.st_size, digest.hexdigest(), status.st_mtime_ns)
 
     def difference(self, path: Path) -> str:
-        """What is different about the file now, a clause; its content is read only if its time of change differs."""
+        """Return what is different about the file now, as a clause; empty if nothing is.
+
+        Its content is read only if its time of change differs.
+        """
         try:
             status = path.stat()
         except OSError:
@@ -59,7 +62,7 @@ class FileMark:
 
 @dataclass(frozen=True)
 class Record:
-    """A job as it stood last.
+    """A job's record as it is stored on disk.
 
     Attributes:
         fingerprint: what it was flown with.
@@ -83,22 +86,22 @@ class Record:
 
     @property
     def race_time(self) -> float | None:
-        """The race time of its last stage, s; None where that found no flight."""
+        """The race time of the job's last stage, s; None if that found no flight."""
         return None if self.run is None else self.run["race_time_s"]
 
 
 def checkpoint_path(folder: Path, name: str) -> Path:
-    """The path of a job's checkpoint."""
+    """Return the path of a job's checkpoint."""
     return folder / f"{name}.h5"
 
 
 def record_path(folder: Path, name: str) -> Path:
-    """The path of a job's record."""
+    """Return the path of a job's record."""
     return folder / f"{name}.json"
 
 
 def write_record(folder: Path, name: str, record: Record) -> None:
-    """Replace the record of a job.
+    """Write the record of a job, in place of an earlier one.
 
     Raises:
         StorageError: the system refused.
@@ -108,7 +111,7 @@ def write_record(folder: Path, name: str, record: Record) -> None:
 
 
 def read_record(folder: Path, name: str) -> Record | None:
-    """The record of a job, None where there is none.
+    """Return the record of a job, or None if there is none.
 
     Raises:
         RecordError: there is one that cannot be used; the text says why, a clause.

@@ -1,4 +1,4 @@
-"""`--csv`: a row per job, in the order of the ranking. Opens in any spreadsheet."""
+"""The report of `--csv`: a row per job, in the order of the ranking. It opens in any spreadsheet."""
 
 import csv
 import io
@@ -14,7 +14,10 @@ WAYS = ("way", "ways_tried", "next_way", "next_way_behind_s")
 
 
 def csv_text(rows: Sequence[Row], folder: Path) -> str:
-    """The table as RFC 4180, a column for every swept key; numbers at full precision, nothing where there is none."""
+    """Return the table as RFC 4180 has it, with a column for every swept key.
+
+    Numbers have full precision; an entry is empty where there is none.
+    """
     keys = list(dict.fromkeys(key for row in rows for key, _ in row.step.swept))
     written = io.StringIO()
     writer = csv.writer(written)

@@ -1,4 +1,6 @@
-"""`--junit`: the report that every CI server reads. A job is a test suite; what its stages certify are its test cases.
+"""The report of `--junit`, which every CI server reads.
+
+A job is a test suite; what its stages certify are its test cases.
 
 | in the batch | in the report |
 |---|---|
@@ -27,7 +29,7 @@ Run = Mapping[str, Any]  # Any: the JSON of a run
 
 
 def junit_text(rows: Sequence[Row], folder: Path) -> str:
-    """The report as XML; stages and certificates come from the records in the folder."""
+    """Return the report as XML; stages and certificates come from the records in the folder."""
     suites = Element("testsuites", name="airrace batch")
     for row in rows:
         suites.append(_suite(row, folder))
@@ -39,7 +41,7 @@ def junit_text(rows: Sequence[Row], folder: Path) -> str:
 
 
 def stages_of(row: Row, folder: Path) -> Sequence[Run]:
-    """The stages of a job as `airrace optimize --json` prints them, from its record."""
+    """Return the stages of a job as `airrace optimize --json` prints them, from its record."""
     if row.step.action == "refuse":
         return ()
     try:
@@ -66,7 +68,7 @@ def _suite(row: Row, folder: Path) -> Element:
 
 
 def _total_time(parent: Element) -> str:
-    """Of the cases of a suite, or of all suites."""
+    """Return the time (s) of all cases of a suite, or of all suites, as a text."""
     return str(round(sum(float(child.get("time", "0")) for child in parent), 3))
 
 
@@ -106,7 +108,7 @@ def _item_text(item: Run) -> str:
 
 
 def _run_case(row: Row, seconds: float) -> Element:
-    """The job as a whole; its time is what its stages leave, so that the times of a suite add up."""
+    """Return the case of the job as a whole; its time is what its stages leave, so that the times of a suite add up."""
     result = row.result
     case = _case(row.step.name, "run", seconds)
     if result.code != ExitCode.DONE:
@@ -131,5 +133,5 @@ def _trouble(case: Element, tag: str, kind: str, text: str) -> None:
 
 
 def fit(text: str) -> str:
-    """A text that XML can hold; what it cannot is written as `\\x00`."""
+    """Return a text that XML can hold; a character that it cannot hold is written as `\\x00`."""
     return _UNFIT.sub(lambda found: f"\\x{ord(found[0]):02x}", text).replace("\r", "\\x0d")

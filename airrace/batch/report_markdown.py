@@ -6,11 +6,11 @@ from airrace.batch.ranking import Row, counts
 from airrace.batch.wind import WindSummary, wind_words
 
 ROWS_MAX = 500
-"""So many jobs are listed; GitHub takes 1 MiB."""
+"""The largest number of jobs that are listed; GitHub takes 1 MiB."""
 
 
 def markdown_text(rows: Sequence[Row], summaries: Sequence[WindSummary]) -> str:
-    """A heading, the table, the ways round, what is wrong, and the winds."""
+    """Return the report: a heading, the table, the ways round, what is wrong, and the winds."""
     return "\n".join([*_ranking(rows), *_ways(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""From what a user names (files, patterns, `batch.yaml`) to the courses that are meant, and how each is to be flown."""
+"""The courses that a user means with files, patterns and `batch.yaml`, and how each of them is to be flown."""
 
 import glob
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +17,7 @@ SWEEP_OPTION = "--sweep"
 
 @dataclass(frozen=True)
 class Manner:
-    """How courses are to be flown.
+    """The way in which courses are to be flown.
 
     Attributes:
         aircraft: files, each of which flies every course; empty for the tracks' own.
@@ -38,7 +38,7 @@ class Manner:
 
 @dataclass(frozen=True)
 class Group:
-    """Courses that are flown alike."""
+    """A group of courses that are flown alike."""
 
     courses: tuple[Path, ...]
     manner: Manner
@@ -46,14 +46,14 @@ class Group:
 
 @dataclass(frozen=True)
 class Sources:
-    """What was meant, and what is wrong with the way it was said."""
+    """The groups of courses that were meant, and what is wrong with the way they were named."""
 
     groups: tuple[Group, ...]
     findings: tuple[Finding, ...] = field(default=())
 
 
 def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
-    """The sweeps of the command line.
+    """Return the sweeps of the command line.
 
     Raises:
         InputError: with all findings.
@@ -76,7 +76,7 @@ def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
 
 
 def find_sources(named: Sequence[str], manner: Manner) -> Sources:
-    """The courses named by files and patterns, and those of batch files.
+    """Return the courses named by files and patterns, and those of batch files.
 
     The manner of the command line comes first: it replaces the aircraft, the settings, the last stage and the sweeps of
     the same key in batch files, and its overrides come after theirs.
@@ -101,7 +101,10 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
 
 
 def _batch_document(path: Path) -> Document | None:
-    """The file at a path if it is a batch; whatever else is wrong with it is told when it is read as a course."""
+    """Return the file at a path if it is a batch, else None.
+
+    Whatever else is wrong with the file is reported when it is read as a course.
+    """
     document = read_document(path, []) if path.is_file() else None
     return document if document is not None and is_batch(document) else None
 
@@ -137,7 +140,7 @@ def _sweeps_of(entry: BatchEntry, reporter: Reporter) -> Iterator[Sweep]:
 
 
 def _places(reporter: Reporter) -> Iterator[tuple[str, Place]]:
-    """Where every key of `set` and `sweep` stands."""
+    """Yield every key of `set` and `sweep` with its place in the file."""
     for part in ("set", "sweep"):
         node = reporter.find((part,))
         if isinstance(node, MappingNode):
@@ -145,7 +148,7 @@ def _places(reporter: Reporter) -> Iterator[tuple[str, Place]]:
 
 
 def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findings: list[Finding]) -> Iterator[Path]:
-    """The files of names and patterns, in their order; those of a pattern by name."""
+    """Yield the files of names and patterns, in their order; those of a pattern by name."""
     for index, name in enumerate(named):
         path = folder / name
         if path.exists() or not glob.has_magic(name):

@@ -1,4 +1,6 @@
-"""Who sees to it that every job ends: hands them out, hears how they end, tries again, keeps records.
+"""Supervision of a batch: it hands out jobs, hears how they end, tries again and keeps records.
+
+It never raises for what happens to a job, and keeps only a few numbers of a finished one: the rest is on the disk.
 
 It never raises for what happens to a job, and keeps a few numbers of a finished one: the rest is on the disk.
 """
@@ -19,12 +21,12 @@ from airrace.runs.exit_codes import ExitCode
 
 PATIENCE = 0.25  # s, between two looks whether to stop
 ACCIDENTS = (Fault.CRASHED, Fault.KILLED, Fault.LOST)
-"""Ends that may well be different the next time."""
+"""The faults that may well not occur the next time."""
 
 
 @dataclass(frozen=True)
 class Policy:
-    """How patient supervision is.
+    """The patience of supervision: its time limit, its retries, and what it flies again.
 
     Attributes:
         timeout: longest wall time of an attempt, s; None for no limit.
@@ -38,7 +40,7 @@ class Policy:
 
 
 class Watcher(Protocol):
-    """Who watches a batch; all calls come from the thread that supervises."""
+    """An observer of a batch; all calls come from the thread that supervises."""
 
     def begun(self, plan: Plan) -> None: ...
 
@@ -53,13 +55,13 @@ class Watcher(Protocol):
     def ended(self, step: Step, result: Result) -> None: ...
 
     def idle(self) -> None:
-        """Nothing happened for a moment."""
+        """Note that nothing happened for a moment."""
         ...
 
 
 @dataclass
 class _Attempts:
-    """What has become of a job so far in this call."""
+    """The attempts at a job so far in this call."""
 
     step: Step
     job: Job
@@ -70,7 +72,7 @@ class _Attempts:
 def supervise(
     plan: Plan, executor: Executor, policy: Policy, watcher: Watcher, *, stop_asked: Callable[[], bool]
 ) -> Sequence[Result]:
-    """Fly what is to be flown.
+    """Fly all jobs of a plan that are to be flown.
 
     Args:
         stop_asked: whether to stop; asked a few times a second. Jobs under way are stopped and count as interrupted,

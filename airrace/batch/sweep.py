@@ -1,4 +1,4 @@
-"""`--sweep KEY=VALUES`: one value of the inputs, in turn given several values. Several sweeps multiply.
+"""Sweeps: `--sweep KEY=VALUES` gives one value of the inputs several values in turn. Several sweeps multiply.
 
 VALUES is a list, `0,5,10`, whose items may be ranges, `first:last:step`. **A range includes its last value** where a
 step leads there, `0:20:5` is 0, 5, 10, 15 and 20; but a full circle is closed once: of a direction, `0:360:45` ends
@@ -12,12 +12,12 @@ from decimal import Decimal
 from itertools import product
 
 VALUES_MAX = 100_000
-"""So many values a sweep may have."""
+"""The largest number of values of a sweep."""
 DIRECTIONS = ("from_deg", "heading_deg", "pass_side_deg")
-"""Keys whose values repeat after 360 degrees."""
+"""The last parts of keys whose values repeat after 360 degrees."""
 
 Combination = tuple[tuple[str, str], ...]
-"""A value for every swept key."""
+"""A value for every swept key, as pairs of key and value."""
 
 _NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]+)?")
 
@@ -31,7 +31,10 @@ class Sweep:
 
 
 def parse_sweep(text: str) -> Sweep:
-    """The sweep of `KEY=VALUES`.
+    """Return the sweep that `KEY=VALUES` stands for.
+
+    Raises:
+        ValueError: the text is no sweep; the error's text says why.
 
     Raises:
         ValueError: it is none; its text says why.
@@ -43,7 +46,7 @@ def parse_sweep(text: str) -> Sweep:
 
 
 def sweep_of(key: str, items: Sequence[str]) -> Sweep:
-    """A sweep over single values and ranges.
+    """Return a sweep over single values and ranges.
 
     Raises:
         ValueError: there is no value, a range leads nowhere, or a value comes twice.
@@ -62,14 +65,16 @@ def sweep_of(key: str, items: Sequence[str]) -> Sweep:
 
 
 def combinations(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
-    """Every value of every sweep with every value of the others, the last sweep fastest; one empty one of none."""
+    """Yield every combination of the sweeps' values, the last sweep varying fastest; a single empty one without
+    sweeps.
+    """
     keys = [sweep.key for sweep in sweeps]
     for values in product(*(sweep.values for sweep in sweeps)):
         yield tuple(zip(keys, values, strict=True))
 
 
 def count(sweeps: Iterable[Sweep]) -> int:
-    """How many combinations there are."""
+    """Return the number of combinations."""
     total = 1
     for sweep in sweeps:
         total *= len(sweep.values)
@@ -77,13 +82,15 @@ def count(sweeps: Iterable[Sweep]) -> int:
 
 
 def cover(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
-    """A few combinations in which every value of every sweep occurs: what is wrong with one shows in one of them."""
+    """Yield a few combinations in which every value of every sweep occurs, so that a fault of any value shows in one of
+    them.
+    """
     for number in range(max((len(sweep.values) for sweep in sweeps), default=1)):
         yield tuple((sweep.key, sweep.values[number % len(sweep.values)]) for sweep in sweeps)
 
 
 def canonical(text: str) -> str:
-    """A number in its shortest decimal form; anything else as it is."""
+    """Return a number in its shortest decimal form, and any other text unchanged."""
     return _decimal(Decimal(text)) if _NUMBER.fullmatch(text) else text
 
 

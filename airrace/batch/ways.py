@@ -1,4 +1,4 @@
-"""Which way round a job was flown, and which other way came next."""
+"""The way round in which a job was flown, and the one that came next."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,7 +24,9 @@ class Ways:
 
 # Any: JSON
 def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
-    """The ways of the stage that explored, from the object of `airrace optimize --json`; None where none did."""
+    """Return the ways of the stage that explored, from the object of `airrace optimize --json`; None if none
+    explored.
+    """
     told = [stage["ways"] for stage in (run or {}).get("stages", ()) if stage.get("ways")]
     if not told:
         return None

@@ -1,4 +1,4 @@
-"""What a sweep over the wind has shown: the best and the worst of it, what a knot costs, and from where.
+"""The results of a sweep over the wind: its best and its worst, what a knot costs, and from which direction.
 
 Per course, aircraft and values of all other sweeps; only certified flights count. The sensitivity is the slope of the
 straight line that fits race time against wind speed best.
@@ -15,12 +15,12 @@ from airrace.runs.exit_codes import ExitCode
 
 DIRECTION = "environment.wind.from_deg"
 SPEEDS: Mapping[str, float] = {"environment.wind.speed_kt": 1.0, "environment.wind.speed_m_s": 1.0 / KNOT}
-"""Keys of the wind's speed, and how many knots one of their units is."""
+"""The keys of the wind's speed, and the knots in one of their units."""
 
 
 @dataclass(frozen=True)
 class Bearing:
-    """One direction of the wind.
+    """The race times in one direction of the wind.
 
     Attributes:
         from_deg: where it blows from, as swept.
@@ -35,7 +35,7 @@ class Bearing:
 
 @dataclass(frozen=True)
 class WindSummary:
-    """The winds that one course was flown in.
+    """The race times of one course in several winds.
 
     Attributes:
         title: what was flown, in words.
@@ -53,7 +53,7 @@ class WindSummary:
     bearings: tuple[Bearing, ...]
 
     def as_object(self) -> dict[str, object]:
-        """For JSON."""
+        """Return the summary as plain values, for JSON."""
         return {
             "of": self.title,
             "flights": self.flights,
@@ -67,7 +67,7 @@ class WindSummary:
 
 
 def wind_summaries(rows: Sequence[Row]) -> list[WindSummary]:
-    """A summary of every course that was flown in several winds; none where the wind was not swept."""
+    """Return a summary of every course that was flown in several winds; none if the wind was not swept."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.result.code == ExitCode.DONE and row.result.race_time is not None and _is_wind_swept(row):
@@ -78,7 +78,7 @@ def wind_summaries(rows: Sequence[Row]) -> list[WindSummary]:
 
 
 def wind_words(row: Row) -> str:
-    """The swept part of a job's wind: `10 kt from 45`."""
+    """Return the swept part of a job's wind in words, e.g. `10 kt from 45`."""
     swept = dict(row.step.swept)
     speeds = [f"{swept[key]} {'kt' if key.endswith('kt') else 'm/s'}" for key in SPEEDS if key in swept]
     return " ".join([*speeds, *([f"from {swept[DIRECTION]}"] if DIRECTION in swept else [])])
@@ -104,7 +104,7 @@ def _bearing(direction: str, rows: Sequence[Row]) -> Bearing:
 
 
 def _slope(rows: Sequence[Row]) -> float | None:
-    """Of race time over wind speed, s/kt, by least squares; None where the speed does not vary."""
+    """Return the slope of race time over wind speed, s/kt, by least squares; None where the speed does not vary."""
     points = [(speed, _time(row)) for row in rows if (speed := _knots(row)) is not None]
     if len({speed for speed, _ in points}) < 2:
         return None
@@ -126,7 +126,7 @@ def _time(row: Row) -> float:
 
 
 def _number(text: str) -> float:
-    """Infinity for what is no number, such as the `null` that takes a key out."""
+    """Return the number that a text stands for; infinity if it is none, such as the `null` that takes a key out."""
     try:
         return float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""All that a run was given and found, in one HDF5 file: replaced atomically, read with distrust."""
+"""Checkpoints: all that a run was given and found, in one HDF5 file, replaced atomically and read with distrust."""
 
 from airrace.checkpoint.checkpoint import (
     Checkpoint,

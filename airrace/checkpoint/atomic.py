@@ -1,4 +1,7 @@
-"""Replace a file as a whole: whatever happens, the name leads to the old content or to the new, never to a mixture."""
+"""Atomic replacement of files.
+
+Whatever happens, the name leads to the old content or to the new, never to a mixture.
+"""
 
 import contextlib
 import errno
@@ -47,7 +50,7 @@ def _write_durably(path: Path, content: bytes) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Bring the rename itself to the disk, where the system can do that for folders."""
+    """Flush the rename itself to the disk, where the system can do that for folders."""
     if os.name != "posix":
         return
     descriptor = os.open(folder, os.O_RDONLY)

@@ -1,4 +1,4 @@
-"""What a checkpoint holds, and which of its stages can still be trusted.
+"""The contents of a checkpoint, and which of its stages can still be trusted.
 
 Every stage carries a link of a hash chain. With `h_0` the empty string,
 
@@ -19,7 +19,7 @@ from airrace.procedure.stage import STAGES, Stage
 
 @dataclass(frozen=True)
 class StoredDocument:
-    """One YAML input: the path it was read from and its text, as it was."""
+    """A YAML input: the path it was read from and its text, unchanged."""
 
     path: str
     text: str
@@ -27,7 +27,7 @@ class StoredDocument:
 
 @dataclass(frozen=True)
 class StoredInputs:
-    """All that a run was asked for.
+    """The inputs of a run, as documents and as resolved.
 
     Attributes:
         track, aircraft: the documents.
@@ -55,7 +55,7 @@ class StoredStage:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """One run.
+    """A run as it is stored: its inputs and its finished stages.
 
     Attributes:
         inputs: what was asked for.
@@ -68,7 +68,7 @@ class Checkpoint:
     stages: tuple[StoredStage, ...] = ()
 
     def with_stage(self, result: StageResult) -> Self:
-        """This run with one more finished stage.
+        """Return this run with one more finished stage.
 
         Stages from this one on are dropped: they were computed from what `result` now replaces.
         """
@@ -78,23 +78,23 @@ class Checkpoint:
         return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))
 
     def stage(self, stage: Stage) -> StoredStage | None:
-        """The stored stage, or None where it has not been finished."""
+        """Return the stored stage, or None if it has not been finished."""
         return next((one for one in self.stages if one.result.stage is stage), None)
 
 
 def inputs_hash(resolved_json: str) -> str:
-    """Hex sha256 of the configuration as understood."""
+    """Return the sha256 (hex) of the resolved configuration."""
     return hashlib.sha256(resolved_json.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def chain_hash(previous: str, inputs: str, result: StageResult) -> str:
-    """The next link of the chain (hex); `previous` is empty for the first stage."""
+    """Return the next link of the chain (hex); `previous` is empty for the first stage."""
     text = "\n".join((previous, inputs, result.stage.value, content_digest(result)))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def stale_stages(checkpoint: Checkpoint, current_inputs_hash: str) -> list[tuple[Stage, str]]:
-    """The stages that have to be computed again, in order, each with the reason (a clause for the user)."""
+    """Return the stages that have to be computed again, in order, each with the reason (a clause for the user)."""
     stale: list[tuple[Stage, str]] = []
     previous = ""
     for stored in checkpoint.stages:

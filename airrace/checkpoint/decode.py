@@ -1,4 +1,4 @@
-"""A tree, whoever wrote it, read as a checkpoint: exactly the layout of `encode.py`, or an error that says where."""
+"""The reader of a checkpoint's tree: exactly the layout of `encode.py`, or an error that says where it differs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,7 +29,7 @@ from airrace.trajectory import Array, Trajectory
 
 
 def decode(root: Group) -> Checkpoint:
-    """The checkpoint that a tree holds.
+    """Return the checkpoint that a tree holds.
 
     Raises:
         CheckpointError: another schema; a member that is missing, unknown or of the wrong kind; shapes that
@@ -160,7 +160,7 @@ def _trajectory(place: Place) -> Trajectory:
 
 
 def _histories(place: Place, length: int) -> tuple[tuple[Quantity, ...], Array]:
-    """Declarations and values, shape (n, length), in the order of their rows."""
+    """Return declarations and values, shape (n, length), in the order of their rows."""
     rows: dict[int, tuple[Quantity, Array]] = {}
     for name in place.node.members:
         values = place.floats(name)

@@ -1,4 +1,4 @@
-"""A digest of everything a value says, independent of how it is stored."""
+"""A digest of all that a value says, independent of how it is stored."""
 
 import dataclasses
 import hashlib
@@ -14,7 +14,9 @@ from airrace.procedure.stage import Stage
 
 
 def content_digest(value: object) -> str:
-    """Hex sha256 of a frozen dataclass of arrays, strings, numbers, enums, tuples and further such dataclasses.
+    """Return the sha256 (hex) of a frozen dataclass.
+
+    Its fields may be arrays, strings, numbers, enums, tuples and further such dataclasses.
 
     Numbers count as what they are stored as, 64-bit floats and integers: 1 and 1.0 have the same digest, as they are
     the same after a round trip; 0.0 and -0.0 have not. A field whose metadata say `"counts": "where set"` is left out

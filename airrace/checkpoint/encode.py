@@ -1,4 +1,4 @@
-"""A checkpoint written out as a tree. The layout, with `N` intervals and `N + 1` nodes:
+"""The layout of a checkpoint as a tree, with `N` intervals and `N + 1` nodes:
 
 /                                   attribute schema
 /inputs/track, aircraft, settings   path, text (settings only where there was a file)
@@ -58,7 +58,7 @@ class ExploredSummary:
 
 
 def encode(checkpoint: Checkpoint) -> Group:
-    """The checkpoint as a tree.
+    """Return the checkpoint as a tree.
 
     Raises:
         CheckpointError: a quantity's name cannot name an HDF5 dataset, or a trajectory contradicts itself.

@@ -23,13 +23,13 @@ _HEADER = struct.Struct("<16sIQ32s")
 
 
 def seal(image: bytes) -> bytes:
-    """The image behind its user block."""
+    """Return the image behind its user block."""
     header = _HEADER.pack(MAGIC, VERSION, len(image), hashlib.sha256(image).digest())
     return header.ljust(BLOCK_SIZE, b"\0") + image
 
 
 def unseal(content: bytes) -> bytes:
-    """The image of a sealed file.
+    """Return the image of a sealed file.
 
     Raises:
         CheckpointError: not a checkpoint, of another version, truncated, too long, or altered.

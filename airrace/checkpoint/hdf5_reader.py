@@ -1,4 +1,4 @@
-"""An HDF5 image that nobody vouches for, read as a tree.
+"""The reader of HDF5 images that nobody vouches for; it returns a tree.
 
 Only what `hdf5_writer.py` writes is accepted: groups; datasets of at most one dimension, stored contiguously in the
 image itself, of 64-bit numbers, of fixed-length UTF-8 strings, or of rows of both; scalar attributes of the same types.
@@ -35,7 +35,7 @@ Handle = Any
 
 
 def tree_of(image: bytes) -> Group:
-    """The tree that an HDF5 image holds.
+    """Return the tree that an HDF5 image holds.
 
     Raises:
         CheckpointError: no HDF5 image, or one with anything but the plain kinds described above.
@@ -51,13 +51,17 @@ def tree_of(image: bytes) -> Group:
 
 @dataclass
 class Budget:
-    """What may still be read: all datasets together cannot hold more bytes than the image does."""
+    """A count of what may still be read: all datasets together cannot hold more bytes than the image does."""
 
     bytes_left: int
     objects_left: int = OBJECTS_MAX
 
     def take(self, path: str, *, objects: int = 0, size: int = 0) -> None:
-        """Account for objects or bytes before they are read."""
+        """Account for objects or bytes before they are read.
+
+        Raises:
+            CheckpointError: more is claimed than the image can hold.
+        """
         self.objects_left -= objects
         self.bytes_left -= size
         if self.objects_left < 0 or self.bytes_left < 0:
@@ -131,7 +135,7 @@ def _decoded(text: bytes, path: str) -> str:
 
 
 def _attributes(place: Handle, path: str) -> dict[str, Attribute]:
-    """The scalar attributes of a group or dataset, but for those of HDF5's dimension scales."""
+    """Return the scalar attributes of a group or dataset, without those of HDF5's dimension scales."""
     count: int = h5py.h5a.get_num_attrs(place)
     if count > ATTRIBUTES_MAX:
         raise CheckpointError(f"{path or '/'}: has {count} attributes")

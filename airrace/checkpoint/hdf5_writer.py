@@ -1,4 +1,4 @@
-"""A tree as an HDF5 image in memory.
+"""The writer of a tree as an HDF5 image in memory.
 
 Only the plainest HDF5 is written, so that only that has to be read: groups; datasets of at most one dimension, stored
 contiguously, of 64-bit numbers, of fixed-length UTF-8 strings, or of rows of both; scalar attributes of the same types.
@@ -22,7 +22,11 @@ Handle = Any
 
 
 def image_of(root: Group) -> bytes:
-    """The tree as an HDF5 file, in memory."""
+    """Return the tree as an HDF5 file, in memory.
+
+    Raises:
+        CheckpointError: a text contains a NUL character.
+    """
     with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
         _write_group(file, root)
         _attach_axes(file, root, "")
@@ -70,7 +74,7 @@ def _attach_axes(file: Handle, group: Group, path: str) -> None:
 
 
 def _text(text: str) -> NDArray[np.bytes_]:
-    """A scalar of just the length it needs (HDF5 has no strings of length 0: one NUL stands for that)."""
+    """Return a scalar string of just the length it needs (HDF5 has no strings of length 0: one NUL stands for that)."""
     encoded = _encoded(text)
     return np.array(encoded, h5py.string_dtype("utf-8", max(1, len(encoded))))
 

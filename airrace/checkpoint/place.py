@@ -14,13 +14,17 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Place:
-    """A group and its path, which every message names."""
+    """A group of a tree and its path, which every message names."""
 
     path: str
     node: Group
 
     def expecting(self, *names: str, optional: tuple[str, ...] = ()) -> "Place":
-        """This place, once its members are exactly `names`, and perhaps the optional ones."""
+        """Return this place if its members are exactly `names`, with or without the optional ones.
+
+        Raises:
+            CheckpointError: a member is missing or unknown.
+        """
         missing = [name for name in names if name not in self.node.members]
         unknown = [name for name in self.node.members if name not in (*names, *optional)]
         if missing or unknown:
@@ -41,7 +45,11 @@ class Place:
         return node if isinstance(node, Table) else self._wrong(name, "a table")
 
     def texts(self, name: str, column: str) -> tuple[str, ...]:
-        """The entries of a table of one column of texts."""
+        """Return the entries of a table that has one column of texts.
+
+        Raises:
+            CheckpointError: the member is not such a table.
+        """
         columns: Mapping[str, Column] = self.table(name).columns
         entries = columns.get(column)
         return entries if isinstance(entries, tuple) and len(columns) == 1 else self._wrong(name, f"a list: {column}")

@@ -1,4 +1,4 @@
-"""Checkpoints on the disk: the only two functions that touch files."""
+"""Checkpoints on the disk: the only two functions that read and write them."""
 
 import os
 import stat
@@ -34,7 +34,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """The checkpoint at `path`, verified.
+    """Return the checkpoint at `path`, verified.
 
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.

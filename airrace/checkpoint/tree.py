@@ -16,7 +16,7 @@ Column = tuple[str, ...] | Numbers
 
 @dataclass(frozen=True)
 class Series:
-    """Numbers in a row, shape (n,), with attributes.
+    """A row of numbers, shape (n,), with attributes.
 
     `axis` is the path of the series that gives the places of these numbers (HDF5: its dimension scale), if any.
     """
@@ -28,14 +28,14 @@ class Series:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of equal length, by name."""
+    """A table: columns of equal length, by name."""
 
     columns: Mapping[str, Column]
 
 
 @dataclass(frozen=True)
 class Group:
-    """Named members."""
+    """A group of named members, with attributes."""
 
     members: Mapping[str, "Node"]
     attributes: Mapping[str, Attribute] = field(default_factory=dict[str, Attribute])
@@ -55,13 +55,13 @@ R = TypeVar("R", bound=Record)
 
 
 def column_kinds(record: type[Record]) -> dict[str, type]:
-    """The columns of a table of such records: its fields and their types."""
+    """Return the columns of a table of such records: the fields and their types."""
     hints = get_type_hints(record)
     return {one.name: hints[one.name] for one in fields(record)}
 
 
 def table_of(record: type[R], rows: Sequence[R]) -> Table:
-    """One row per record; truth is stored as 0 and 1."""
+    """Return a table with one row per record; truth values are stored as 0 and 1."""
     columns: dict[str, Column] = {}
     for name, kind in column_kinds(record).items():
         entries = [getattr(row, name) for row in rows]
@@ -70,7 +70,7 @@ def table_of(record: type[R], rows: Sequence[R]) -> Table:
 
 
 def rows_of(record: type[R], table: Table, path: str) -> tuple[R, ...]:
-    """The records of a table.
+    """Return the records of a table.
 
     Raises:
         CheckpointError: its columns are not exactly the fields, or a truth value is neither 0 nor 1.

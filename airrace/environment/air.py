@@ -1,4 +1,4 @@
-"""What the air is like on the day: deviations from the standard atmosphere, wind, thermals (numbers only)."""
+"""The air of the day: deviations from the standard atmosphere, wind and thermals (numbers only)."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Profile(Enum):
-    """How the static wind changes with height."""
+    """The law by which the static wind changes with height."""
 
     CONSTANT = "constant"
     POWER = "power"
@@ -15,7 +15,7 @@ class Profile(Enum):
 
 @dataclass(frozen=True)
 class StaticWind:
-    """Wind from `origin` (azimuth it blows from, rad) with `speed` (m/s) at `reference_height` (m).
+    """A wind from `origin` (the azimuth it blows from, rad) with `speed` (m/s) at `reference_height` (m).
 
     `exponent` belongs to the power law, `roughness` (m) to the logarithmic one.
     """
@@ -29,12 +29,12 @@ class StaticWind:
 
     @property
     def north(self) -> float:
-        """Northward component at the reference height, m/s."""
+        """The northward component at the reference height, m/s."""
         return -self.speed * math.cos(self.origin)
 
     @property
     def east(self) -> float:
-        """Eastward component at the reference height, m/s."""
+        """The eastward component at the reference height, m/s."""
         return -self.speed * math.sin(self.origin)
 
 
@@ -50,7 +50,10 @@ class Thermal:
 
 @dataclass(frozen=True)
 class Air:
-    """Offsets from ISA at sea level (K, Pa) and the wind field. `wind` is None in still air."""
+    """The air of the day: offsets from ISA at sea level (K, Pa), the elevation of the track's origin (m) and the wind.
+
+    `wind` is None without static wind.
+    """
 
     temperature_offset: float = 0.0
     pressure_offset: float = 0.0

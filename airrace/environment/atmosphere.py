@@ -14,23 +14,24 @@ from airrace.frames import Scalar
 from airrace.quantities import T, Vector, quantity, vector
 
 g0 = 9.80665
-"""Standard gravity, m/s2."""
+"""The standard acceleration of gravity, m/s2."""
 R_AIR = 287.05287
-"""Specific gas constant of dry air, J/(kg K) [ISO 2533]."""
+"""The specific gas constant of dry air, J/(kg K) [ISO 2533]."""
 LAPSE = 0.0065
-"""Temperature lapse rate of the troposphere, K/m [ISO 2533]."""
+"""The temperature lapse rate of the troposphere, K/m [ISO 2533]."""
 T_ISA = 288.15
-"""Standard temperature at mean sea level, K."""
+"""The standard temperature at mean sea level, K."""
 P_ISA = 101325.0
-"""Standard pressure at mean sea level, Pa."""
+"""The standard pressure at mean sea level, Pa."""
 RHO_ISA = P_ISA / (R_AIR * T_ISA)
-"""Standard density at mean sea level, kg/m3 (1.225)."""
+"""The standard density at mean sea level, kg/m3 (1.225)."""
 PRESSURE_EXPONENT = g0 / (R_AIR * LAPSE)
+"""The exponent of the pressure in the temperature ratio, `g0 / (R LAPSE)` (5.256)."""
 
 
 @vector
 class AtmosphereParameters(Vector[T]):
-    """What distinguishes the air of one day and place from another."""
+    """The numbers that distinguish the air of one day and place from another."""
 
     T_0: T = quantity("K", scale=T_ISA, text="temperature at mean sea level")
     p_0: T = quantity("Pa", scale=P_ISA, text="pressure at mean sea level")
@@ -38,22 +39,22 @@ class AtmosphereParameters(Vector[T]):
 
 
 def atmosphere_parameters(air: Air) -> AtmosphereParameters[float]:
-    """The numbers of a day: ISA at sea level plus the day's offsets."""
+    """Return the numbers of a day: ISA at sea level plus the day's offsets."""
     return AtmosphereParameters(
         T_0=T_ISA + air.temperature_offset, p_0=P_ISA + air.pressure_offset, elevation=air.elevation
     )
 
 
 def temperature(z: Scalar, air: AtmosphereParameters[Scalar]) -> Scalar:
-    """Air temperature (K) at `z` (m, down from the track's origin)."""
+    """Return the air temperature (K) at `z` (m, down from the track's origin)."""
     return air.T_0 - LAPSE * (air.elevation - z)
 
 
 def pressure(z: Scalar, air: AtmosphereParameters[Scalar]) -> Scalar:
-    """Air pressure (Pa) at `z` (m, down from the track's origin)."""
+    """Return the air pressure (Pa) at `z` (m, down from the track's origin)."""
     return air.p_0 * power(temperature(z, air) / air.T_0, PRESSURE_EXPONENT)
 
 
 def density(z: Scalar, air: AtmosphereParameters[Scalar]) -> Scalar:
-    """Air density `rho = p / (R T)` (kg/m3) at `z` (m, down from the track's origin)."""
+    """Return the air density `rho = p / (R T)` (kg/m3) at `z` (m, down from the track's origin)."""
     return pressure(z, air) / (R_AIR * temperature(z, air))

@@ -20,18 +20,23 @@ maximum: Callable[[Scalar, Scalar], Scalar] = ca.fmax
 
 
 def power(x: Scalar, exponent: Scalar) -> Scalar:
-    """`x^exponent` of a positive number, as `exp(exponent log x)`: its derivatives need no further powers."""
+    """Return `x^exponent` of a positive number, as `exp(exponent log x)`: its derivatives need no further powers."""
     return exp(exponent * log(x))
 
 
 def smooth_maximum(a: Scalar, b: Scalar, width: Scalar) -> Scalar:
-    """`(a + b + sqrt((a - b)^2 + width^2)) / 2`: above both, by `width / 2` where they meet, less away from there."""
+    """Return a smooth upper bound of `max(a, b)`, `(a + b + sqrt((a - b)^2 + width^2)) / 2`.
+
+    It exceeds the maximum by `width / 2` where both are equal, and by less away from there.
+    """
     difference = a - b
     return 0.5 * (a + b + sqrt(difference * difference + width * width))
 
 
 def smooth_clip(x: Scalar, lower: Scalar, upper: Scalar, width: Scalar) -> Scalar:
-    """`x` rounded off at two limits that it never reaches; rises everywhere, by nearly one between them.
+    """Return `x` rounded off at two limits that it never reaches.
+
+    It rises everywhere, with a slope of nearly one between the limits:
 
     `(lower + upper)/2 + [sqrt((x - lower)^2 + width^2) - sqrt((x - upper)^2 + width^2)]/2`
     """

@@ -1,4 +1,4 @@
-"""Static wind: one direction, a speed that depends on the height above ground alone.
+"""The static wind: one direction, and a speed that depends on the height above ground alone.
 
     W(h) = W_ref f(h) / f(h_ref)     f = 1 | h^exponent | ln(h / roughness)
 
@@ -11,14 +11,14 @@ from airrace.frames import Scalar
 from airrace.quantities import T, Vector, quantity, vector
 
 HEIGHT_FLOOR = 2.0
-"""Height below which the profiles stop falling, m; far below any legal flight."""
+"""The height below which the profiles stop falling, m; far below any legal flight."""
 HEIGHT_BLEND = 1.0
-"""Width of the transition to the floor, m."""
+"""The width of the smooth transition to the floor, m."""
 
 
 @vector
 class StaticWindParameters(Vector[T]):
-    """The wind at its reference height and what shapes its profile; a profile ignores what it does not need."""
+    """The wind at its reference height and the numbers of its profile; a profile ignores those it does not need."""
 
     north: T = quantity("m/s", scale=10.0, text="northward static wind at the reference height")
     east: T = quantity("m/s", scale=10.0, text="eastward static wind at the reference height")
@@ -28,7 +28,7 @@ class StaticWindParameters(Vector[T]):
 
 
 def static_wind_parameters(wind: StaticWind) -> StaticWindParameters[float]:
-    """The numbers of a static wind."""
+    """Return the numbers of a static wind."""
     return StaticWindParameters(
         north=wind.north,
         east=wind.east,
@@ -39,7 +39,7 @@ def static_wind_parameters(wind: StaticWind) -> StaticWindParameters[float]:
 
 
 def static_wind(profile: Profile, h: Scalar, wind: StaticWindParameters[Scalar]) -> tuple[Scalar, Scalar]:
-    """`(W_N, W_E)` in m/s at the height `h` (m) above ground."""
+    """Return the static wind `(W_N, W_E)` in m/s at the height `h` (m) above ground."""
     match profile:
         case Profile.CONSTANT:
             return wind.north, wind.east

@@ -13,7 +13,7 @@ from airrace.quantities import Quantity
 
 @dataclass(frozen=True)
 class WindField:
-    """What kinds of wind blow: fields of equal structure share one compiled kernel.
+    """The structure of the wind, i.e. which kinds of wind blow; fields of equal structure share one compiled kernel.
 
     Attributes:
         profile: profile of the static wind, None without static wind.
@@ -25,7 +25,7 @@ class WindField:
 
     @classmethod
     def of(cls, air: Air) -> "WindField":
-        """The structure of the wind in `air`."""
+        """Return the structure of the wind in `air`."""
         return cls(air.wind.profile if air.wind is not None else None, len(air.thermals))
 
     @property
@@ -35,7 +35,7 @@ class WindField:
 
     @property
     def label(self) -> str:
-        """Names the structure, e.g. `wind(power)+thermals(2)`; empty in still air."""
+        """The name of the structure, e.g. `wind(power)+thermals(2)`; empty in still air."""
         parts = [f"wind({self.profile.value})"] if self.profile is not None else []
         if self.thermals:
             parts.append(f"thermals({self.thermals})")
@@ -43,7 +43,7 @@ class WindField:
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:
-        """Declarations of the field's numbers, in the order of `values`."""
+        """The declarations of the field's numbers, in the order of `values`."""
         static = _prefixed("wind", StaticWindParameters.quantities()) if self.profile is not None else ()
         thermals = [
             _prefixed(f"thermal{number}", ThermalParameters.quantities()) for number in range(1, self.thermals + 1)
@@ -51,7 +51,7 @@ class WindField:
         return sum(thermals, static)
 
     def values(self, air: Air) -> list[float]:
-        """The numbers of `air`.
+        """Return the numbers of the wind in `air`, in the order of `parameters`.
 
         Args:
             air: of this field's structure.
@@ -65,7 +65,7 @@ class WindField:
         return [*static_wind_parameters(air.wind).join(), *numbers] if air.wind is not None else numbers
 
     def velocity(self, x: Scalar, y: Scalar, z: Scalar, p: Sequence[Scalar]) -> list[Scalar]:
-        """`V_W,O = [W_N, W_E, W_D]` (m/s) at a point of the track's frame (m), given the field's parameters."""
+        """Return `V_W,O = [W_N, W_E, W_D]` (m/s) at a point of the track's frame (m), given the field's parameters."""
         north, east, down = 0.0, 0.0, 0.0
         remaining = list(p)
         if self.profile is not None:
