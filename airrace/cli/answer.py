@@ -1,4 +1,4 @@
-"""How a command ends: one JSON object or a few lines, and an exit code. Never a raw traceback."""
+"""The end of a command: one JSON object or a few lines, and an exit code. Never a raw traceback."""
 
 import json
 import logging
@@ -40,14 +40,17 @@ def answering(fields: Mapping[str, object] | None = None, *, as_json: bool) -> G
 
 
 class _Warnings(logging.Handler):
-    """Says what libraries log, this one among them, unless a view of the run under way shows it."""
+    """A handler that prints what libraries and airrace itself log, unless a view of the run under way shows it."""
 
     def emit(self, record: logging.LogRecord) -> None:
         print(f"airrace: {record.levelname.lower()}: {record.getMessage()}", file=sys.stderr)
 
 
 def _say(answer: Answer, *, as_json: bool) -> None:
-    """stdout gets the object or the texts; the words go to stderr either way, for whoever watches a script."""
+    """Print the answer: the object or the texts on stdout.
+
+    Findings and errors go to stderr either way, for whoever watches a script.
+    """
     if answer.error:
         answer.fields["error"] = answer.error
         answer.fields["findings"] = [asdict(finding) for finding in answer.findings]
@@ -69,5 +72,5 @@ def _say(answer: Answer, *, as_json: bool) -> None:
 
 
 def _abandon_stdout() -> None:
-    """What is still buffered cannot be written either; let the interpreter's last flush go nowhere."""
+    """Redirect stdout to nowhere for the interpreter's last flush: what is still buffered cannot be written either."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""`airrace batch`: many courses at once."""
+"""The command `airrace batch`: many courses at once."""
 
 import signal
 import time
@@ -105,7 +105,10 @@ def batch(
 
 
 def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "Executor":
-    """Who flies the jobs: this machine, or a cluster, which is given as long to have a worker as a job has to end."""
+    """Return the executor that flies the jobs: this machine or a cluster.
+
+    A cluster is given as long to have a worker as a job has to end.
+    """
     from airrace.batch.process import JOB_COMMAND
     from airrace.runs.flying import available_cores
     from airrace.runs.stored import library_versions
@@ -123,7 +126,10 @@ def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "
 
 @contextmanager
 def stopping() -> Generator[Callable[[], bool], None, None]:
-    """Whether the user asked to stop. Ctrl-C (and SIGTERM) asks; once more, and everything is dropped at once."""
+    """Provide a function that tells whether the user asked to stop.
+
+    Ctrl-C (or SIGTERM) asks; the second time, everything is dropped at once.
+    """
     asked = False
 
     def ask(number: int, frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""What a batch came to: its object, its tables, its reports and its exit code."""
+"""The answer of a batch: its object, its tables, its reports and its exit code."""
 
 import math
 import sys
@@ -22,19 +22,19 @@ from airrace.runs.exit_codes import ExitCode, worst
 from airrace.runs.output import ensure_free, write_text
 
 FINDINGS_MAX = 500
-"""So many findings are told of a batch."""
+"""The largest number of findings that are printed for a batch."""
 
 
 @dataclass(frozen=True)
 class Reports:
-    """Files that are written at the end, each None where it is not wanted. They are replaced by every call."""
+    """The files that are written at the end, each None if it is not wanted. Every call replaces them."""
 
     csv: Path | None
     junit: Path | None
     markdown: Path | None
 
     def ensure_writable(self, plan: Plan) -> None:
-        """Find out before anything is flown whether they can be written, and would spoil nothing.
+        """Make sure, before anything is flown, that the reports can be written and would spoil nothing.
 
         Raises:
             UsageError: one is a folder, an input of the batch, or two are one.
@@ -53,7 +53,7 @@ class Reports:
             ensure_free(path, force=True)
 
     def write(self, rows: Sequence[Row], summaries: Sequence[WindSummary], folder: Path) -> None:
-        """Write all of them.
+        """Write all reports that are wanted.
 
         Raises:
             StorageError: the system refused.
@@ -67,7 +67,7 @@ class Reports:
 
 
 def _writable(text: str) -> str:
-    """A text that UTF-8 can hold; names of files may hold bytes that it cannot."""
+    """Return a text that UTF-8 can hold; names of files may hold bytes that it cannot."""
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -87,7 +87,7 @@ def describe_plan(answer: Answer, plan: Plan, *, quiet: bool) -> None:
 
 
 def plan_line(plan: Plan) -> str:
-    """The plan in a line: `8 jobs: 3 kept, 5 to fly`."""
+    """Return the plan in a line, e.g. `8 jobs: 3 kept, 5 to fly`."""
     actions = [step.action for step in plan.steps]
     told = {"keep": "kept", "fly": "to fly", "refuse": "with invalid input"}
     parts = [f"{actions.count(action)} {words}" for action, words in told.items() if action in actions]
@@ -128,7 +128,7 @@ def answer_with(
 
 
 def _fail_for_inputs(answer: Answer, plan: Plan, results: Sequence[Result]) -> None:
-    """Tell all findings, each once."""
+    """Report all findings, each once."""
     findings = list(dict.fromkeys(_findings(plan, results)))
     if findings:
         number = len(findings)

@@ -1,4 +1,4 @@
-"""Watching a batch: a live table on a terminal, plain lines without one, nothing when quiet. All of it on stderr."""
+"""Views of a batch: a live table on a terminal, plain lines without one, nothing when quiet. All of it is on stderr."""
 
 import sys
 import time
@@ -20,14 +20,14 @@ from airrace.cli.batch_answer import plan_line
 from airrace.views.live import commands_cursor
 
 REASONS_MAX = 20
-"""So many reasons are told one by one before anything is flown."""
+"""The largest number of reasons that are told one by one before anything is flown."""
 
 Clock = Callable[[], float]
 
 
 @contextmanager
 def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
-    """The watcher that suits stderr, for the duration of a batch."""
+    """Provide the watcher that suits stderr, for the duration of a batch."""
     if quiet:
         yield Unwatched()
     elif commands_cursor(sys.stderr):
@@ -39,7 +39,7 @@ def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
 
 
 class Unwatched:
-    """Watches nothing."""
+    """A watcher that shows nothing."""
 
     def begun(self, plan: Plan) -> None: ...
 
@@ -57,7 +57,7 @@ class Unwatched:
 
 
 class BatchLines:
-    """One line per event, no control codes."""
+    """A watcher that prints one line per event, without control codes."""
 
     def __init__(self, stream: TextIO, clock: Clock = time.monotonic) -> None:
         self._stream = stream
@@ -106,7 +106,7 @@ class _Seen:
 
 
 class LiveTable:
-    """The jobs under way as a table that renews itself; those that ended scroll away above it."""
+    """A watcher that shows the jobs under way as a live table; those that ended scroll away above it."""
 
     def __init__(self, console: Console, clock: Clock = time.monotonic) -> None:
         self._clock = clock
@@ -175,20 +175,20 @@ class LiveTable:
 
 
 def reason_lines(plan: Plan) -> list[str]:
-    """Why jobs that are not new are flown again."""
+    """Return why jobs that are not new are flown again, one line for each."""
     again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
     more = [f"and {len(again) - REASONS_MAX} more again (--dry-run tells all)"] if len(again) > REASONS_MAX else []
     return [*again[:REASONS_MAX], *more]
 
 
 def stage_words(event: StageFinished) -> str:
-    """A finished stage."""
+    """Return a finished stage in words."""
     race_time = "" if event.race_time is None else f", race time {event.race_time:.3f} s"
     return f"{event.stage} {event.status}{race_time}"
 
 
 def ending_words(result: Result) -> str:
-    """How a job ended."""
+    """Return the end of a job in words."""
     race_time = "" if result.race_time is None else f", race time {result.race_time:.3f} s"
     state, said = STATES.get(result.code, "failed"), " ".join(result.message.split())
     message = f": {said}" if said not in ("", state) else ""

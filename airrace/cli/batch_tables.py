@@ -10,11 +10,11 @@ from airrace.batch.wind import WindSummary, wind_words
 from airrace.cli.tables import plain_table
 
 MESSAGE_MAX = 90
-"""Longer messages are cut in the table; all of them are in the other reports."""
+"""The longest message in the table, in characters; the other reports hold longer ones in full."""
 
 
 def ranking_table(rows: Sequence[Row]) -> Table:
-    """All jobs, the fastest first."""
+    """Return a table of all jobs, the fastest first."""
     siblings, explored = has_siblings(rows), any(row.result.ways is not None for row in rows)
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
     numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's\nbest s",) if siblings else ()))
@@ -31,7 +31,7 @@ def ranking_table(rows: Sequence[Row]) -> Table:
 
 
 def wind_tables(summaries: Sequence[WindSummary]) -> list[Table]:
-    """For every course that was flown in several winds: best, worst, and what comes from where."""
+    """Return tables for every course that was flown in several winds: best and worst, and the mean by direction."""
     return [table for summary in summaries for table in _of_winds(summary)]
 
 
@@ -53,7 +53,7 @@ def _of_winds(summary: WindSummary) -> list[Table]:
 
 
 def _with_notes(title: str, numbers: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
-    """Names, numbers, and what was said in the last column."""
+    """Return a table of names, numbers, and messages in the last column."""
     table = plain_table(title, ("job", "state"), numbers, ())
     table.add_column("message")
     for row in cells:

@@ -1,4 +1,4 @@
-"""A drawing of dots in a terminal: eight to a character cell, square, in layers; with texts over them."""
+"""A drawing of dots in a terminal, in layers and with texts over them. Eight square dots make a character cell."""
 
 import math
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 @dataclass(frozen=True)
 class Layer:
-    """How a kind of dots looks: its style on a terminal, and its character where there are no Braille patterns."""
+    """The look of a kind of dots: its style on a terminal, and its character where there are no Braille patterns."""
 
     style: str
     plain: str
 
 
 class Canvas:
-    """Cells by row and column; places are north and east in metres.
+    """A canvas of cells by row and column; places on it are north and east in metres.
 
     Args:
         columns, rows: size, cells.
@@ -68,14 +68,16 @@ class Canvas:
         self._top[row // DOWN, column // ACROSS] = self._layers.index(layer)
 
     def cell(self, north: float, east: float) -> tuple[int, int]:
-        """Row and column of a place; it may lie outside."""
+        """Return the row and column of a place; it may lie outside."""
         return (
             math.floor((self.north - north) / self.dot / DOWN),
             math.floor((east - self.west) / self.dot / ACROSS),
         )
 
     def write(self, row: int, column: int, text: str, style: str) -> bool:
-        """Put a text over the dots unless it would leave the canvas or cover another text."""
+        """Put a text over the dots, unless it would leave the canvas or cover another text; return whether it was
+        put.
+        """
         cells = [(row, column + index) for index in range(len(text))]
         if not 0 <= row < self.rows or column < 0 or column + len(text) > self.columns:
             return False
@@ -85,12 +87,12 @@ class Canvas:
         return True
 
     def covered(self, row: int, column: int, length: int) -> int:
-        """Dots that a text of this length would hide; what lies outside of the canvas counts as none."""
+        """Return the number of dots that a text of this length would hide; outside of the canvas there are none."""
         top, left, right = row * DOWN, column * ACROSS, (column + length) * ACROSS
         return int(self._dots[max(top, 0) : max(top + DOWN, 0), max(left, 0) : max(right, 0)].sum())
 
     def drawn(self, *, plain: bool) -> list[Text]:
-        """The rows from north to south; with `plain` in ASCII alone."""
+        """Return the rows from north to south; with `plain` in ASCII alone."""
         cells = self._dots.reshape(self.rows, DOWN, self.columns, ACROSS)
         bits = (cells * _BITS[:, None, :]).sum(axis=(1, 3))
         return [self._row(row, bits[row], plain=plain) for row in range(self.rows)]

@@ -1,4 +1,4 @@
-"""`airrace check`: validate the inputs, review the course and show it."""
+"""The command `airrace check`: it validates the inputs, reviews the course and shows it."""
 
 from pathlib import Path
 from typing import Annotated

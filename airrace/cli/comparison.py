@@ -11,7 +11,10 @@ from airrace.procedure.result import StageResult
 
 
 def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | None:
-    """One row per leg: its time before and after, what was lost on it and so far; None as for the object."""
+    """Return a table of the legs: time before and after, what was lost on the leg and so far.
+
+    It is None where the two runs have no stage in common.
+    """
     common = last_common(start.results, results)
     if common is None:
         return None

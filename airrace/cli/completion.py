@@ -1,4 +1,4 @@
-"""What a shell offers when a name is begun and the tab key is pressed."""
+"""Completion in the shell: what it offers when a name is begun and the tab key is pressed."""
 
 from pathlib import Path
 
@@ -7,17 +7,17 @@ from airrace.resources import shipped_folder
 
 
 def tracks(incomplete: str) -> list[str]:
-    """Courses that come along, track files and folders that begin so."""
+    """Return the courses that come along, track files and folders whose names begin like this."""
     return _named("tracks", incomplete)
 
 
 def aircraft(incomplete: str) -> list[str]:
-    """Aircraft that come along, files and folders that begin so."""
+    """Return the aircraft that come along, files and folders whose names begin like this."""
     return _named("configs", incomplete)
 
 
 def stages(incomplete: str) -> list[str]:
-    """Stages that begin so, those of extensions among them."""
+    """Return the stages whose names begin like this, those of extensions among them."""
     return [stage.value for stage in STAGES if stage.value.startswith(incomplete)]
 
 
@@ -27,7 +27,7 @@ def _named(folder: str, incomplete: str) -> list[str]:
 
 
 def _files(incomplete: str) -> list[str]:
-    """YAML files and folders whose path begins so."""
+    """Return the YAML files and folders whose paths begin like this."""
     folder, slash, begin = incomplete.rpartition("/")
     try:
         entries = sorted(Path(folder or (slash or ".")).iterdir())

@@ -1,4 +1,4 @@
-"""A course before anyone flies it, as tables for people."""
+"""Tables of a course before it is flown."""
 
 import itertools
 import math
@@ -22,13 +22,13 @@ REMARKS_MAX = 30
 
 
 def course_tables(race: Race) -> list[Table]:
-    """Passages, what holds on single legs, limits along the flight, and what is kept away from."""
+    """Return the tables of a course: passages, conditions on single legs, limits along the flight, and surroundings."""
     tables = [_passages_table(race), _legs_table(race), _limits_table(race), _surroundings_table(race)]
     return [table for table in tables if table.row_count]
 
 
 def remarks_text(remarks: Sequence[Remark]) -> str:
-    """One line each, the first ones of many."""
+    """Return the remarks in one line each; of many, the first ones."""
     lines = [f"warning: {remark.text}" for remark in remarks[:REMARKS_MAX]]
     if len(remarks) > REMARKS_MAX:
         lines.append(f"and {len(remarks) - REMARKS_MAX} more warnings; --json has all of them")
@@ -60,7 +60,7 @@ def _passage_cells(row: Row) -> list[str]:
 
 
 def _height_cell(row: Row) -> str:
-    """Of a free manoeuvre at least its bounds."""
+    """Return the height of a passage as a text; for a free manoeuvre the bounds of its height."""
     heights = row.passage.element.heights
     if row.height is None and heights.bounded:
         lower, upper = heights.lower, heights.upper
@@ -71,7 +71,10 @@ def _height_cell(row: Row) -> str:
 
 
 def _legs_table(race: Race) -> Table:
-    """What holds on the legs that lead to single passages; the same conditions on several legs are told once."""
+    """Return a table of the conditions on legs that lead to single passages.
+
+    Conditions that hold on several legs are listed once.
+    """
     told: dict[tuple[str, str], list[str]] = {}
     for passage in race.course.passages:
         lines = ", ".join(line.name for line in passage.safety_lines)

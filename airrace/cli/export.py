@@ -1,4 +1,4 @@
-"""`airrace export`: a flight for other programs. One subcommand per format."""
+"""The command `airrace export`: a flight for other programs. There is one subcommand per format."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +34,10 @@ def csv_table(
     splits: Annotated[bool, typer.Option("--splits", help="Write the gate splits instead of the flight.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
 ) -> None:
-    """Comma-separated values: the flight as one table, the gate splits as another; headers name the units."""
+    """Write comma-separated values: the flight as one table, the gate splits as another.
+
+    Headers name the units.
+    """
     with answering(as_json=False) as answer:
         from airrace.errors import UsageError
         from airrace.runs.output import ensure_free

@@ -1,4 +1,4 @@
-"""`airrace init`: a course to begin with."""
+"""The command `airrace init`: a course to begin with."""
 
 from pathlib import Path
 from typing import Annotated

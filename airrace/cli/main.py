@@ -67,7 +67,10 @@ def common(
 
 
 def main() -> None:
-    """Entry point. SIGTERM ends a command just as Ctrl-C does, and neither is ignored in the background."""
+    """Run the command line.
+
+    SIGTERM ends a command just as Ctrl-C does, and neither is ignored in the background.
+    """
     signal.signal(signal.SIGTERM, _interrupt)
     signal.signal(signal.SIGINT, _interrupt)
     # A name that stdout's encoding does not have must not end a command.
@@ -83,7 +86,7 @@ def main() -> None:
 
 
 def _refuse(error: typer.BadParameter, *, as_json: bool) -> None:
-    """Say why no command was run; a script that reads stdout learns it, too."""
+    """Print why no command was run; a script that reads stdout learns it, too."""
     if as_json:
         print(json.dumps({"error": error.format_message(), "findings": []}))
     error.show()

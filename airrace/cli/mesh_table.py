@@ -1,4 +1,4 @@
-"""Where the nodes of a mesh went, and why."""
+"""A table of where the nodes of a mesh went, and why."""
 
 import numpy as np
 from rich.table import Table
@@ -11,7 +11,9 @@ from airrace.trajectory import Array
 
 
 def mesh_table(result: StageResult) -> Table:
-    """One row per leg: its intervals, what is measured of them at worst, and why they are as long as they are."""
+    """Return a table of the legs: their intervals, the worst values measured on them, and why they are as long as they
+    are.
+    """
     flown, record = result.trajectory, result.mesh
     steps = np.diff(flown.time)
     title = f"{result.stage.value}: {len(steps)} intervals, and what they were last cut or joined for"
@@ -28,7 +30,7 @@ def mesh_table(result: StageResult) -> Table:
 
 
 def _reasons(why: np.ndarray) -> str:
-    """How many intervals owe their length to what, the most frequent reason first."""
+    """Return how many intervals owe their length to which reason, the most frequent reason first."""
     counts = np.bincount(why, minlength=len(Why)).tolist()
     told = sorted(((count, REASONS[reason]) for reason, count in zip(Why, counts, strict=True) if count), reverse=True)
     return ", ".join(f"{reason} {count}" for count, reason in told)

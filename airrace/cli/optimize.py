@@ -1,4 +1,4 @@
-"""`airrace optimize`: from a track file to a certified flight in a checkpoint."""
+"""The command `airrace optimize`: from a track file to a certified flight in a checkpoint."""
 
 from pathlib import Path
 from typing import Annotated
@@ -44,7 +44,7 @@ def optimize(
 ) -> None:
     """Fly a course as fast as can be.
 
-    Stage by stage, each certified and kept in a checkpoint as soon as it is finished.
+    The flight is optimised stage by stage. Each stage is certified, and kept in a checkpoint as soon as it is finished.
     """
     with answering(unflown(track.stem), as_json=as_json) as answer:
         from airrace.optimal_control.spawn import start_early

@@ -1,4 +1,4 @@
-"""A course in the terminal, seen from above: north up, one scale in both directions."""
+"""A course in the terminal, seen from above: north is up, and both directions have one scale."""
 
 import math
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ _AROUND = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0),
 
 
 def plan_view(seen: Scenery, wind: StaticWind | None, *, columns: int = COLUMNS, plain: bool = False) -> Group:
-    """The picture with its scale, wind and legend.
+    """Return the picture with its scale, wind and legend.
 
     Args:
         columns: of the terminal.
@@ -61,13 +61,13 @@ def plan_view(seen: Scenery, wind: StaticWind | None, *, columns: int = COLUMNS,
 
 
 def _trimmed(rows: Sequence[Text]) -> Sequence[Text]:
-    """Without the empty rows above and below."""
+    """Return the rows without the empty ones above and below."""
     filled = [number for number, row in enumerate(rows) if row.plain]
     return rows[filled[0] : filled[-1] + 1] if filled else []
 
 
 def _canvas(seen: Scenery, columns: int) -> Canvas:
-    """As large as what is to be seen, within the limits."""
+    """Return a canvas as large as what is to be seen, within the limits."""
     names = max((len(mark.label) for mark in seen.marks), default=0) if len(seen.marks) <= LABELS_MAX else 0
     across = (columns - 2 * MARGIN - min(names, columns // 4)) * ACROSS
     down = (ROWS - NOTES - 2 * MARGIN) * DOWN
@@ -94,7 +94,7 @@ def _draw_surroundings(canvas: Canvas, seen: Scenery) -> None:
 
 
 def _draw_crowd(canvas: Canvas, crowd: Crowd) -> None:
-    """The people themselves, and dots where their distance ends."""
+    """Draw the people themselves, and dots where their distance ends."""
     away = ground_distance(canvas.centres, crowd)
     down, across = np.ogrid[: away.shape[0], : away.shape[1]]
     raster = (down + across) % 2 == 0
@@ -109,7 +109,7 @@ def _draw_crowd(canvas: Canvas, crowd: Crowd) -> None:
 
 
 def _draw_safety_line(canvas: Canvas, line: SafetyLine) -> None:
-    """From border to border, with a shade on the side that is forbidden."""
+    """Draw a line from border to border, with a shade on the side that is forbidden."""
     centres = canvas.centres
     along = np.array([line.end.north - line.start.north, line.end.east - line.start.east])
     along /= np.hypot(*along)
@@ -122,7 +122,7 @@ def _draw_safety_line(canvas: Canvas, line: SafetyLine) -> None:
 
 
 def _draw_ways(canvas: Canvas, seen: Scenery) -> None:
-    """Later laps first, so that the first one is seen where they coincide."""
+    """Draw later laps first, so that the first one is seen where they coincide."""
     for way in reversed(seen.ways):
         canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
 
@@ -132,7 +132,9 @@ def _lap(lap: int) -> Layer:
 
 
 def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
-    """What is flown through as a stroke across its axis, to scale but long enough to be seen; all else as a dot."""
+    """Draw what is flown through as a stroke across its axis, to scale but long enough to be seen; all else as a
+    dot.
+    """
     across = mark.element.drawing().across
     if across is not None:
         ends = np.array([[end.north, end.east] for end in across])
@@ -144,7 +146,7 @@ def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
 
 
 def _write_beside(canvas: Canvas, north: float, east: float, text: str, style: str) -> None:
-    """Near a place, where the text hides least; nowhere if there is no room."""
+    """Write a text near a place, where it hides least; nowhere if there is no room."""
     row, column = canvas.cell(north, east)
     choices: list[tuple[int, int, int]] = []
     for number, (down, across) in enumerate(_AROUND):
@@ -156,7 +158,7 @@ def _write_beside(canvas: Canvas, north: float, east: float, text: str, style: s
 
 
 def _write_arrows(canvas: Canvas, seen: Scenery, *, plain: bool) -> None:
-    """Which way it goes, amid every way that is long enough."""
+    """Draw an arrow in the direction of flight in the middle of every way that is long enough."""
     arrows = _PLAIN_ARROWS if plain else _ARROWS
     for way in seen.ways:
         middle = len(way.line) // 2
@@ -169,7 +171,7 @@ def _write_arrows(canvas: Canvas, seen: Scenery, *, plain: bool) -> None:
 
 
 def _notes(canvas: Canvas, seen: Scenery, wind: StaticWind | None, *, plain: bool) -> list[Text]:
-    """Scale, north and wind; then the legend."""
+    """Return the scale, north and wind in one row, and the legend in another."""
     metres, cells = _bar(canvas)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
     bar = f"{left}{rule * (cells - 2)}{right}"
@@ -179,7 +181,7 @@ def _notes(canvas: Canvas, seen: Scenery, wind: StaticWind | None, *, plain: boo
 
 
 def _legend(seen: Scenery, *, plain: bool) -> Text:
-    """What there is to see, in its colours; in ASCII with its character."""
+    """Return the legend of what there is to see, in its colours; in ASCII with its character."""
     laps = sorted({max(way.lap, 1) for way in seen.ways})
     entries = [(f"lap {lap}", _lap(lap), True) for lap in (laps if len(laps) <= len(LAPS) else [])]
     entries += [
@@ -195,7 +197,7 @@ def _legend(seen: Scenery, *, plain: bool) -> Text:
 
 
 def _bar(canvas: Canvas) -> tuple[float, int]:
-    """A round length of about an eighth of the limit, m, and the cells it takes."""
+    """Return a round length of about an eighth of the largest width, m, and the number of cells it takes."""
     cell = ACROSS * canvas.dot
     wanted = COLUMNS / 8 * cell
     power = 10.0 ** math.floor(math.log10(wanted))

@@ -1,4 +1,4 @@
-"""Prices as an object, as CSV and as a table for people."""
+"""Prices as CSV and as a table for people."""
 
 import csv
 import io
@@ -12,11 +12,14 @@ from airrace.procedure.result import StageResult
 MILLI = 1000.0
 FIGURES = 50  # columns of a table beside its keys
 LEAST_MS = 0.0005
-"""Smaller costs would show as zero."""
+"""The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
 
 
 def prices_csv(prices: Sequence[Price]) -> str:
-    """One row per number, the dearest first; empty where the inputs allow no value to that side."""
+    """Return the prices as CSV, one row per number, the dearest first.
+
+    An entry is empty where the inputs allow no value to that side.
+    """
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     objects = {price.key: price.as_object() for price in prices}
@@ -30,7 +33,7 @@ KEY_MAX = 36  # letters of a key on one line of a terminal of 80 columns
 
 
 def prices_text(result: StageResult, prices: Sequence[Price], columns: int | None = None) -> str:
-    """What costs something as a table, why some prices are one-sided, and how many numbers are free.
+    """Return a table of what costs something, why some prices are one-sided, and how many numbers are free.
 
     Args:
         result: the stage.
@@ -82,7 +85,7 @@ def _row(price: Price, *, folded: bool) -> list[str]:
 
 
 def _folded(key: str) -> str:
-    """A long key on two lines, cut after a dot."""
+    """Return a long key on two lines, cut after a dot."""
     section, dot, name = key.rpartition(".")
     return f"{section}{dot}\n  {name}" if len(key) > KEY_MAX else key
 

@@ -1,4 +1,4 @@
-"""`airrace prices`: what every number of the inputs costs."""
+"""The command `airrace prices`: what every number of the inputs costs."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -11,7 +11,10 @@ from airrace.cli.options import AsJson, RunFile
 
 
 class GroupName(StrEnum):
-    """Whose numbers are priced; the same names as `airrace.prices.Group`, which is too heavy to import here."""
+    """A group of numbers to be priced.
+
+    The names are those of `airrace.prices.Group`, which is too heavy to import here.
+    """
 
     TRACK = "track"
     AIRCRAFT = "aircraft"
@@ -31,7 +34,7 @@ def prices(
 ) -> None:
     """Tell what every number costs.
 
-    Seconds per unit, by the multipliers of a certified stage; nothing is solved again.
+    Costs are in seconds per unit, by the multipliers of a certified stage; nothing is solved again.
     """
     with answering(as_json=as_json) as answer:
         from airrace.cli.price_tables import prices_csv, prices_text

@@ -1,4 +1,4 @@
-"""`airrace resume`: go on where a run ended, or fly it again with something changed."""
+"""The command `airrace resume`: it continues a run where it ended, or flies it again with something changed."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -103,7 +103,7 @@ def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: 
 
 
 def _tell(answer: Answer, track: str, steps: "Sequence[Step]", *, quiet: bool) -> None:
-    """Say what would run."""
+    """Fill in the answer with what would run."""
     from airrace.runs.task import described
 
     answer.fields = {"track": track, "steps": [step.as_object() for step in steps]}

@@ -1,4 +1,4 @@
-"""Flying a run at the terminal: watched on stderr, told in tables. What `optimize` and `resume` share."""
+"""Runs flown at the terminal, watched on stderr and shown in tables: what `optimize` and `resume` share."""
 
 from airrace.cli.comparison import comparison_table
 from airrace.cli.tables import rendered, result_tables, stages_table

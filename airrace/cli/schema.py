@@ -1,4 +1,4 @@
-"""`airrace schema`: the languages of the input files as JSON Schema."""
+"""The command `airrace schema`: the languages of the input files as JSON Schema."""
 
 from enum import Enum
 from typing import Annotated
@@ -9,7 +9,7 @@ from airrace.cli.answer import answering
 
 
 class Language(Enum):
-    """What can be described."""
+    """A language of input files."""
 
     TRACK = "track"
     AIRCRAFT = "aircraft"
@@ -22,7 +22,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of an input file.
 
-    Draft-07, for editors that complete keys and mark mistakes while you type.
+    It is draft-07, for editors that complete keys and mark mistakes while you type.
     """
     with answering(as_json=False) as answer:
         import json

@@ -1,4 +1,4 @@
-"""`airrace show`: what a checkpoint holds."""
+"""The command `airrace show`: what a checkpoint holds."""
 
 from pathlib import Path
 

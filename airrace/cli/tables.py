@@ -23,8 +23,10 @@ _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
 def rendered(content: RenderableType) -> str:
-    """A table or a picture as text for stdout; without a terminal as plain text, whatever the environment says of
-    colours, and where stdout takes no Unicode with rules of ASCII.
+    """Return a table or a picture as text for stdout.
+
+    Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules
+    are of ASCII.
 
     A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
     """
@@ -46,24 +48,27 @@ def rendered(content: RenderableType) -> str:
 
 
 def takes_unicode() -> bool:
-    """Whether stdout can show more than ASCII."""
+    """Return whether stdout can show more than ASCII."""
     return _encoding().startswith("utf")
 
 
 def terminal_columns() -> int | None:
-    """Columns of the terminal behind stdout; None where there is none."""
+    """Return the columns of the terminal behind stdout; None if there is none."""
     return Console().width if sys.stdout.isatty() else None
 
 
 def result_tables(result: StageResult) -> list[Table]:
-    """What a finished stage shows: its gate splits and its certificate; without a flight nothing."""
+    """Return the tables of a finished stage: its gate splits, its ways round and its certificate.
+
+    Without a flight there are no gate splits.
+    """
     tables = [splits_table(result)] if result.splits and result.is_flight else []
     tables += [ways_table(result.explored)] if result.explored.ways else []
     return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
 
 
 def splits_table(result: StageResult) -> Table:
-    """One row per passing; `leg` is the time since the passing before."""
+    """Return a table of the passings; `leg` is the time since the passing before."""
     table = _table(f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s", "gate")
     _numbers(table, "time\ns", "leg\ns", "speed\nm/s", "speed\nkt", "height\nm", "load\ng", "bank\ndeg", "climb\ndeg")
     before = result.splits[0].time if result.splits else 0.0
@@ -84,7 +89,9 @@ def splits_table(result: StageResult) -> Table:
 
 
 def certificate_table(certificate: Certificate) -> Table:
-    """Every item with its limit, and where the worst value lies unless nothing is violated anywhere."""
+    """Return a table of all items with their limits, and where the worst value lies unless nothing is violated
+    anywhere.
+    """
     verdict = "certified" if certificate.certified else "NOT certified"
     table = _table(f"certificate: {verdict} ({certificate.solver_status})", "item")
     _numbers(table, "value", "limit")
@@ -99,7 +106,10 @@ def certificate_table(certificate: Certificate) -> Table:
 
 
 def stages_table(results: Sequence[StageResult]) -> Table:
-    """One row per finished stage; `cost` is what its fidelity adds to the time of the certified stage before it."""
+    """Return a table of the finished stages.
+
+    The column `cost` is what a fidelity adds to the time of the certified stage before it.
+    """
     table = _table("stages", "stage")
     table.add_column("status")  # of two words, which a narrow terminal puts below each other
     _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iter.", "wall\ns")
@@ -126,7 +136,7 @@ def _is_guess(result: StageResult) -> bool:
 
 
 def _status(result: StageResult) -> Text:
-    """How a stage ended, in the word that matters most."""
+    """Return how a stage ended, in the words that matter most."""
     if result.certified:
         return Text("certified")
     if _is_guess(result):
@@ -136,7 +146,7 @@ def _status(result: StageResult) -> Text:
 
 
 def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """A table of ready texts: columns of names on the left, of numbers on the right."""
+    """Return a table of ready texts: columns of names on the left, of numbers on the right."""
     table = _table(title, *names)
     _numbers(table, *numbers)
     for row in rows:
@@ -145,7 +155,7 @@ def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: 
 
 
 def _encoding() -> str:
-    """Of stdout, as Python spells it."""
+    """Return the encoding of stdout, as Python spells it."""
     return codecs.lookup(sys.stdout.encoding or "utf-8").name
 
 
@@ -168,7 +178,7 @@ def _degrees(angle: float) -> str:
 
 
 def _for_people(item: Item) -> tuple[float, float, str]:
-    """Value, limit and unit, angles in degrees."""
+    """Return value, limit and unit of an item, angles in degrees."""
     if item.unit in _DEGREES:
         return math.degrees(item.value), math.degrees(item.limit), _DEGREES[item.unit]
     return item.value, item.limit, item.unit

@@ -1,4 +1,4 @@
-"""`airrace tracks`: the courses and aircraft that come along."""
+"""The command `airrace tracks`: the courses and aircraft that come along."""
 
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson

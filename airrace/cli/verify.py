@@ -1,4 +1,4 @@
-"""`airrace verify`: believe a checkpoint only after measuring again."""
+"""The command `airrace verify`: it measures again what a checkpoint claims."""
 
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson, RunFile

@@ -1,4 +1,4 @@
-"""Ways round that were tried, as a table."""
+"""A table of the ways round that were tried."""
 
 from rich import box
 from rich.table import Table
@@ -10,7 +10,7 @@ SHOWN = 12  # ways; all of them are in the checkpoint and in the object
 
 
 def ways_table(explored: Explored) -> Table:
-    """The best way and those that came next, with what they cost."""
+    """Return a table of the best way and those that came next, with what they cost."""
     starts = f"{explored.led} of {explored.led + explored.elsewhere + explored.lost} flights led to the best"
     title = f"ways round: {len(explored.ways)} tried in {explored.seconds:.1f} s, {starts}"
     table = Table(

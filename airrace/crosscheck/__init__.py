@@ -1,1 +1,3 @@
-"""The six-degree-of-freedom aircraft flown by JSBSim: another program's equations, Earth and atmosphere."""
+"""The crosscheck: the six-degree-of-freedom aircraft flown by JSBSim, with another program's equations, Earth and
+atmosphere.
+"""

@@ -1,4 +1,4 @@
-"""JSBSim and our own equations in the same states: what accelerometers and gyroscopes would read."""
+"""A comparison of JSBSim with our own equations in the same states: what accelerometers and gyroscopes would read."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -23,21 +23,27 @@ STILL = WindField.of(Air())
 
 @dataclass(frozen=True)
 class Differences:
-    """JSBSim minus ours at many states: specific force in g and angular acceleration in rad/s2, shape (n, 3) each."""
+    """The differences of JSBSim from our equations at many states.
+
+    Specific force is in g and angular acceleration in rad/s2, shape (n, 3) each.
+    """
 
     specific_force: Array
     angular: Array
 
     @property
     def worst(self) -> tuple[float, float]:
-        """The largest of either."""
+        """The largest magnitude of a component of each, in g and rad/s2."""
         return float(np.abs(self.specific_force).max()), float(np.abs(self.angular).max())
 
 
 def own_accelerations(
     state: SixDofState[float], aircraft: InnerLoopParameters[float], atmosphere: AtmosphereParameters[float]
 ) -> Accelerations:
-    """By the six-dof equations in still air: `f_B = R_BKbar g0 (n_x, n_y, -n_z)`, with `n_x = V_K_dot / g0 - R31`."""
+    """Return the accelerations by the six-dof equations in still air.
+
+    `f_B = R_BKbar g0 (n_x, n_y, -n_z)`, with `n_x = V_K_dot / g0 - R31`.
+    """
     rates, path = six_dof(state, AT_REST, aircraft=aircraft, weather=Weather(atmosphere, STILL))
     n = np.array([rates.V_K / g0 - rotation(state.q)[2][0], path.n_y, -path.n_z], dtype=np.float64)
     R_BKbar = np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64)
@@ -50,7 +56,7 @@ def differences(
     theirs: Iterable[SixDofState[float]],
     ours: Iterable[SixDofState[float]],
 ) -> Differences:
-    """JSBSim in the one state minus our equations in the other, pair by pair."""
+    """Return JSBSim's accelerations in the one state minus ours in the other, pair by pair."""
     pairs: list[tuple[Accelerations, Accelerations]] = []
     for one, other in zip(theirs, ours, strict=True):
         flown.start(one)

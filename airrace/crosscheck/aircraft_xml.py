@@ -1,4 +1,4 @@
-"""An aircraft as a JSBSim model.
+"""The file of an aircraft as a JSBSim model.
 
 Every coefficient is a property of its own name, `airrace/C_malpha`, and every formula refers to it, so the file reads
 like the equations. JSBSim's conventions meet ours as follows:
@@ -25,11 +25,11 @@ from airrace.environment.atmosphere import RHO_ISA
 
 NAME = "airrace"
 MOVED = ("eta", "xi", "zeta", "delta_T")
-"""Deflections (rad) and power lever: properties `airrace/...` that are set from outside."""
+"""The deflections (rad) and the power lever: properties `airrace/...` that are set from outside."""
 ALPHA, BETA, V_A = "aero/alpha-rad", "aero/beta-rad", "velocities/vt-fps"
 SPAN, CHORD = "metrics/bw-ft", "metrics/cbarw-ft"
 SIDEWAYS = {"beta": BETA, "p": "airrace/p_star", "r": "airrace/r_star", "xi": "airrace/xi", "zeta": "airrace/zeta"}
-"""What the lateral derivatives multiply."""
+"""The properties that the lateral derivatives multiply."""
 
 
 def write_model(folder: Path, aircraft: InnerLoopParameters[float], planet: Planet) -> Path:
@@ -43,7 +43,7 @@ def write_model(folder: Path, aircraft: InnerLoopParameters[float], planet: Plan
 
 
 def model(aircraft: InnerLoopParameters[float], planet: Planet) -> Element:
-    """The whole file."""
+    """Return the whole file as an XML element."""
     ground = planet_element(planet)
     return element(
         "fdm_config",
@@ -95,7 +95,7 @@ def _mass_balance(aircraft: InnerLoopParameters[float]) -> Element:
 
 
 def _thrust() -> Element:
-    """`T = delta_T P sigma_P / sqrt(V_A^2 + V_s^2)` along x_B."""
+    """Return the thrust `T = delta_T P sigma_P / sqrt(V_A^2 + V_s^2)` along x_B, as an external force."""
     power = formula("product", _own("delta_T"), _own("P"), _own("sigma_P"))
     speed = formula("sqrt", formula("sum", square(V_A), square(_own("V_s"))))
     forward = element("direction", element("x", text="1"), element("y", text="0"), element("z", text="0"))
@@ -123,7 +123,10 @@ def _declared(numbers: dict[str, float]) -> list[Element]:
 
 
 def _numbers(aircraft: InnerLoopParameters[float]) -> dict[str, float]:
-    """Every coefficient by name, and what has a unit in JSBSim's. `C_Y_trim` belongs to the point mass alone."""
+    """Return every coefficient by name, and the numbers with a unit in JSBSim's units.
+
+    `C_Y_trim` belongs to the point mass alone.
+    """
     names = {name for name in vars(aircraft) if name.startswith("C_")} - {"C_Y_trim"} | {"k"}
     coefficients = {name: getattr(aircraft, name) for name in aircraft.names() if name in names}
     units = {"P": TORQUE, "V_s": FOOT, "h_P": TORQUE, "Q_P": TORQUE}
@@ -131,7 +134,7 @@ def _numbers(aircraft: InnerLoopParameters[float]) -> dict[str, float]:
 
 
 def _common() -> list[Element]:
-    """What several axes share, in the order of its evaluation."""
+    """Return the formulas that several axes share, in the order of their evaluation."""
     wing = formula("sum", _own("C_L0"), formula("product", _own("C_Lalpha"), ALPHA))
     rounded = smooth_clip(_own("C_L_linear"), _own("C_L_min"), _own("C_L_max"), STALL_BLEND)
     lift = formula("sum", rounded, *_terms({"C_Lq": _own("q_star"), "C_Leta": _own("eta")}))
@@ -182,7 +185,7 @@ def _pitching() -> Element:
 
 
 def _load(coefficient: Term, *length: str) -> Element:
-    """A force (lbf), or with a reference length a moment (lbf ft)."""
+    """Return the formula of a force (lbf), or with a reference length of a moment (lbf ft)."""
     return formula("product", "aero/qbar-psf", "metrics/Sw-sqft", *length, coefficient)
 
 

@@ -1,4 +1,4 @@
-"""An optimum flown by JSBSim: put back onto it at every full second, then left to the controls alone.
+"""An optimum flown by JSBSim, which is put back onto it at every full second and left to the controls alone in between.
 
 Between the nodes deflections are linear, and the lever follows its command:
 `delta_T_dot = (delta_T_cmd - delta_T) / tau_T`.
@@ -19,12 +19,12 @@ from airrace.dynamics.six_dof import SixDofState
 from airrace.trajectory import Array, Trajectory
 
 PIECE = 1.0
-"""For how long JSBSim flies by itself, s."""
+"""The time for which JSBSim flies without being put back onto the optimum, s."""
 
 
 @dataclass(frozen=True)
 class Miss:
-    """How a piece of a flight by JSBSim ends beside the optimum.
+    """The distance from the optimum at which a piece of a flight by JSBSim ends.
 
     Attributes:
         start, end: of the piece, s from the start of the race.
@@ -41,7 +41,7 @@ class Miss:
 def fly_course(
     flown: Flown, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
 ) -> tuple[Miss, ...]:
-    """Every piece of the optimum, flown by JSBSim with the optimum's controls; the last may be shorter.
+    """Fly every piece of the optimum by JSBSim with the optimum's controls; the last piece may be shorter.
 
     Args:
         flown: the aircraft in the air of the day.
@@ -73,7 +73,7 @@ def _states(histories: Mapping[str, Array]) -> list[SixDofState[float]]:
 
 
 def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str, float]]:
-    """Deflections (rad) and lever at given times."""
+    """Return deflections (rad) and lever at given times."""
     interval = np.clip(np.searchsorted(optimum.time, times, side="right") - 1, 0, len(optimum.time) - 2)
     since = times - optimum.time[interval]
     histories = {
@@ -88,5 +88,7 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
 
 
 def _angle(R_1: Array, R_2: Array) -> float:
-    """Angle of the rotation from one attitude to the other, rad: `|R_1 - R_2| = 2 sqrt(2) sin(angle / 2)`."""
+    """Return the angle of the rotation from one attitude to the other, rad: `|R_1 - R_2| = 2 sqrt(2) sin(angle /
+    2)`.
+    """
     return float(2.0 * np.arcsin(min(1.0, np.linalg.norm(R_1 - R_2) / np.sqrt(8.0))))

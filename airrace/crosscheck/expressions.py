@@ -9,14 +9,14 @@ Term = float | str | Element
 
 
 def formula(kind: str, *terms: Term) -> Element:
-    """One operation, e.g. `sum`, `product`, `quotient`, `difference`, `pow`, `sqrt`."""
+    """Return one operation, e.g. `sum`, `product`, `quotient`, `difference`, `pow`, `sqrt`."""
     element = Element(kind)
     element.extend(_operand(term) for term in terms)
     return element
 
 
 def element(tag: str, *children: Element, text: str | None = None, **attributes: str) -> Element:
-    """Any element with children, text and attributes."""
+    """Return an element with children, text and attributes."""
     made = Element(tag, attributes)
     made.text = text
     made.extend(children)
@@ -24,17 +24,17 @@ def element(tag: str, *children: Element, text: str | None = None, **attributes:
 
 
 def function(name: str, value: Element) -> Element:
-    """A formula whose value is the property `name`."""
+    """Return a formula whose value is the property `name`."""
     return element("function", value, name=name)
 
 
 def square(term: Term) -> Element:
-    """The term times itself."""
+    """Return the term times itself."""
     return formula("pow", term, 2.0)
 
 
 def smooth_clip(term: Term, lower: Term, upper: Term, width: float) -> Element:
-    """The term rounded off at two limits, as `airrace.environment.elementary.smooth_clip` does."""
+    """Return the term rounded off at two limits, as `airrace.environment.elementary.smooth_clip` does."""
 
     def distance(limit: Term) -> Element:
         return formula("sqrt", formula("sum", square(formula("difference", term, limit)), width * width))

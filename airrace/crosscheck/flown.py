@@ -1,4 +1,4 @@
-"""Our aircraft in JSBSim: a state of the six-dof model put in, its motion read back, in our units.
+"""Our aircraft in JSBSim: a state of the six-dof model is put in, and its motion is read back in our units.
 
     R_OB = R_OKbar R_BKbar^T        V_B = R_BKbar V_K e_x
 
@@ -24,25 +24,27 @@ from airrace.frames import angles, rotation
 from airrace.trajectory import Array
 
 STEP = 1e-3
-"""Of JSBSim's integration, s."""
+"""The step of JSBSim's integration, s."""
 
 
 @dataclass(frozen=True)
 class Accelerations:
-    """Specific force (what accelerometers read, m/s2) and angular acceleration (rad/s2) in body axes, shape (3,)."""
+    """The specific force (what accelerometers read, m/s2) and the angular acceleration (rad/s2) in body axes, shape
+    (3,).
+    """
 
     specific_force: Array
     angular: Array
 
 
 def body_attitude(state: SixDofState[float]) -> Array:
-    """`R_OB`, shape (3, 3)."""
+    """Return the attitude `R_OB` of a state, shape (3, 3)."""
     return np.array(rotation(state.q)) @ np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64).T
 
 
 @dataclass(frozen=True)
 class Flown:
-    """One aircraft flown by JSBSim in still air.
+    """An aircraft flown by JSBSim in still air.
 
     Attributes:
         simulator: with the aircraft loaded.
@@ -55,7 +57,7 @@ class Flown:
     own_density: bool = True
 
     def start(self, state: SixDofState[float]) -> None:
-        """Put the aircraft into a state, deflections and lever included; where it is sideways is forgotten."""
+        """Put the aircraft into a state, deflections and lever included; its north and east are ignored."""
         self.control({name: getattr(state, name) for name in MOVED})
         if not self.own_density:
             self.simulator["atmosphere/override/density"] = density(state.z, self.atmosphere) / DENSITY
@@ -71,32 +73,32 @@ class Flown:
         self.simulator.restart()
 
     def control(self, moved: Mapping[str, float]) -> None:
-        """Deflections (rad) and power lever, by name."""
+        """Set deflections (rad) and power lever by name."""
         for name, value in moved.items():
             self.simulator[f"{NAME}/{name}"] = value
 
     def advance(self) -> None:
-        """One step."""
+        """Advance the flight by one step."""
         self.simulator.advance()
 
     def accelerations(self) -> Accelerations:
-        """What the forces and moments of this moment do."""
+        """Return the accelerations that the present forces and moments cause."""
         mass = self.simulator["inertia/mass-slugs"] * SLUG
         force = np.array([self.simulator[f"forces/fb{axis}-total-lbs"] for axis in "xyz"]) * POUND_FORCE
         angular = np.array([self.simulator[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr"])
         return Accelerations(force / mass, angular)
 
     def density(self) -> float:
-        """Density of the air, kg/m3."""
+        """Return the density of the air, kg/m3."""
         return self.simulator["atmosphere/rho-slugs_ft3"] * DENSITY
 
     def position(self) -> Array:
-        """North and east of the start and down from the track's origin, m; shape (3,)."""
+        """Return north and east of the start and down from the track's origin, m; shape (3,)."""
         north, east, up = (self.simulator[f"position/from-start-neu-{axis}-ft"] * FOOT for axis in "neu")
         return np.array([north, east, self.atmosphere.elevation - up])
 
     def attitude(self) -> Array:
-        """`R_OB`, shape (3, 3)."""
+        """Return the attitude `R_OB`, shape (3, 3)."""
         return self.simulator.attitude()
 
 
@@ -125,7 +127,7 @@ def flown_by_jsbsim(
 
 
 def loaded(folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True) -> Flown:
-    """The model in the folder, as it stands there. Arguments and errors as `flown_by_jsbsim`."""
+    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `flown_by_jsbsim`."""
     simulator = Simulator(folder, STEP)
     simulator["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
     simulator["atmosphere/P-sl-psf"] = atmosphere.p_0 / PRESSURE

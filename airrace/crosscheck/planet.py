@@ -13,12 +13,14 @@ from airrace.crosscheck.units import FOOT
 from airrace.environment.atmosphere import g0
 
 FLAT_RADIUS = 1e9
-"""m; positions of 1e9 m still resolve 1e-7 m, and gravity falls by 2e-6 over 1000 m."""
+"""The radius of the flat planet, m; positions of 1e9 m still resolve 1e-7 m, and gravity falls by 2e-6 over 1000 m."""
 
 
 @dataclass(frozen=True)
 class Planet:
-    """A name, and whether it is JSBSim's own Earth; `latitude` is geodetic, where flights take place, rad."""
+    """A planet: its name, whether it is JSBSim's own Earth, and the geodetic `latitude` (rad) where flights take
+    place.
+    """
 
     name: str
     turning: bool
@@ -30,7 +32,7 @@ FLAT = Planet("flat", turning=False, latitude=0.0)
 
 
 def planet_element(planet: Planet) -> Element | None:
-    """What the model's file says of the planet; nothing of JSBSim's own."""
+    """Return what the model's file says of the planet; None for JSBSim's own Earth."""
     if planet.turning:
         return None
     radius, gravity = FLAT_RADIUS / FOOT, g0 / FOOT

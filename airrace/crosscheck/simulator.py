@@ -1,4 +1,4 @@
-"""JSBSim itself: the only file that calls it. In its units; see `flown.py` for ours."""
+"""JSBSim itself, in its own units; see `flown.py` for ours. This is the only file that calls it."""
 
 import warnings
 from pathlib import Path
@@ -20,7 +20,10 @@ INTEGRATORS = {
 
 
 class Simulator:
-    """One aircraft over one planet. Properties are read and set by their names, `simulator["aero/alpha-rad"]`."""
+    """A simulation of one aircraft over one planet.
+
+    Properties are read and set by their names, `simulator["aero/alpha-rad"]`.
+    """
 
     def __init__(self, folder: Path, step: float) -> None:
         """Load the model that `write_model` wrote into the folder; `step` of the integration in s.
@@ -52,11 +55,11 @@ class Simulator:
         self._jsbsim.run_ic()
 
     def advance(self) -> None:
-        """One step: first the state with the rates of before, then the rates with the controls as they are now."""
+        """Advance by one step: first the state with the earlier rates, then the rates with the present controls."""
         self._jsbsim.run()
 
     def attitude(self) -> Array:
-        """`R_OB`, shape (3, 3)."""
+        """Return the attitude `R_OB`, shape (3, 3)."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PendingDeprecationWarning)  # JSBSim's own use of numpy.matrix
             return np.asarray(self._jsbsim.get_propagate().get_Tl2b(), dtype=np.float64).T

@@ -20,11 +20,13 @@ RANGES = {
     "delta_T": (0.0, 1.0),
     "z": (-1000.0, 0.0),
 }
-"""From where to where each is drawn, evenly; SI and radians. Attitudes are drawn evenly from all there are."""
+"""The ranges from which the quantities are drawn evenly; SI and radians. Attitudes are drawn evenly from all there
+are.
+"""
 
 
 def random_states(count: int, seed: int) -> list[SixDofState[float]]:
-    """So many states; the same for the same seed."""
+    """Return `count` random states; they are the same for the same seed."""
     generator = np.random.default_rng(seed)
     states: list[SixDofState[float]] = []
     for _ in range(count):
@@ -36,6 +38,6 @@ def random_states(count: int, seed: int) -> list[SixDofState[float]]:
 
 
 def mirrored(state: SixDofState[float]) -> SixDofState[float]:
-    """The state in a mirror that exchanges left and right."""
+    """Return the state in a mirror that exchanges left and right."""
     odd = ("y", "q1", "q3", "beta_K", "p_K", "r_K", "xi", "zeta")
     return SixDofState[float](**{name: -value if name in odd else value for name, value in vars(state).items()})

@@ -1,23 +1,23 @@
-"""SI to JSBSim's units: feet, slugs, pounds of force, degrees Rankine.
+"""Factors from JSBSim's units to SI: feet, slugs, pounds of force, degrees Rankine.
 
 The pound of force accelerates a slug by a foot per second squared, and a slug weighs as many pounds as JSBSim says.
 """
 
 FOOT = 0.3048
-"""m, exactly."""
+"""The foot, m, exactly."""
 POUND = 0.45359237
-"""kg, exactly: the pound of mass."""
+"""The pound of mass, kg, exactly."""
 SLUG = 32.174049 * POUND
-"""kg, with JSBSim's own ratio of slug to pound (`FGJSBBase::slugtolb`)."""
+"""The slug, kg, with JSBSim's own ratio of slug to pound (`FGJSBBase::slugtolb`)."""
 POUND_FORCE = SLUG * FOOT
-"""N."""
+"""The pound of force, N."""
 INERTIA = SLUG * FOOT**2
-"""kg m2 per slug ft2."""
+"""The unit of moments of inertia, slug ft2, in kg m2."""
 TORQUE = POUND_FORCE * FOOT
-"""N m per lbf ft; also W per ft lbf/s."""
+"""The unit of torques, lbf ft, in N m; also that of power, ft lbf/s, in W."""
 DENSITY = SLUG / FOOT**3
-"""kg/m3 per slug/ft3."""
+"""The unit of density, slug/ft3, in kg/m3."""
 PRESSURE = POUND_FORCE / FOOT**2
-"""Pa per lbf/ft2."""
+"""The unit of pressure, lbf/ft2, in Pa."""
 RANKINE = 5.0 / 9.0
-"""K."""
+"""The degree Rankine, K."""
