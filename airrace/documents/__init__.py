@@ -1,4 +1,4 @@
-"""YAML in: what a run is given, read strictly, with errors that name file, line and key."""
+"""Input files: YAML documents of a run, read strictly, with errors that name file, line and key."""
 
 from airrace.documents.document import Document
 from airrace.documents.inputs import Inputs, inputs_from_documents, load_inputs, read_documents

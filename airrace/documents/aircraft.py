@@ -1,4 +1,4 @@
-"""From an aircraft file to the aircraft, and the question whether it could fly."""
+"""The builder of the aircraft of an aircraft file, and the check whether it could fly."""
 
 import math
 
@@ -32,12 +32,13 @@ from airrace.dynamics.handling import faults
 from airrace.quantities import Interval
 
 g0 = 9.80665
+"""The standard acceleration of gravity, m/s2."""
 rho_0 = 1.225
-"""Density at sea level in the standard atmosphere, kg/m3: close enough to tell a wing from a brick."""
+"""The density at sea level in the standard atmosphere, kg/m3: close enough to tell a wing from a brick."""
 
 
 def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
-    """The aircraft of a file; it is only of use if nothing was reported."""
+    """Return the aircraft of a file; it is only of use if nothing was reported."""
     lift, drag, envelope = entry.lift, entry.drag, entry.envelope
     side, roll, pitch, yaw = entry.side_force, entry.roll, entry.pitch, entry.yaw
     built = Aircraft(
@@ -144,7 +145,10 @@ def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:
 
 
 def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
-    """A rigid body's moments of inertia obey the triangle inequality; its tensor is positive definite."""
+    """Report moments of inertia that no rigid body has.
+
+    They must obey the triangle inequality, and their tensor must be positive definite.
+    """
     I_x, I_y, I_z = airframe.I_x, airframe.I_y, airframe.I_z
     for key, moment, others in (("I_x", I_x, I_y + I_z), ("I_y", I_y, I_x + I_z), ("I_z", I_z, I_x + I_y)):
         if moment > others:
@@ -157,7 +161,10 @@ def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
 
 
 def _check_lift(built: Aircraft, reporter: Reporter) -> None:
-    """An aircraft flies if its wing has an area, gains lift with the angle of attack, and can carry its weight."""
+    """Report what keeps an aircraft from flying.
+
+    Its wing must have an area, gain lift with the angle of attack, and be able to carry the weight.
+    """
     lift, airframe, V = built.lift, built.airframe, built.envelope.V
     faults = (
         ("airframe", "wing_area_m2", airframe.S <= 0.0, "an aircraft without a wing has no lift; must be above 0"),
@@ -181,7 +188,7 @@ def _check_lift(built: Aircraft, reporter: Reporter) -> None:
 
 
 def weight_not_carried(built: Aircraft, C_L_max: float) -> str:
-    """Why the aircraft cannot hold 1 g at sea level at any speed of its envelope; empty if it can."""
+    """Return why the aircraft cannot hold 1 g at sea level at any speed of its envelope; empty if it can."""
     airframe, V_max = built.airframe, built.envelope.V.upper
     weight = airframe.m * g0
     lift = 0.5 * rho_0 * V_max**2 * airframe.S * C_L_max

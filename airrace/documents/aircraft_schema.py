@@ -16,7 +16,7 @@ AIRCRAFT_SCHEMA = "airrace/aircraft/1"
 Derivative = Annotated[float, Ge(-100), Le(100)]
 Damping = Annotated[float, Ge(-100), Lt(0)]
 Effectiveness = Annotated[float, Ge(-10), Lt(0)]
-"""Of a control about its own axis: a positive deflection makes a negative moment (LN 9300)."""
+"""The effectiveness of a control about its own axis: a positive deflection makes a negative moment (LN 9300)."""
 Inertia = Annotated[float, Gt(0), Le(1e6)]
 Travel = Annotated[float, Gt(0), Le(60)]
 
@@ -101,7 +101,7 @@ class PropulsionEntry(Schema):
 
 
 class PropellerEntry(Schema):
-    """Known for any aircraft; acts on it only where `effects` asks for it."""
+    """The numbers of a propeller; they act on the aircraft only where `effects` asks for it."""
 
     what: ClassVar[str] = "the propeller"
     inertia_kg_m2: Annotated[float, Gt(0), Le(1e4)] = Field(description="moment of inertia about its shaft")
@@ -115,7 +115,7 @@ class PropellerEntry(Schema):
 
 
 class LinearEntry(Schema):
-    """The constants of the linear models where better ones are known than the derivatives give."""
+    """The constants of the linear models, where better ones are known than the derivatives give."""
 
     what: ClassVar[str] = "the group of linear loops"
     speed_m_s: Annotated[float, Gt(0), Le(300)] = Field(
@@ -137,7 +137,7 @@ class LinearEntry(Schema):
 
 
 class SurfacesEntry(Schema):
-    """Symmetric travels."""
+    """The travels of the control surfaces, alike to both sides."""
 
     what: ClassVar[str] = "the group of control surfaces"
     elevator_travel_deg: Travel = Field(description="largest deflection to either side")

@@ -1,4 +1,4 @@
-"""`batch.yaml`, the language `airrace/batch/1`: which courses, and how each of them is to be flown."""
+"""The language `airrace/batch/1` of `batch.yaml`: which courses, and how each of them is to be flown."""
 
 import re
 from collections.abc import Mapping
@@ -41,12 +41,12 @@ class BatchEntry(Schema):
 
 
 def is_batch(document: Document) -> bool:
-    """Whether a document says it is a batch, be it right or wrong in everything else."""
+    """Return whether a document says it is a batch, be it right or wrong in everything else."""
     return _OF_A_BATCH.search(document.text) is not None
 
 
 def read_batch(document: Document) -> tuple[BatchEntry, Reporter]:
-    """A batch file, and the reporter for what else is found to be wrong with it.
+    """Return the content of a batch file, and the reporter for what else is found to be wrong with it.
 
     Raises:
         InputError: with all findings.
@@ -64,7 +64,7 @@ def read_batch(document: Document) -> tuple[BatchEntry, Reporter]:
 
 
 def value_text(value: Value) -> str:
-    """A value as `--set` would be given it: text that looks like something else is quoted."""
+    """Return a value as `--set` would be given it: text that looks like something else is quoted."""
     if isinstance(value, bool):
         return str(value).lower()
     if not isinstance(value, str):
@@ -77,5 +77,5 @@ def value_text(value: Value) -> str:
 
 
 def set_texts(values: Mapping[str, Value]) -> list[str]:
-    """`key=value` of each."""
+    """Return `key=value` for each of the values."""
     return [f"{key}={value_text(value)}" for key, value in values.items()]

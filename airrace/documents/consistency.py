@@ -1,4 +1,4 @@
-"""Whether course and aircraft fit together: what neither file alone can tell."""
+"""The check whether course and aircraft fit together, which neither file alone can tell."""
 
 import math
 

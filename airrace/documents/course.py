@@ -1,4 +1,4 @@
-"""From a track file to the course: its rules, its surroundings, and every passage in the order flown."""
+"""The builder of the course of a track file: its rules, its surroundings, and every passage in the order flown."""
 
 import math
 
@@ -18,7 +18,7 @@ from airrace.track.course import Course, EndState, Origin, Rules
 
 
 def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
-    """The course of a track file; it is only of use if nothing was reported."""
+    """Return the course of a track file; it is only of use if nothing was reported."""
     limits, gate_defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
     rules = _rules(limits, reporter)
     places = Places(entry.origin, reporter)
@@ -70,7 +70,7 @@ def _rules(entry: LimitsEntry, reporter: Reporter) -> Rules:
 
 
 def _check_heights(feature: Feature, flown: Interval, reporter: Reporter) -> None:
-    """An element must be reachable between floor and ceiling."""
+    """Report an element that cannot be reached between floor and ceiling."""
     last = feature.steps[-1]
     heights = last.element.heights
     if flown.empty or heights.empty:

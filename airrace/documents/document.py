@@ -1,4 +1,4 @@
-"""A document: the text of an input file together with the path under which messages name it."""
+"""Documents: the text of an input file together with the path under which messages name it."""
 
 import difflib
 from collections.abc import Sequence
@@ -8,19 +8,19 @@ from pathlib import Path
 from airrace.errors import Finding
 
 SIZE_MAX = 2 * 1024 * 1024
-"""Largest input file, bytes; the largest real course needs a hundredth of it."""
+"""The size of the largest input file that is read, bytes; the largest real course needs a hundredth of it."""
 
 
 @dataclass(frozen=True)
 class Document:
-    """The text of one input file. `path` is what the user gave, not made absolute."""
+    """The text of an input file. `path` is what the user gave, not made absolute."""
 
     path: str
     text: str
 
 
 def read_document(path: Path, findings: list[Finding], names: Sequence[str] = ()) -> Document | None:
-    """Read a file as UTF-8 text; what is wrong with it becomes one finding and the result None.
+    """Read a file as UTF-8 text; what is wrong with it becomes one finding, and the result None.
 
     Args:
         path: of the file.
@@ -50,7 +50,7 @@ def read_document(path: Path, findings: list[Finding], names: Sequence[str] = ()
 
 
 def missing_file(path: Path, names: Sequence[str] = ()) -> str:
-    """Say that a file does not exist, with the most similar name beside it or among `names`."""
+    """Return the message that a file does not exist, with the most similar name beside it or among `names`."""
     try:
         neighbours = [entry.name for entry in path.parent.iterdir()]
     except OSError:

@@ -1,4 +1,7 @@
-"""What one mention of an element in a course is flown as: mostly one passage, two for a quad or a vertical roll."""
+"""Features: what one mention of an element in a course is flown as.
+
+It is mostly one passage; a quad or a vertical roll is flown as two.
+"""
 
 from dataclasses import dataclass
 
@@ -11,7 +14,7 @@ from airrace.track.polygons import Point
 
 @dataclass(frozen=True)
 class Step:
-    """One passage of a feature.
+    """A passage of a feature.
 
     Attributes:
         direction: None where the mention says it.
@@ -25,7 +28,10 @@ class Step:
 
 @dataclass(frozen=True)
 class Feature:
-    """An entry of `gates` by its name, ready to be flown; `free_directions`: each passing may be planned for itself."""
+    """An entry of `gates` by its name, as the passages it is flown as.
+
+    With `free_directions` each passing may be planned for itself.
+    """
 
     name: str
     steps: tuple[Step, ...]
@@ -41,11 +47,11 @@ class Feature:
 
     @property
     def position(self) -> tuple[Point, float] | None:
-        """Where it stands, and its nominal height (m); None where that is free."""
+        """Where the feature stands, and its nominal height (m); None if that is free."""
         position = self.steps[0].element.position
         return None if position is None else (Point(position[0], position[1]), position[2])
 
 
 def base_name(name: str) -> str:
-    """The name in the file of an element that is one step of a feature: `q` of `q/1`."""
+    """Return the name in the file of an element that is one step of a feature: `q` of `q/1`."""
     return name.partition("/")[0]

@@ -1,4 +1,4 @@
-"""All inputs of a run: read, checked, understood; what is wrong is said all at once."""
+"""All inputs of a run, read, checked and understood; what is wrong is reported all at once."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -32,18 +32,20 @@ from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 
 FINDINGS_MAX = 100
-"""So many findings are told of one document."""
+"""The largest number of findings that are reported for one document."""
 BUILT_IN_PYTHON = "cannot be set here: this was built in Python, so change it there"
+"""The message for an override of a document that was built in Python."""
 QUOTED_MAX = 100
-"""So many characters of a quoted word are told."""
+"""The largest number of characters of a quoted word in a message."""
 NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
+"""The document that stands for settings where no file was given: all defaults."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a run is given.
+    """The inputs of a run, as documents and as objects.
 
     Attributes:
         race: course, aircraft and air.
@@ -97,7 +99,7 @@ def load_inputs(
 def read_documents(
     track: Path, *, aircraft: Path | None = None, overrides: Sequence[str] = ()
 ) -> tuple[Document, Document]:
-    """The track and the aircraft that flies it as texts; nothing else is understood of them yet.
+    """Return the track and the aircraft that flies it as texts, of which nothing else is understood yet.
 
     Args:
         track: as of `load_inputs`; an override may name the aircraft, too.
@@ -120,14 +122,14 @@ def read_documents(
 
 
 def read_named(collection: Collection, named: str | Path | Document, findings: list[Finding]) -> Document | None:
-    """Read what a path or a name stands for; a document is handed back as it is."""
+    """Return the document that a path or a name stands for; a document is handed back as it is."""
     return named if isinstance(named, Document) else collection.read(Path(named), findings)
 
 
 def inputs_from_documents(
     track: Document, aircraft: Document, settings_file: Document | None, overrides: Sequence[str]
 ) -> Inputs:
-    """The same from texts alone, for resuming a run; no file is touched.
+    """Understand and check documents that are read already, for resuming a run; no file is touched.
 
     Raises:
         InputError: with all findings.
@@ -140,7 +142,7 @@ def inputs_from_documents(
 
 @dataclass(frozen=True)
 class _Language:
-    """One kind of document: what the command line calls it, how it begins, what it holds."""
+    """A kind of document: what the command line calls it, how it begins, what it holds."""
 
     kind: str
     schema: str
@@ -161,7 +163,7 @@ class _Opened:
 
 
 class _Run:
-    """The findings and overrides that all documents of a run share."""
+    """A reading of all documents of a run, with the findings and overrides that they share."""
 
     def __init__(self, overrides: Sequence[str]) -> None:
         self.findings: list[Finding] = []
@@ -169,7 +171,7 @@ class _Run:
         self._overrides = parse_overrides(overrides, self.findings)
 
     def open(self, document: Document | None, language: _Language) -> _Opened | None:
-        """Read the YAML; None if the document is missing or cannot be trusted to be what it should be."""
+        """Read the YAML; return None if the document is missing or cannot be trusted to be what it should be."""
         if document is None:
             return None
         mine = [override for override in self._overrides if override.document == language.kind]
@@ -227,7 +229,7 @@ class _Run:
         )
 
     def _scene(self, track: _Opened) -> Scene | None:
-        """The course and the air of a track."""
+        """Return the course and the air of a track."""
         if is_of_objects(track.document):
             return self._built(scene_of, track.document)
         entry = validate(track_language(), track.reporter)
@@ -244,7 +246,7 @@ class _Run:
         return build_aircraft(entry, aircraft.reporter) if entry else None
 
     def _built(self, read: Callable[[Document], T], document: Document) -> T | None:
-        """The objects of a document, with what is wrong among the findings."""
+        """Return the objects of a document, and add what is wrong to the findings."""
         try:
             return read(document)
         except InputError as error:
@@ -253,7 +255,10 @@ class _Run:
 
 
 def told(findings: Sequence[Finding]) -> list[Finding]:
-    """At most `FINDINGS_MAX` findings per document, in its order; then one that says how many there are besides."""
+    """Return at most `FINDINGS_MAX` findings per document, in its order.
+
+    Where there are more, one more finding says how many.
+    """
     kept: list[Finding] = []
     findings = [dataclasses.replace(one, message=_with_short_quotes(one.message)) for one in findings]
     for _, group in groupby(sorted(findings), key=lambda finding: finding.file):
@@ -272,7 +277,7 @@ def _with_short_quotes(message: str) -> str:
 
 
 def _has_schema(reporter: Reporter, schema: str) -> bool:
-    """Whether the document says it is what is expected; nothing else is worth checking if it does not."""
+    """Return whether the document says it is what is expected; nothing else is worth checking if it does not."""
     found = reporter.root.scalar("schema")
     if found == schema:
         return True
@@ -284,7 +289,10 @@ def _has_schema(reporter: Reporter, schema: str) -> bool:
 
 
 def _referenced_aircraft(folder: Path, opened: _Opened | None, findings: list[Finding]) -> Document | None:
-    """The aircraft that a track names: a file, by a path relative to the track's folder, or one that comes along."""
+    """Return the document of the aircraft that a track names.
+
+    The name is that of a file, by a path relative to the track's folder, or that of an aircraft that comes along.
+    """
     if opened is None:
         return None
     if is_of_objects(opened.document):

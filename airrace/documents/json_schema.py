@@ -36,7 +36,7 @@ _FIRST = ("$schema", "title", "description")
 
 
 def json_schema(language: str) -> JsonSchemaValue:
-    """What a file of a language may hold.
+    """Return the JSON Schema of what a file of a language may hold.
 
     Args:
         language: one of `LANGUAGES`.
@@ -53,14 +53,14 @@ def json_schema(language: str) -> JsonSchemaValue:
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's own, less what is not draft-07 and what the reader does not accept."""
+    """The generator of pydantic, without what is not draft-07 and what the reader does not accept."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """An absent key is None to the models, but nobody may write `null`."""
+        """Leave null out: an absent key is None to the models, but nobody may write `null`."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        """Only a plain value tells something: None and "" stand for an absent key, a mapping for defaults within."""
+        """Keep plain defaults only: None and "" stand for an absent key, a mapping for defaults within."""
         described = super().default_schema(schema)
         default = described.get("default")
         if default == "" or not isinstance(default, (bool, int, float, str)):
@@ -68,13 +68,16 @@ class _Generator(GenerateJsonSchema):
         return described
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        """The constant `type` of every member tells them apart; `discriminator` belongs to OpenAPI."""
+        """Leave `discriminator` out, which belongs to OpenAPI.
+
+        The constant `type` of every member tells the members apart.
+        """
         described = super().tagged_union_schema(schema)
         described.pop("discriminator", None)
         return described
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
-        """A mapping, or the bare text it may be shortened to."""
+        """Describe a mapping, or the bare text it may be shortened to."""
         described = super().model_schema(schema)
         model = schema["cls"]
         if not issubclass(model, Schema):
@@ -88,17 +91,17 @@ class _Generator(GenerateJsonSchema):
         return {"title": model.what, "anyOf": [text, described]}
 
     def field_title_should_be_set(self, schema: Any) -> bool:  # Any: pydantic's union of all its schemas
-        """A key is its own title."""
+        """Return that fields have no titles: a key is its own title."""
         return False
 
     def sort(self, value: JsonSchemaValue, parent_key: str | None = None) -> JsonSchemaValue:
-        """Keys in the order in which the models declare them: editors offer them so."""
+        """Leave keys in the order in which the models declare them: editors offer them so."""
         return value
 
 
 # Any: JSON of any shape.
 def _lone_references(node: Any) -> Any:
-    """In draft-07 whatever stands beside `$ref` is ignored; so a reference goes into an `allOf` of its own."""
+    """Put references into an `allOf` of their own, for in draft-07 whatever stands beside `$ref` is ignored."""
     if isinstance(node, list):
         return [_lone_references(item) for item in cast(list[Any], node)]
     if not isinstance(node, dict):

@@ -1,4 +1,4 @@
-"""What a YAML text says, with the place of every key and value kept: the tree between reader and schemas."""
+"""The tree of a YAML text between reader and schemas, in which every key and value keeps its place."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ KeyPath = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Place:
-    """Where something stands; `line` and `column` count from 1, both are 0 outside of a file."""
+    """A place in a file; `line` and `column` count from 1, and both are 0 outside of a file."""
 
     file: str
     line: int
@@ -44,7 +44,7 @@ class SequenceNode:
 
 @dataclass(frozen=True)
 class Entry:
-    """One key of a mapping with its value."""
+    """A key of a mapping with its value."""
 
     key_place: Place
     value: "Node"
@@ -52,7 +52,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class MappingNode:
-    """Keys and values in the order of the file."""
+    """A mapping: keys and values in the order of the file."""
 
     place: Place
     entries: Mapping[str, Entry] = field(default_factory=dict[str, Entry])
@@ -61,7 +61,7 @@ class MappingNode:
         return {key: entry.value.plain() for key, entry in self.entries.items()}
 
     def scalar(self, key: str) -> ScalarValue:
-        """The value of a key; None where it is absent or no single value."""
+        """Return the value of a key; None if it is absent or no single value."""
         entry = self.entries.get(key)
         return entry.value.value if entry and isinstance(entry.value, ScalarNode) else None
 
@@ -70,13 +70,13 @@ Node = ScalarNode | SequenceNode | MappingNode
 
 
 def dotted(path: KeyPath) -> str:
-    """`gates.g4.heading_deg`; items of lists count from 0."""
+    """Return a path of keys as messages name it, e.g. `gates.g4.heading_deg`; items of lists count from 0."""
     return ".".join(str(part) for part in path)
 
 
 @dataclass(frozen=True)
 class Reporter:
-    """Turns remarks about entries of one document into findings with their place.
+    """A reporter that turns remarks about entries of one document into findings with their place.
 
     Attributes:
         root: the document.
@@ -100,15 +100,15 @@ class Reporter:
         self._add(self._place(path, at_key=True), path, message)
 
     def suggestion(self, word: str, known: Collection[str]) -> str:
-        """What may have been meant by a word, to be appended to a message."""
+        """Return what may have been meant by a word, to be appended to a message."""
         return self._speller.suggestion(word, known)
 
     def other_documents(self, path: KeyPath) -> tuple[str, ...]:
-        """Prefixes that may be missing before a key that was given on the command line."""
+        """Return the prefixes that may be missing before a key that was given on the command line."""
         return self.others if len(path) == 1 and not self._place(path, at_key=True).line else ()
 
     def find(self, path: KeyPath) -> Node | None:
-        """The node at a path, None where there is none."""
+        """Return the node at a path, or None if there is none."""
         node: Node | None = self.root
         for part in path:
             step = child(node, part) if node else None
@@ -133,7 +133,10 @@ class Reporter:
 
 
 def child(node: Node, part: str | int) -> Entry | None:
-    """One step down: an entry of a mapping, or an item of a list (whose place serves as that of its key)."""
+    """Return the entry one step down: an entry of a mapping, or an item of a list.
+
+    The place of an item serves as that of its key. None stands for an entry that does not exist.
+    """
     if isinstance(node, MappingNode) and isinstance(part, str):
         return node.entries.get(part)
     if isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):

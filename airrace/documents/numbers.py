@@ -1,4 +1,4 @@
-"""Every number that `--set` reaches, with its value now: given by the files, by presets, or by the language."""
+"""The numbers that `--set` reaches, with their present values: given by the files, by presets, or by the language."""
 
 from collections.abc import Iterator, Mapping
 from typing import cast
@@ -27,12 +27,15 @@ from airrace.environment.air import Profile, StaticWind
 
 
 def numbers(entry: Schema, path: KeyPath = ()) -> dict[str, float]:
-    """All numbers of a document by their keys; whole numbers that count (laps) are none, nor is what is absent."""
+    """Return all numbers of a document by their keys; whole numbers that count (laps) and absent ones are left out."""
     return {dotted(key): value for key, value in _numbers(entry, path)}
 
 
 def filled_in(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
-    """A track as if its file gave every number that its preset and the language give it; it must be without fault."""
+    """Return a track as if its file gave every number that its preset and the language give it.
+
+    The track must be without fault.
+    """
     limits, defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
     features = build_features(entry.gates, defaults, Places(entry.origin, reporter))
     crowds = {
@@ -70,12 +73,12 @@ def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
 
 
 def _absent(entry: Schema, values: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Those of the values for which the entry has none."""
+    """Return those of the values for which the entry has none."""
     return {key: value for key, value in values.items() if getattr(entry, key) is None}
 
 
 def _defaults(entry: GateDefaultsEntry, gates: Mapping[str, KindEntry]) -> GateDefaultsEntry:
-    """The defaults of all gates; the heights of windows only where they follow from one nominal height."""
+    """Return the defaults of all gates; the heights of windows only where they follow from one nominal height."""
     height = HEIGHT_M if entry.height_m is None else entry.height_m
     silent: dict[str, float | None] = {
         "height_m": HEIGHT_M,
@@ -93,7 +96,7 @@ def _defaults(entry: GateDefaultsEntry, gates: Mapping[str, KindEntry]) -> GateD
 
 
 def _element(entry: KindEntry, feature: Feature) -> KindEntry:
-    """An element with the numbers that it has in the end."""
+    """Return an element with the numbers that it has in the end."""
     return entry.model_copy(update=_absent(entry, entry.silent_numbers(feature)))
 
 
@@ -102,7 +105,7 @@ def _environment(entry: EnvironmentEntry) -> EnvironmentEntry:
 
 
 def _wind(entry: WindEntry) -> WindEntry:
-    """A wind with the numbers that its profile uses."""
+    """Return a wind with the numbers that its profile uses."""
     silent = StaticWind(origin=0.0, speed=0.0)
     values: dict[str, float | None] = {"reference_height_m": silent.reference_height}
     values |= {"exponent": silent.exponent} if entry.profile == Profile.POWER.value else {}

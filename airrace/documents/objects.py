@@ -1,4 +1,4 @@
-"""Courses and aircraft that were built in Python, as documents: what a run stores of them, and reads back exactly.
+"""Courses and aircraft built in Python, as documents: what a run stores of them, and reads back exactly.
 
 The document is JSON. Every object is a mapping from the name of its class to its fields, as they are: SI and radians.
 Only classes that courses, air and aircraft consist of are ever built from such a text.
@@ -26,7 +26,7 @@ from airrace.track.gates import Manoeuvre
 OBJECTS_SCHEMA = "airrace/objects/1"
 PATH = "<Python>"
 BEGIN = json.dumps({"schema": OBJECTS_SCHEMA})[:-1]
-"""How such a document begins."""
+"""The text with which such a document begins."""
 
 T = TypeVar("T")
 
@@ -40,7 +40,7 @@ class Scene:
 
 
 def document_of_objects(objects: Scene | Aircraft, name: str) -> Document:
-    """A document that holds these very objects.
+    """Return a document that holds these very objects.
 
     Args:
         objects: a course with its air, or an aircraft.
@@ -50,12 +50,12 @@ def document_of_objects(objects: Scene | Aircraft, name: str) -> Document:
 
 
 def is_of_objects(document: Document) -> bool:
-    """Whether a document holds objects, and no text that a person wrote."""
+    """Return whether a document holds objects, and no text that a person wrote."""
     return document.text.startswith(BEGIN)
 
 
 def scene_of(document: Document) -> Scene:
-    """The course and the air of a document.
+    """Return the course and the air of a document.
 
     Raises:
         InputError: they are not there, or the course is none that can be flown.
@@ -67,7 +67,7 @@ def scene_of(document: Document) -> Scene:
 
 
 def aircraft_of(document: Document) -> Aircraft:
-    """The aircraft of a document.
+    """Return the aircraft of a document.
 
     Raises:
         InputError: it is not there.
@@ -76,7 +76,7 @@ def aircraft_of(document: Document) -> Aircraft:
 
 
 def _problem(course: Course) -> str:
-    """Why a course cannot be flown, as far as that is seen before anything is planned; empty if it can."""
+    """Return why a course cannot be flown, as far as that is seen before anything is planned; empty if it can."""
     if len(course.passages) < 2:
         return "a course needs at least two passages: the first is the start, the last the finish"
     names = [passage.name for passage in course.passages]
@@ -90,7 +90,7 @@ def _problem(course: Course) -> str:
 
 
 def _plain(value: object) -> JSON:
-    """A value as JSON holds it; infinities are told by their names."""
+    """Return a value as JSON holds it; infinities are told by their names."""
     match value:
         case Enum():
             return _plain(value.value)
@@ -108,7 +108,7 @@ def _plain(value: object) -> JSON:
 
 
 def _plain_number(value: object) -> JSON:
-    """A number of another library, such as numpy's, as one of Python's."""
+    """Return a number of another library, such as numpy's, as one of Python's."""
     if hasattr(value, "__index__"):
         return int(cast(int, value))
     if hasattr(value, "__float__"):
@@ -127,7 +127,7 @@ def _read(document: Document, kind: type[T]) -> T:
 
 # Any: a type hint, and JSON that `_plain` wrote; what does not fit raises.
 def _built(hint: Any, plain: Any) -> object:
-    """The value of a type hint that is told by JSON."""
+    """Return the value of a type hint that a piece of JSON stands for."""
     if get_origin(hint) in (Union, UnionType):
         return _built(_chosen(get_args(hint), plain), plain)
     if get_origin(hint) is tuple:
@@ -140,7 +140,7 @@ def _built(hint: Any, plain: Any) -> object:
 
 
 def _built_class(hint: Any, plain: Any) -> object:
-    """A choice, a plain value or an object, as the class says."""
+    """Return a choice, a plain value or an object, as the class says."""
     if issubclass(hint, Enum):
         return hint(plain)
     if hint in (bool, int, str):
@@ -160,7 +160,7 @@ def _name_of(plain: Any) -> str:
 
 
 def _chosen(hints: tuple[Any, ...], plain: Any) -> Any:
-    """The member of a union that a value is of."""
+    """Return the member of a union that a value is of."""
     if plain is None:
         return NoneType
     others = [hint for hint in hints if hint is not NoneType]
@@ -174,7 +174,7 @@ def _chosen(hints: tuple[Any, ...], plain: Any) -> Any:
 
 
 def _named(hint: Any, name: str) -> type:
-    """The class of this name: the hinted one, or one that inherits from it."""
+    """Return the class of this name: the hinted one, or one that inherits from it."""
     kinds: list[type] = [hint, *_heirs(hint)]
     for kind in kinds:
         if kind.__name__ == name and hasattr(kind, "__dataclass_fields__"):

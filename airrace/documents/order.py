@@ -1,4 +1,4 @@
-"""From the `course` of a track file to every passage in the order flown."""
+"""The builder of the passages: from the `course` of a track file to every passage in the order flown."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from airrace.track.limits import SafetyLine
 
 @dataclass(frozen=True)
 class Mention:
-    """One passing as the file asks for it; `path` and `direction_path` are where it does. The start has lap 0."""
+    """A passing as the file asks for it; `path` and `direction_path` are where it does. The start has lap 0."""
 
     path: KeyPath
     direction_path: KeyPath
@@ -32,7 +32,7 @@ def build_passages(
     start_speed: Interval,
     reporter: Reporter,
 ) -> tuple[Passage, ...]:
-    """Every passage; only of use if nothing was reported. Names that do not exist are passed over."""
+    """Return every passage; they are only of use if nothing was reported. Names that do not exist are passed over."""
     if not _check_laps(entry, reporter):
         return ()
     passages: list[Passage] = []
@@ -56,7 +56,7 @@ def build_passages(
 
 
 def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
-    """Whether the course says its laps in one way, and not too many."""
+    """Return whether the course says its laps in one way, and not too many; report where it does not."""
     if entry.lap is None and entry.each_lap is None:
         reporter.key(
             ("course", "lap"),
@@ -77,7 +77,7 @@ def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
 
 
 def _mentions(entry: CourseEntry) -> Iterator[Mention]:
-    """Start, laps, finish in the order flown."""
+    """Yield start, laps and finish in the order flown."""
     yield Mention(("course", "start"), ("course", "start_direction"), 0, entry.start, entry.start_direction)
     for lap in range(1, (entry.laps or 1) + 1):
         for index, item in enumerate(entry.lap or ()):
@@ -115,7 +115,7 @@ def _check_mention(mention: Mention, feature: Feature, reporter: Reporter) -> No
 def _check_sides(
     mention: Mention, ends: list[Feature | None], lines: tuple[SafetyLine, ...], reporter: Reporter
 ) -> None:
-    """Both ends of a leg must stand on the allowed side of the lines it names."""
+    """Report an end of a leg that does not stand on the allowed side of the lines that the leg names."""
     for index, line in enumerate(lines):
         for feature in ends:
             if feature is None or feature.position is None or line.start == line.end:

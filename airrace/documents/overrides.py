@@ -1,4 +1,4 @@
-"""`--set key=value`: single values of the documents replaced, added or (with `null`) taken out."""
+"""Overrides: `--set key=value` replaces, adds or (with `null`) takes out single values of the documents."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from airrace.errors import Finding, InputError
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
 PREFIXED = ("aircraft", "settings")
-"""Documents other than the track: their name stands before the key."""
+"""The documents other than the track, whose names stand before the key."""
 
 
 @dataclass(frozen=True)
 class Override:
-    """One replacement: in which document (`track`, `aircraft`, `settings`), where, by what."""
+    """A replacement: in which document (`track`, `aircraft`, `settings`), where, by what."""
 
     document: str
     path: KeyPath
@@ -48,7 +48,7 @@ def apply_overrides(
     findings: list[Finding],
     written_out: Callable[[MappingNode], MappingNode],
 ) -> MappingNode:
-    """The document with the replacements made, in order; mappings on the way are made where absent.
+    """Return the document with the replacements made, in order; mappings on the way are made where absent.
 
     `written_out` writes the shorthands of a document out: overrides reach into what those stand for, and may be
     shorthands themselves.
@@ -67,7 +67,7 @@ def apply_overrides(
 
 
 def _scalar(text: str) -> str | int | float | bool | None:
-    """One value by the rules of the files: quoted text as YAML, everything else as a plain scalar."""
+    """Return a value by the rules of the files: quoted text as YAML, everything else as a plain scalar."""
     if text[:1] in ("'", '"'):
         try:
             node = read_yaml(FILE, text)
@@ -82,7 +82,7 @@ def _scalar(text: str) -> str | int | float | bool | None:
 
 
 def _replaced(node: Node | None, path: KeyPath, value: ScalarNode) -> Node:
-    """A copy of `node` with the entry at `path` replaced.
+    """Return a copy of `node` with the entry at `path` replaced.
 
     Raises:
         ValueError: the path leads through a single value, or to an item a list does not have.

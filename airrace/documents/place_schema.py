@@ -1,4 +1,4 @@
-"""Where something lies, as documents say it: metres north and east of the origin, or latitude and longitude."""
+"""Places in the documents: metres north and east of the origin, or latitude and longitude."""
 
 from typing import Annotated, ClassVar
 
@@ -16,7 +16,7 @@ Longitude = Annotated[float, Ge(-180), Le(180)]
 
 
 class PlacedEntry(Schema):
-    """What has a position: exactly one pair, metres from the origin or WGS 84."""
+    """The position of an element: exactly one pair, metres from the origin or WGS 84."""
 
     north_m: Coordinate | None = Field(default=None, description="its position, north of the origin; with `east_m`")
     east_m: Coordinate | None = Field(default=None, description="its position, east of the origin; with `north_m`")

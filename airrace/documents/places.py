@@ -1,4 +1,4 @@
-"""From the positions of a document to metres north and east of its origin.
+"""The positions of a document, in metres north and east of its origin.
 
 Latitude and longitude are WGS 84. A place is taken at the elevation of the origin and seen in the origin's local
 north-east-down frame; its height in that frame (the earth's curvature) is ignored, for the track's frame is flat.
@@ -13,9 +13,12 @@ from airrace.documents.place_schema import OriginEntry, PlacedEntry
 from airrace.track.polygons import Point
 
 REACH_M = 50_000.0
-"""Farthest from the origin a place may be; the frame is flat."""
+"""The farthest that a place may lie from the origin, m; the frame is flat."""
 NOWHERE = Point(math.nan, math.nan)
-"""Stands for a position that was refused: no comparison with it holds, so nothing else is said about it."""
+"""The point that stands for a position that was refused.
+
+No comparison with it holds, so nothing else is reported about it.
+"""
 METRIC = ("north_m", "east_m")
 GEODETIC = ("latitude_deg", "longitude_deg")
 
@@ -28,13 +31,13 @@ class Places:
     reporter: Reporter
 
     def check_origin(self) -> None:
-        """The origin has both of its coordinates or none."""
+        """Report an origin that has only one of its coordinates."""
         given = (self.origin.latitude_deg, self.origin.longitude_deg)
         if given.count(None) == 1:
             self._missing(("origin",), GEODETIC, given)
 
     def point(self, entry: PlacedEntry, path: KeyPath) -> Point:
-        """The position of an element; `NOWHERE` where it was refused."""
+        """Return the position of an element; `NOWHERE` if it was refused."""
         metric = (entry.north_m, entry.east_m)
         if entry.latitude_deg is not None or entry.longitude_deg is not None:
             return self.geodetic(entry, path) or NOWHERE
@@ -50,7 +53,7 @@ class Places:
         return NOWHERE
 
     def geodetic(self, entry: PlacedEntry, path: KeyPath) -> Point | None:
-        """The position given by latitude and longitude; None where it is not, or was refused."""
+        """Return the position given by latitude and longitude; None if there is none, or it was refused."""
         given = (entry.latitude_deg, entry.longitude_deg)
         if given == (None, None):
             return None

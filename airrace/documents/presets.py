@@ -1,4 +1,4 @@
-"""The rules of a season by name: files that come with the package, read as strictly as any other."""
+"""Presets: the rules of a season by name, in files that come with the package and are read as strictly as any other."""
 
 import difflib
 from collections.abc import Collection
@@ -23,13 +23,13 @@ Keys = TypeVar("Keys", bound=BaseModel)
 
 @cache
 def preset_names() -> tuple[str, ...]:
-    """All presets, in order."""
+    """Return the names of all presets, in alphabetical order."""
     return tuple(sorted(file.name.removesuffix(SUFFIX) for file in FOLDER.iterdir() if file.name.endswith(SUFFIX)))
 
 
 @cache
 def read_preset(name: str) -> PresetEntry:
-    """A preset that exists.
+    """Read a preset that exists.
 
     Raises:
         InputError: its file is not what it should be.
@@ -46,7 +46,7 @@ def read_preset(name: str) -> PresetEntry:
 def with_preset(
     rules: RulesEntry, gate_defaults: GateDefaultsEntry, reporter: Reporter
 ) -> tuple[LimitsEntry, GateDefaultsEntry]:
-    """Rules and gate defaults of a file on top of those of the preset it names."""
+    """Return the rules and gate defaults of a file on top of those of the preset it names."""
     if rules.preset is None:
         return rules, gate_defaults
     names = preset_names()
@@ -58,13 +58,13 @@ def with_preset(
 
 
 def _overlaid(below: Keys, above: BaseModel) -> Keys:
-    """The keys of `below`, but for those that `above` gives itself."""
+    """Return the keys of `below`, except those that `above` gives itself."""
     own = {key: getattr(above, key) for key in above.model_fields_set if key in type(below).model_fields}
     return below.model_copy(update=own)
 
 
 def _near(word: str, names: Collection[str]) -> str:
-    """The most similar name, and all of them: seasons are too alike to leave it at one."""
+    """Return the most similar name, and all names: seasons are too alike to leave it at one."""
     similar = difflib.get_close_matches(word[:100], names, n=1)
     meant = f" did you mean `{similar[0]}`?" if similar else ""
     return f";{meant} known are {', '.join(names)}"

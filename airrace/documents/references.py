@@ -1,4 +1,7 @@
-"""Whether a course names what there is: told from the tree alone, so that a fault elsewhere hides nothing."""
+"""The check whether a course names elements that exist.
+
+It works on the tree alone, so that a fault elsewhere hides nothing.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +21,7 @@ class _Named:
 
 @dataclass(frozen=True)
 class _Mention:
-    """A passing as far as it can be read; `gate` is None where it cannot."""
+    """A passing as far as it can be read; `gate` is None if it cannot."""
 
     path: KeyPath
     gate: str | None
@@ -47,7 +50,7 @@ def check_references(reporter: Reporter) -> None:
 
 
 def _paths(course: MappingNode) -> list[KeyPath]:
-    """Where passings stand, in the order flown; a lap that is repeated once only."""
+    """Return where passings stand, in the order flown; a lap that is repeated comes only once."""
     paths: list[KeyPath] = [("course", "start")]
     for index in range(_length(_child(course, "lap"))):
         paths.append(("course", "lap", index))

@@ -1,4 +1,4 @@
-"""Everything as understood, as plain values: what a checkpoint stores beside the documents' texts."""
+"""The resolved inputs, as plain values: what a checkpoint stores beside the documents' texts."""
 
 import dataclasses
 import math
@@ -12,7 +12,7 @@ from airrace.procedure.settings import Settings
 
 
 def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
-    """`course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians."""
+    """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians."""
     return {
         "course": _plain(race.course),
         "aircraft": _plain(race.aircraft),
@@ -39,5 +39,7 @@ def _plain(value: object) -> JSON:
 
 @cache
 def field_names(kind: type) -> tuple[str, ...]:
-    """The fields of a dataclass; a long course asks for the same few classes thousands of times."""
+    """Return the fields of a dataclass; cached, since a long course asks for the same few classes thousands of
+    times.
+    """
     return tuple(field.name for field in dataclasses.fields(kind))

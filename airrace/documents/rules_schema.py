@@ -14,7 +14,7 @@ RULES_SCHEMA = "airrace/rules/1"
 
 
 class LimitsEntry(Schema):
-    """What a flight must keep to from start to finish."""
+    """The limits that a flight must keep to from start to finish."""
 
     what: ClassVar[str] = "a rule book"
     n_z_max: Annotated[float, Gt(1), Le(25)] | None = Field(default=None, description="the largest load factor")

@@ -25,13 +25,13 @@ class Schema(BaseModel):
 
 
 def schema_of(annotation: Annotation) -> type[Schema] | None:
-    """The schema that is expected here, if it is one and the same for all."""
+    """Return the schema that is expected here, if it is one and the same for all; else None."""
     plain = bare(annotation)
     return plain if isinstance(plain, type) and issubclass(plain, Schema) else None
 
 
 def field_of(owner: type[Schema] | None, name: str) -> FieldInfo | None:
-    """What a schema declares of one of its keys."""
+    """Return what a schema declares of one of its keys; None if it has no such key."""
     if owner is None:
         return None
     for key, info in owner.model_fields.items():
@@ -41,12 +41,12 @@ def field_of(owner: type[Schema] | None, name: str) -> FieldInfo | None:
 
 
 def keys_of(owner: type[Schema]) -> list[str]:
-    """The keys as documents write them."""
+    """Return the keys as documents write them."""
     return [info.alias or key for key, info in owner.model_fields.items()]
 
 
 def constraints_of(found: FieldInfo | None) -> Iterator[object]:
-    """The limits a field declares, of itself or of the type it optionally has."""
+    """Yield the limits that a field declares, of itself or of the type it optionally has."""
     if found is None:
         return
     yield from found.metadata
@@ -56,7 +56,7 @@ def constraints_of(found: FieldInfo | None) -> Iterator[object]:
 
 
 def inner(annotation: Annotation, part: str | int) -> Annotation:
-    """What is expected one step further down: of a key, of an entry, of an item; None where nothing is."""
+    """Return what is expected one step further down: of a key, of an entry, of an item; None where nothing is."""
     plain = bare(annotation)
     schema = schema_of(plain)
     if schema is not None:
@@ -68,7 +68,7 @@ def inner(annotation: Annotation, part: str | int) -> Annotation:
 
 
 def bare(annotation: Annotation) -> Annotation:
-    """Without `Annotated[...]` and `| None`."""
+    """Return an annotation without `Annotated[...]` and `| None`."""
     while not isinstance(annotation, type):
         if get_origin(annotation) is Annotated:
             annotation = get_args(annotation)[0]
@@ -81,14 +81,14 @@ def bare(annotation: Annotation) -> Annotation:
 
 
 def members(annotation: Annotation) -> list[Annotation]:
-    """The alternatives of a union, but for None."""
+    """Return the alternatives of a union, without None."""
     if isinstance(annotation, type) or get_origin(annotation) not in (Union, UnionType):
         return []
     return [member for member in get_args(annotation) if member is not NoneType]
 
 
 def member_of(annotation: Annotation, tag: str | int) -> Annotation:
-    """The member of a tagged union that carries this tag; None where there is none."""
+    """Return the member of a tagged union that carries this tag; None if there is none."""
     for member in members(bare(annotation)):
         if tag in _tags_of_member(member):
             return member
@@ -96,7 +96,7 @@ def member_of(annotation: Annotation, tag: str | int) -> Annotation:
 
 
 def tags_of(annotation: Annotation) -> list[str]:
-    """All tags of a tagged union."""
+    """Return all tags of a tagged union."""
     return [tag for member in members(bare(annotation)) for tag in _tags_of_member(member)]
 
 

@@ -1,4 +1,6 @@
-"""The settings language `airrace/settings/1`: every key optional; silent ones keep the procedure's own defaults."""
+"""The settings language `airrace/settings/1`. Every key is optional; an absent one keeps the procedure's own
+default.
+"""
 
 import dataclasses
 import math
@@ -46,7 +48,7 @@ class SolverEntry(Schema):
 
 
 class CertificateEntry(Schema):
-    """Limits of the certificate; they can be tightened, never loosened."""
+    """The limits of the certificate; they can be tightened, never loosened."""
 
     what: ClassVar[str] = "the certificate"
     kkt_error: Positive | None = Field(
@@ -118,7 +120,7 @@ Part = TypeVar("Part", Settings, MeshSettings, SolverSettings, CertificateLimits
 
 
 def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
-    """The settings of a run; they are only of use if nothing was reported."""
+    """Return the settings of a run; they are only of use if nothing was reported."""
     silent = Settings()
     return _given(
         silent,
@@ -176,5 +178,5 @@ def _limits(entry: CertificateEntry, silent: CertificateLimits, reporter: Report
 
 # Any: fields of any type, checked by the schema before.
 def _given(silent: Part, **values: Any) -> Part:
-    """The defaults with what was given in their place."""
+    """Return the defaults with what was given in their place."""
     return dataclasses.replace(silent, **{name: value for name, value in values.items() if value is not None})

@@ -1,4 +1,4 @@
-"""Courses and aircraft that come with the package: found by name, unless a file has that name."""
+"""Courses and aircraft that come with the package, found by name, unless a file has that name."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -13,7 +13,7 @@ SUFFIX = ".yaml"
 
 @dataclass(frozen=True)
 class Collection:
-    """Documents of one kind that come along, each under the name of its file without the suffix.
+    """A collection of documents of one kind that come along, each under the name of its file without the suffix.
 
     Attributes:
         folder: the name of their folder.
@@ -23,16 +23,16 @@ class Collection:
 
     @property
     def path(self) -> Path:
-        """The folder in which they lie."""
+        """The folder in which the documents lie."""
         return shipped_folder(self.folder)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All names, in alphabetical order."""
+        """The names of all documents, in alphabetical order."""
         return _names(self.path)
 
     def file(self, named: Path, beside: Path = Path()) -> Path:
-        """The file that a path or a name stands for.
+        """Return the file that a path or a name stands for.
 
         A file of that path comes first, then the same path with `.yaml`, then what comes along under that name. Where
         there is none of them, the path itself is returned, so that whoever reads it says that it is missing.
@@ -49,11 +49,11 @@ class Collection:
         return self.path / spelt_out.name if self.has(named) else path
 
     def has(self, named: Path) -> bool:
-        """Whether a path is the bare name of something that comes along."""
+        """Return whether a path is the bare name of something that comes along."""
         return len(named.parts) == 1 and named.name in self.names
 
     def read(self, named: Path, findings: list[Finding], beside: Path = Path()) -> Document | None:
-        """Read what a path or a name stands for; what is wrong with it becomes one finding and the result None.
+        """Read what a path or a name stands for; what is wrong with it becomes one finding, and the result None.
 
         What comes along is called by its name, everything else by the path of its file.
         """
@@ -61,21 +61,24 @@ class Collection:
         return None if document is None else Document(str(self.meant(named, beside)), document.text)
 
     def meant(self, named: Path, beside: Path = Path()) -> Path:
-        """What users call the file that a path or a name stands for: the name of what comes along, else its path."""
+        """Return what users call the file that a path or a name stands for.
+
+        That is the name of what comes along, and the path of every other file.
+        """
         file = self.file(named, beside)
         return named if self.has(named) and file.parent == self.path else file
 
     def finds(self, named: Path, beside: Path = Path()) -> bool:
-        """Whether a path or a name stands for a file that exists."""
+        """Return whether a path or a name stands for a file that exists."""
         return _is_file(self.file(named, beside))
 
     def missing(self, named: Path, beside: Path = Path()) -> str:
-        """Say that nothing is found under a path or a name."""
+        """Return the message that nothing is found under a path or a name."""
         return missing_file(beside / named, self.names)
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is such a file; a path that the system does not even accept is none."""
+    """Return whether there is such a file; a path that the system does not even accept is none."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Texts that stand for a mapping (`g1` for `{gate: g1}`), written out: the schemas then know one form only."""
+"""Shorthands: texts that stand for a mapping (`g1` for `{gate: g1}`) are written out, so schemas know one form only."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ from airrace.documents.schema import Annotation, bare, inner, member_of, members
 
 
 def expanded(root: MappingNode, schema: Annotation) -> MappingNode:
-    """A document with every shorthand written out; all places stay as they are."""
+    """Return a document with every shorthand written out; all places stay as they are."""
     entries = {key: _entry(key, entry, schema) for key, entry in root.entries.items()}
     return MappingNode(root.place, entries)
 
@@ -18,7 +18,7 @@ def _entry(key: str, entry: Entry, owner: Annotation) -> Entry:
 
 
 def _expanded(node: Node, expected: Annotation) -> Node:
-    """The node itself where nothing in it is a shorthand."""
+    """Return a node with shorthands written out; the node itself where nothing in it is a shorthand."""
     if expected is None:
         return node
     match node:
@@ -42,7 +42,7 @@ def _expanded(node: Node, expected: Annotation) -> Node:
 
 
 def _knows_shorthands(expected: Annotation) -> bool:
-    """Whether a shorthand may stand anywhere within; most parts of a document are left alone by that."""
+    """Return whether a shorthand may stand anywhere within; most parts of a document are skipped by that."""
     if expected is None:
         return False
     schema = schema_of(expected)

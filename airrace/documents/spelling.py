@@ -4,19 +4,19 @@ import difflib
 from collections.abc import Collection
 
 NAMES_TOLD = 20
-"""So many names are listed where none is similar."""
+"""The largest number of names that are listed where none is similar."""
 COMPARISONS_MAX = 50_000
-"""Names are compared so often at most, about a second's work."""
+"""The largest number of comparisons of names for one document, about a second's work."""
 
 
 class Speller:
-    """Finds the name that was meant; on a document with thousands of names it gives up after a while."""
+    """A search for the name that was meant; on a document with thousands of names it gives up after a while."""
 
     def __init__(self) -> None:
         self._comparisons = 0
 
     def suggestion(self, word: str, known: Collection[str]) -> str:
-        """`; did you mean ...?`, or the choices where nothing is similar; empty once it has given up."""
+        """Return `; did you mean ...?`, or the choices where nothing is similar; empty once it has given up."""
         self._comparisons += len(known)
         if self._comparisons > COMPARISONS_MAX:
             return ""
@@ -25,7 +25,7 @@ class Speller:
 
 
 def choices(known: Collection[str]) -> str:
-    """`; known here: a, b`; empty where nothing is known."""
+    """Return `; known here: a, b`; empty where nothing is known."""
     if not known:
         return ""
     told = list(known)[:NAMES_TOLD]

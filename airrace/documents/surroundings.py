@@ -1,4 +1,4 @@
-"""From a track file's safety lines, crowd and airspace to the limits of a course, and whether they leave room."""
+"""The builder of a course's surroundings: safety lines, crowd and airspace, and the check whether they leave room."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -16,13 +16,14 @@ from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
 SAME_PLACE_M = 0.01
-"""Closer than this two corners are one."""
+"""The distance below which two corners are one, m."""
 ROUNDING_M = 1e-6
+"""The distance by which an element may be too near or too far without a report, m: rounding of positions."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
 
 def build_safety_lines(entries: dict[str, SafetyLineEntry], places: Places) -> dict[str, SafetyLine]:
-    """All safety lines by name."""
+    """Return all safety lines by name."""
     return {name: _safety_line(name, entry, places) for name, entry in entries.items()}
 
 
@@ -41,13 +42,13 @@ def _safety_line(name: str, entry: SafetyLineEntry, places: Places) -> SafetyLin
 
 
 def room_beside(line: SafetyLine, place: Point) -> float:
-    """Distance of a place from a line on the allowed side, m; negative on the other."""
+    """Return the distance of a place from a line on the allowed side, m; negative on the other."""
     to_right = polygons.to_right(line.start, line.end, place)
     return to_right if line.keep_right else -to_right
 
 
 def build_crowd(entries: dict[str, CrowdEntry], distance: float | None, places: Places) -> tuple[Crowd, ...]:
-    """All crowds; `distance` holds for those that do not say their own."""
+    """Return all crowds; `distance` (m) holds for those that do not say their own."""
     return tuple(_crowd(name, entry, distance, places) for name, entry in entries.items())
 
 
@@ -87,7 +88,7 @@ def _corners(key: str, entry: CrowdEntry, path: KeyPath, places: Places) -> tupl
 
 
 def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tuple[Point, ...]:
-    """Corners of the convex area of the race; empty where there is none, or none to rely on."""
+    """Return the corners of the convex area of the race; empty if there is none, or none to rely on."""
     if entries is None:
         return ()
     known = len(places.reporter.findings)
@@ -106,7 +107,7 @@ def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tupl
 
 
 def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
-    """Corners of a simple polygon."""
+    """Return the corners of a simple polygon; report one that is none."""
     known = len(places.reporter.findings)
     corners = _points(entries, path, places)
     if len(entries) < 3:
@@ -136,7 +137,7 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
 
 
 def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, ...]:
-    """Corners; neighbours are different places."""
+    """Return the corners; report neighbours at the same place."""
     corners = tuple(places.point(entry, (*path, index)) for index, entry in enumerate(entries))
     for index, (before, here) in enumerate(pairwise(corners), start=1):
         if _same(before, here):
@@ -153,7 +154,7 @@ def _between(a: Point, b: Point) -> float:
 
 
 def _turns_back(before: Point, corner: Point, after: Point) -> bool:
-    """Whether one of the two edges at a corner lies on the other."""
+    """Return whether one of the two edges at a corner lies on the other."""
     nearest = min(
         polygons.distance(after, (before, corner), closed=False),
         polygons.distance(before, (corner, after), closed=False),
@@ -163,7 +164,7 @@ def _turns_back(before: Point, corner: Point, after: Point) -> bool:
 
 @dataclass(frozen=True)
 class _Box:
-    """Extent of some corners: most gates are far from most people, and told apart by it at once."""
+    """The extent of some corners, by which gates are told apart at once from people who are far away."""
 
     north: Interval
     east: Interval
@@ -174,7 +175,7 @@ class _Box:
         return cls(Interval(min(north), max(north)), Interval(min(east), max(east)))
 
     def lies_beyond(self, place: Point, distance: float) -> bool:
-        """Whether the place is surely farther away than `distance`."""
+        """Return whether the place is surely farther away than `distance` (m)."""
         return (
             max(self.north.lower - place.north, place.north - self.north.upper) > distance
             or max(self.east.lower - place.east, place.east - self.east.upper) > distance

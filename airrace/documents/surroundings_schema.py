@@ -1,4 +1,4 @@
-"""What a race keeps away from, in the track language: safety lines and people on the ground."""
+"""The surroundings of a race in the track language: safety lines and people on the ground."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -22,7 +22,7 @@ class SafetyLineEntry(Schema):
 
 
 class CrowdEntry(Schema):
-    """Exactly one of `point`, `line` and `polygon`."""
+    """A group of people on the ground, given by exactly one of `point`, `line` and `polygon`."""
 
     what: ClassVar[str] = "a crowd"
     point: PlaceEntry | None = Field(default=None, description="where people are: a single place")

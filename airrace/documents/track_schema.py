@@ -27,11 +27,11 @@ THERMALS_MAX = 100
 LINES_MAX = 100
 GATES_MAX = 10_000
 PASSAGES_MAX = 10_000
-"""Passings of a whole race."""
+"""The largest number of passings of a whole race."""
 
 
 class WindEntry(Schema):
-    """Static wind; exactly one of `speed_kt` and `speed_m_s`."""
+    """A static wind, with exactly one of `speed_kt` and `speed_m_s`."""
 
     what: ClassVar[str] = "a wind"
     from_deg: Azimuth = Field(description="the direction it blows from")
@@ -74,7 +74,7 @@ class EnvironmentEntry(Schema):
 
 
 class FlownEntry(Schema):
-    """One passing: the name of an element, or a mapping that says more about it."""
+    """A passing: the name of an element, or a mapping that says more about it."""
 
     what: ClassVar[str] = "a passing"
     form: ClassVar[str] = "the name of a gate or {gate: NAME, direction: reverse}"
@@ -92,7 +92,7 @@ Lap = Annotated[list[FlownEntry], Field(min_length=1, max_length=PASSAGES_MAX)]
 
 
 class CourseEntry(Schema):
-    """Either `lap`, flown `laps` times, or `each_lap`."""
+    """The order of a race: either `lap`, flown `laps` times, or `each_lap`."""
 
     what: ClassVar[str] = "a course"
     start: str = Field(description="the element that starts the clock")
@@ -151,7 +151,7 @@ class TrackEntry(Schema):
 
 
 def track_language() -> type[TrackEntry]:
-    """The schema of a course file with all kinds of elements, those of extensions included."""
+    """Return the schema of a course file with all kinds of elements, those of extensions included."""
     return _track_language(kinds())
 
 

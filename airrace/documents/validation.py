@@ -1,4 +1,4 @@
-"""Validation of a document whose errors name file, line, key, what is wrong and what would be right."""
+"""Validation of a document: its errors name file, line, key, what is wrong and what would be right."""
 
 import difflib
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ Model = TypeVar("Model", bound=Schema)
 
 
 def validate(model: type[Model], reporter: Reporter) -> Model | None:
-    """The document as an instance of `model`; None if it is not one, and then there are findings."""
+    """Return the document as an instance of `model`; None if it is not one, and then there are findings."""
     valueless = set(_valueless((), reporter.root))
     for path in valueless:
         reporter.value(path, "has no value; give one, or leave the key out")
@@ -77,7 +77,7 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
 
 
 def _mismatch(error: ErrorDetails, annotation: Annotation, owner: type[Schema] | None, name: str) -> str:
-    """What should stand here, and what does."""
+    """Return what should stand here, and what does."""
     found = _described(error["input"])
     match error["type"]:
         case "float_type" | "int_type" | "int_from_float":
@@ -131,7 +131,7 @@ def _described(value: object) -> str:
 
 
 def _limits(owner: type[Schema] | None, name: str) -> str:
-    """The range a field declares: ` above 0 and at most 85`."""
+    """Return the range that a field declares as a text, e.g. ` above 0 and at most 85`."""
     texts: list[str] = []
     for limit in constraints_of(field_of(owner, name)):
         match limit:
@@ -154,8 +154,10 @@ def _description(owner: type[Schema] | None, name: str) -> str:
 
 
 def _resolve(model: type[Schema], location: KeyPath) -> tuple[KeyPath, type[Schema] | None, Annotation]:
-    """The path in the document (pydantic's has tags of unions in between), the mapping that owns its last key,
-    and what is expected there."""
+    """Return the path in the document, the mapping that owns its last key, and what is expected there.
+
+    The path that pydantic gives has tags of unions in between.
+    """
     path: list[str | int] = []
     owner: type[Schema] | None = None
     annotation: Annotation = model

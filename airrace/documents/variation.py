@@ -27,7 +27,7 @@ TRACK = "track"
 
 
 class Variation:
-    """Track and aircraft of inputs that are known to be without fault, read once, and varied number by number."""
+    """Track and aircraft of inputs that are known to be without fault, read once and varied number by number."""
 
     def __init__(self, inputs: Inputs) -> None:
         """Read both documents.
@@ -43,7 +43,7 @@ class Variation:
 
     @cached_property
     def numbers(self) -> dict[str, float]:
-        """Every number that `--set` reaches in track and aircraft by its key there, with its value now.
+        """The number behind every key that `--set` reaches in track and aircraft, with its present value.
 
         Numbers that the files leave to a preset or to the language are among them; limits that nobody sets are not.
         """
@@ -58,7 +58,7 @@ class Variation:
         return numbers(filled_in(track, reporter)) | numbers(aircraft, (AIRCRAFT,))
 
     def race(self, key: str, value: float) -> Race:
-        """The race with one number set to another value.
+        """Return the race with one number set to another value.
 
         Args:
             key: as `--set` has it, e.g. `gates.g4.heading_deg` or `aircraft.airframe.mass_kg`.
@@ -90,7 +90,7 @@ class Variation:
 
 
 def _root(document: Document, kind: str, model: type[Schema], texts: tuple[str, ...]) -> MappingNode:
-    """A document as a tree with the overrides of the run made and all shorthands written out."""
+    """Return a document as a tree with the overrides of the run made and all shorthands written out."""
     findings: list[Finding] = []
     mine = [override for override in parse_overrides(texts, findings) if override.document == kind]
     root = read_yaml(document.path, document.text)
@@ -103,7 +103,7 @@ def _root(document: Document, kind: str, model: type[Schema], texts: tuple[str, 
 
 
 def _with(root: MappingNode, kind: str, path: list[str], value: float) -> MappingNode:
-    """The tree with one number changed, or added; nothing of it is a shorthand any more."""
+    """Return the tree with one number changed or added; nothing of it is a shorthand any more."""
     findings: list[Finding] = []
     changed = apply_overrides(
         root, [Override(kind, tuple(path), ScalarNode(PLACE, value))], findings, lambda node: node

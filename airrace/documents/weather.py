@@ -1,4 +1,4 @@
-"""From `environment` and `origin` of a track file to the air of the day."""
+"""The builder of the air of the day, from `environment` and `origin` of a track file."""
 
 import math
 
@@ -13,7 +13,7 @@ HECTOPASCAL = 100.0
 
 
 def build_air(entry: EnvironmentEntry, places: Places) -> Air:
-    """The air above a track."""
+    """Return the air above a track."""
     return Air(
         temperature_offset=entry.temperature_offset_K,
         pressure_offset=entry.pressure_offset_hPa * HECTOPASCAL,

@@ -1,4 +1,4 @@
-"""Read YAML safely and strictly, without constructing Python objects from it.
+"""A reader of YAML that is safe and strict, and constructs no Python objects from the text.
 
 The text is taken event by event with a limit on depth and size, by libyaml where PyYAML brings it along (several times
 faster), else by PyYAML's own parser. libyaml's composer, which recurses without limit, is never asked. Anchors, aliases
@@ -27,13 +27,17 @@ from airrace.documents.nodes import (
 from airrace.errors import Finding, InputError
 
 DEPTH_MAX = 32
+"""The deepest nesting of lists and mappings."""
 NODES_MAX = 200_000
-"""So many values a document may have; ten thousand gates, each with ten keys, have half of them."""
+"""The largest number of values of a document; ten thousand gates, each with ten keys, have half of them."""
 KEY_MAX = 100
-"""Longest key, characters."""
+"""The longest key, characters."""
 INTEGER_MAX = 2**63 - 1
 PLAIN_WORDS_MAX = 65_536
-"""Up to this size a text that is no YAML is read again by PyYAML's parser, whose messages are the clearer ones."""
+"""The size, in characters, up to which a text that is no YAML is read again by PyYAML's own parser.
+
+The messages of that parser are the clearer ones.
+"""
 
 Loader = type[yaml.SafeLoader]
 PURE: Loader = yaml.SafeLoader
@@ -49,7 +53,7 @@ _NOT_FINITE = re.compile(r"([-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN)")
 
 
 def plain_scalar(text: str) -> ScalarValue:
-    """The value of an unquoted scalar.
+    """Return the value of an unquoted scalar.
 
     Raises:
         ValueError: the scalar is refused; its text says why.
@@ -83,7 +87,7 @@ def _integer(text: str) -> int:
 
 
 def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
-    """The content of a YAML text.
+    """Return the content of a YAML text as a tree.
 
     Args:
         file: the name findings carry.
@@ -111,7 +115,7 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
 
 
 def _check_characters(file: str, text: str) -> None:
-    """Control characters, byte order marks and the like are no part of YAML."""
+    """Refuse control characters, byte order marks and the like, which are no part of YAML."""
     found = _FORBIDDEN.search(text)
     if found is None:
         return
@@ -136,11 +140,11 @@ def _syntax_error(file: str, error: yaml.MarkedYAMLError) -> Finding:
 
 
 class _Abort(Exception):
-    """Reading on would be useless or dangerous; the reason is among the findings."""
+    """A signal that reading on would be useless or dangerous; the reason is among the findings."""
 
 
 class _Reader:
-    """Builds nodes from events; lives for one text."""
+    """A builder of nodes from events, which lives for one text."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -200,7 +204,7 @@ class _Reader:
         return entries
 
     def _key(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> str:
-        """A key is its text, whatever the value rules would make of it; empty where it was refused."""
+        """Return the text of a key, whatever the value rules would make of it; empty if it was refused."""
         if isinstance(event, yaml.ScalarEvent):
             self._refuse_decoration(event, path)
             if not event.value:

@@ -1,4 +1,4 @@
-"""Flights in formats that other programs read; one file per format."""
+"""Flights in formats that other programs read; there is one file per format."""
 
 from airrace.export.csv import Provenance, export_csv, export_splits_csv
 

@@ -20,14 +20,14 @@ Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
 
 @dataclass(frozen=True)
 class Column:
-    """One column; shape of the values (n,)."""
+    """A column of a table: its header and its values, shape (n,)."""
 
     header: str
     values: Array
 
 
 def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> list[Column]:
-    """Time, states, controls, what follows from position and attitude, and `derived`, in this order."""
+    """Return time, states, controls, what follows from position and attitude, and `derived`, in this order."""
     columns = [Column("time_s", samples.time)]
     for quantity in (*trajectory.states, *trajectory.controls):
         columns.extend(displayed(quantity, samples.histories[quantity.name]))
@@ -39,7 +39,7 @@ def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> li
 
 
 def displayed(quantity: Quantity, values: Array) -> Iterator[Column]:
-    """The quantity in units for people: angles in degrees; `V_K` in m/s and in knots."""
+    """Yield the quantity in units for people: angles in degrees; `V_K` in m/s and in knots."""
     unit = quantity.unit
     if unit == "rad" or unit.startswith("rad/"):
         unit, values = unit.replace("rad", "deg", 1), values / DEGREE
@@ -50,7 +50,7 @@ def displayed(quantity: Quantity, values: Array) -> Iterator[Column]:
 
 
 def unit_suffix(unit: str) -> str:
-    """A unit in letters, digits and underscores: `m/s^2` is `m_s2`, `1/s` is `per_s`, no unit is nothing."""
+    """Return a unit in letters, digits and underscores: `m/s^2` is `m_s2`, `1/s` is `per_s`, no unit is nothing."""
     if unit in ("", "1", "-"):
         return ""
     if unit.startswith("1/"):
@@ -66,7 +66,7 @@ def _height(histories: Mapping[str, Array]) -> Iterator[Column]:
 
 
 def _angles(histories: Mapping[str, Array]) -> Iterator[Column]:
-    """Course, climb and bank of Kbar: `chi = atan2(R21, R11)`, `gamma = -asin(R31)`, `mu = atan2(R32, R33)`."""
+    """Yield course, climb and bank of Kbar: `chi = atan2(R21, R11)`, `gamma = -asin(R31)`, `mu = atan2(R32, R33)`."""
     if all(name in histories for name in QUATERNION):
         R = rotation([histories[name] for name in QUATERNION])
         yield Column("chi_deg", np.arctan2(R[1][0], R[0][0]) / DEGREE)

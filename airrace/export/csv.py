@@ -19,7 +19,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Provenance:
-    """Whose flight it is: names of track and aircraft, and the version of airrace that found it."""
+    """The origin of a flight: names of track and aircraft, and the version of airrace that found it."""
 
     track: str
     aircraft: str
@@ -59,7 +59,9 @@ def export_csv(
 
 
 def export_splits_csv(splits: Sequence[GateSplit], stream: TextIO) -> None:
-    """Write the passages: when, how long since the one before (the first: since the start), and how each was flown."""
+    """Write the passages: their times, the times since the passage before (of the first: since the start), and how each
+    was flown.
+    """
     columns = split_columns(splits)
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["passage", *(column.header for column in columns)])

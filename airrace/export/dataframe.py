@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 
 def flight_frame(flight: FlightTable) -> "DataFrame":
-    """One row per time, with `time_s` as the index, and the leg of each row as the category `phase`.
+    """Return a data frame of the flight, with one row per time.
+
+    `time_s` is the index, and the leg of each row is the category `phase`.
 
     Raises:
         UsageError: pandas is not installed.
@@ -26,7 +28,7 @@ def flight_frame(flight: FlightTable) -> "DataFrame":
 
 
 def splits_frame(splits: Sequence[GateSplit]) -> "DataFrame":
-    """One row per passing, with its name, `passage`, as the index.
+    """Return a data frame of the gate splits, with one row per passing and its name, `passage`, as the index.
 
     Raises:
         UsageError: pandas is not installed.

@@ -7,7 +7,7 @@ from airrace.errors import UsageError
 
 
 def extra(package: str, what: str) -> ModuleType:
-    """A package that comes with the extra of the same name.
+    """Return a package that comes with the extra of the same name.
 
     Args:
         package: its name.

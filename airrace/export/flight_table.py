@@ -17,7 +17,7 @@ NO_DERIVED: Derived = MappingProxyType({})
 
 @dataclass(frozen=True)
 class FlightTable:
-    """Rows at the times of `samples`, n of them.
+    """A flight as a table of n rows, at the times of `samples`.
 
     Attributes:
         samples: named histories in SI units and radians.
@@ -39,7 +39,7 @@ def flight_table(
     derived: Derived = NO_DERIVED,
     sampler: Sampler | None = None,
 ) -> FlightTable:
-    """Read a flight off.
+    """Return a flight as a table, on the nodes of its mesh or at a fixed rate.
 
     Args:
         trajectory: the flight.
@@ -57,7 +57,7 @@ def flight_table(
 
 
 def split_columns(splits: Sequence[GateSplit]) -> tuple[Column, ...]:
-    """When every passing was, how long since the one before, and how it was flown; each of shape (n,).
+    """Return when every passing was, how long since the one before, and how it was flown; each of shape (n,).
 
     The first passing is the start, which is since itself.
     """
@@ -77,5 +77,5 @@ def split_columns(splits: Sequence[GateSplit]) -> tuple[Column, ...]:
 
 
 def _compass(heading: Array) -> Array:
-    """Degrees from 0 up to, not including, 360 also after rounding."""
+    """Return headings in degrees from 0 up to, not including, 360, also after rounding."""
     return np.mod(np.round(heading / DEGREE, 7), 360.0)

@@ -1,4 +1,4 @@
-"""A flight read off at given times."""
+"""A flight sampled at given times."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ ROWS_MAX = 10_000_000
 
 @dataclass(frozen=True)
 class Samples:
-    """Histories at the times of the rows.
+    """The histories of a flight at the times of the rows.
 
     Attributes:
         time: s; shape (n,).
@@ -32,7 +32,7 @@ class Samples:
 
 
 def at_nodes(trajectory: Trajectory) -> Samples:
-    """One row per node; the last node repeats the controls of the last interval."""
+    """Return one row per node; the last node repeats the controls of the last interval."""
     intervals = np.minimum(np.arange(len(trajectory.time)), trajectory.control.shape[1] - 1)
     return Samples(
         trajectory.time,
@@ -42,7 +42,7 @@ def at_nodes(trajectory: Trajectory) -> Samples:
 
 
 def at_rate(trajectory: Trajectory, rate: float, sampler: Sampler | None = None) -> Samples:
-    """Rows at a fixed rate from the start, and a last one at the very end.
+    """Return rows at a fixed rate from the start, and a last one at the very end.
 
     Controls are those of the interval the time lies in. States come from the sampler; without one they are interpolated
     linearly between the nodes (which cuts corners by up to `a dt^2 / 8`, e.g. 0.35 m at 10 g and intervals of 0.17 s),
@@ -102,7 +102,9 @@ def _interpolated(trajectory: Trajectory, time: Array) -> dict[str, Array]:
 
 
 def _without_sign_flips(q: Array) -> Array:
-    """The same attitudes (q and -q are one), each quaternion in the hemisphere of the one before; shape (4, n)."""
+    """Return the same attitudes (q and -q are one), each quaternion in the hemisphere of the one before; shape (4,
+    n).
+    """
     flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
     signs = np.cumprod(np.where(flips, -1.0, 1.0))
     return q * np.concatenate(([1.0], signs))

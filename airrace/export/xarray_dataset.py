@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def flight_dataset(flight: FlightTable, result: StageResult, provenance: Provenance) -> "Dataset":
-    """All states and controls over the dimension `time` (s), and `height` (m, above the track's origin).
+    """Return all states and controls over the dimension `time` (s), and `height` (m, above the track's origin).
 
     `phase` is a coordinate: the leg that each time belongs to. Controls are those of the interval in which a time lies.
 

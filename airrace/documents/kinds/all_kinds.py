@@ -1,4 +1,4 @@
-"""The kinds of elements that a track file knows. This is the only list of them; `register` adds a further one."""
+"""The list of the kinds of elements that a track file knows. It is the only one; `register` adds a further kind."""
 
 import re
 from typing import get_args
@@ -27,7 +27,9 @@ NAME_RULE = "begin with a letter and go on with letters, digits, `_` and `-`"
 
 
 def register(kind: type[KindEntry]) -> type[KindEntry]:
-    """Class decorator: add a kind of element to the track language.
+    """Add a kind of element to the track language (a class decorator).
+
+    A file that calls this is all that a kind of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
 
     A file that calls this is all that a kind of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
 
@@ -44,13 +46,13 @@ def register(kind: type[KindEntry]) -> type[KindEntry]:
 
 
 def kinds() -> tuple[type[KindEntry], ...]:
-    """All kinds, those of extensions included."""
+    """Return all kinds, those of extensions included."""
     load_extensions()
     return tuple(_kinds)
 
 
 def build_features(entries: dict[str, KindEntry], defaults: GateDefaultsEntry, places: Places) -> dict[str, Feature]:
-    """All entries of `gates`, ready to be flown; what makes no sense is reported."""
+    """Return all entries of `gates` as features by name; what makes no sense is reported."""
     built: dict[str, Feature] = {}
     for name, entry in entries.items():
         if not NAME.fullmatch(name):

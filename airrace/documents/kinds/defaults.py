@@ -1,4 +1,4 @@
-"""The keys that gates and pylons have in common, and `gate_defaults`, which gives them to those that say nothing."""
+"""The keys that gates and pylons have in common, and `gate_defaults`, which gives values to absent keys."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -12,7 +12,7 @@ Reach = Annotated[float, Gt(0), Le(5000)]
 
 
 class PassingEntry(Schema):
-    """What gates and pylons have in common; an absent key takes the value of `gate_defaults`."""
+    """The keys that gates and pylons have in common; an absent one takes the value of `gate_defaults`."""
 
     height_m: Height | None = Field(
         default=None, description="nominal height of the passing above the origin; exact where `passing` is `point`"
@@ -35,7 +35,7 @@ class PassingEntry(Schema):
 
 
 class GatePassingEntry(PassingEntry):
-    """What all two-pylon gates have in common."""
+    """The keys that all two-pylon gates have in common."""
 
     width_m: Annotated[float, Gt(0), Le(500)] | None = Field(
         default=None, description="distance between the two pylons"
@@ -46,7 +46,10 @@ class GatePassingEntry(PassingEntry):
 
 
 class GateDefaultsEntry(GatePassingEntry):
-    """`clearance_m` is meant for two-pylon gates alone: at a single pylon it has its own default."""
+    """The values of keys that gates and pylons leave out.
+
+    `clearance_m` is meant for two-pylon gates alone: at a single pylon it has its own default.
+    """
 
     what: ClassVar[str] = "gate_defaults"
     reach_m: Reach | None = Field(

@@ -1,4 +1,4 @@
-"""What every kind of element has in the track language: its keys, and what they make of it."""
+"""The base of every kind of element in the track language: its keys, and what they make of it."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ class KindEntry(Schema):
 
     @abstractmethod
     def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        """What an entry of this kind is flown as; what makes no sense goes to the reporter of `places`.
+        """Return what an entry of this kind is flown as; what makes no sense goes to the reporter of `places`.
 
         Args:
             name: the key of the entry in `gates`.
@@ -29,7 +29,7 @@ class KindEntry(Schema):
         """
 
     def silent_numbers(self, feature: Feature) -> Mapping[str, float | None]:
-        """The numbers that hold where the entry says none, by their keys.
+        """Return the numbers that hold where the entry says none, by their keys.
 
         Args:
             feature: what the entry is flown as.
@@ -38,7 +38,7 @@ class KindEntry(Schema):
 
 
 def chosen(own: Value | None, default: Value | None, silent: Value) -> Value:
-    """The element's own value, else that of `gate_defaults`, else the language's."""
+    """Return the element's own value, else that of `gate_defaults`, else that of the language."""
     if own is not None:
         return own
     return silent if default is None else default

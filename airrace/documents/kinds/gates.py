@@ -29,11 +29,14 @@ from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, 
 KnifeEdgeName = Literal["right", "left", "either"]
 BankName = Literal["level", "right", "left", "either"]
 QUAD_CROSSING_MAX_DEG = 40
-"""From 45 on one straight flight through the middle would count as both passings of a quad."""
+"""The largest crossing angle at a quad, degrees.
+
+From 45 on one straight flight through the middle would count as both passings of a quad.
+"""
 
 
 class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
-    """Whatever is flown between two pylons."""
+    """The keys of everything that is flown between two pylons."""
 
     def silent_numbers(self, feature: Feature) -> Mapping[str, float | None]:
         gate = feature.steps[0].element
@@ -81,7 +84,10 @@ class QuadEntry(TwoPylonEntry):
     )
 
     def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        """Two crossed gates. The second one's heading is counted from the first one's: flown in reverse, both turn."""
+        """Return two crossed gates.
+
+        The second one's heading is counted from the first one's, so that both turn when the quad is flown in reverse.
+        """
         first = _gate(name, self, self.heading_deg, defaults, places)
         crossing = min(first.tolerances.crossing, math.radians(QUAD_CROSSING_MAX_DEG))
         first = dataclasses.replace(first, tolerances=dataclasses.replace(first.tolerances, crossing=crossing))
@@ -102,7 +108,7 @@ class QuadEntry(TwoPylonEntry):
 
 
 def _gate(name: str, entry: TwoPylonEntry, heading_deg: float, defaults: GateDefaultsEntry, places: Places) -> Gate:
-    """Two pylons, wings level."""
+    """Return a gate of two pylons that is flown with the wings level."""
     reporter, place = places.reporter, places.point(entry, ("gates", name))
     clearance = chosen(entry.clearance_m, defaults.clearance_m, GATE_CLEARANCE_M)
     gate = Gate(
@@ -125,6 +131,6 @@ def _gate(name: str, entry: TwoPylonEntry, heading_deg: float, defaults: GateDef
 
 
 def _banked(gate: Gate, name: str) -> Gate:
-    """The gate flown at a bank that is named after the wing that points down."""
+    """Return the gate flown at a bank that is named after the wing that points down."""
     bank = {"level": LEVEL, "left": KNIFE_EDGE_LEFT}.get(name, KNIFE_EDGE_RIGHT)
     return dataclasses.replace(gate, bank=bank, either_bank=name == "either")

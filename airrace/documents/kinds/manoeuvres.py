@@ -19,9 +19,9 @@ from airrace.track.gates import INVERTED, Manoeuvre
 from airrace.track.limits import Roll, Turning
 
 VERTICAL_DEG = 89.0
-"""Steeper than this a path has no course and no bank angle to speak of."""
+"""The steepest climb angle, degrees, at which a path still has a course and a bank angle to speak of."""
 STEEP_DEG = 45.0
-"""Less steep than this a line is none for a vertical roll."""
+"""The least climb angle, degrees, of a line for a vertical roll."""
 
 
 class ManoeuvreEntry(PlacedEntry, KindEntry):
@@ -44,7 +44,7 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
     height_max_m: Height | None = Field(default=None, description="largest height above the origin")
 
     def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        """An attitude at a position that is free within bounds."""
+        """Return an attitude at a position that is free within bounds."""
         reporter, path = places.reporter, ("gates", name)
         north, east = _over_ground(self, path, places)
         manoeuvre = Manoeuvre(
@@ -78,7 +78,7 @@ class HighTurnEntry(KindEntry):
     height_max_m: Height | None = Field(default=None, description="largest height at its top")
 
     def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        """A height to be reached between two gates."""
+        """Return a height to be reached between two gates."""
         height = _range(
             "height", None, interval(self.height_min_m, self.height_max_m), ("gates", name), places.reporter
         )
@@ -86,7 +86,7 @@ class HighTurnEntry(KindEntry):
 
 
 class VerticalRollEntry(KindEntry):
-    """One mention is two passages: the roll's begin and its end."""
+    """A roll on a steep line; one mention of it is two passages: the roll's begin and its end."""
 
     what: ClassVar[str] = "a vertical roll"
     type: Literal["vertical-roll"] = Field(description="a roll flown on a steep line")
@@ -104,7 +104,7 @@ class VerticalRollEntry(KindEntry):
     )
 
     def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        """Two passages on a steep line: where the roll begins, and where it ends."""
+        """Return two passages on a steep line: where the roll begins, and where it ends."""
         reporter = places.reporter
         downward = self.climb_deg < 0.0
         begin = Manoeuvre(
@@ -142,7 +142,7 @@ class VerticalRollEntry(KindEntry):
 
 
 def _over_ground(entry: ManoeuvreEntry, path: KeyPath, places: Places) -> tuple[Interval, Interval]:
-    """Ranges of north and east."""
+    """Return the ranges of north and east, m."""
     point = places.geodetic(entry, path)
     north, east = (entry.north_m, entry.east_m) if point is None else (point.north, point.east)
     ranges = (interval(entry.north_min_m, entry.north_max_m), interval(entry.east_min_m, entry.east_max_m))

@@ -1,4 +1,4 @@
-"""What gates and pylons that are passed by the rules have in common: what holds where a file says nothing."""
+"""Passings by the rules, of gates and pylons alike: their tolerances where a file says nothing, and their checks."""
 
 import math
 
@@ -22,16 +22,16 @@ CROSSING_MAX_DEG = 60.0
 REACH_M = 100.0
 
 DIGITS = 9
-"""Angles come back from radians rounded to so many places."""
+"""The decimal places to which angles are rounded when they come back from radians, degrees."""
 
 
 def passing_of(entry: PassingEntry, defaults: GateDefaultsEntry) -> Passing:
-    """How strictly an element is passed."""
+    """Return how strictly an element is passed."""
     return Passing(chosen(entry.passing, defaults.passing, "window"))
 
 
 def tolerances_of(entry: PassingEntry, defaults: GateDefaultsEntry, *, clearance: float) -> Tolerances:
-    """What the passing of an element allows; `clearance` in m."""
+    """Return what the passing of an element allows; `clearance` in m."""
     height = chosen(entry.height_m, defaults.height_m, HEIGHT_M)
     climb = Interval(
         chosen(entry.climb_min_deg, defaults.climb_min_deg, -CLIMB_MAX_DEG),
@@ -87,7 +87,7 @@ def _check_climb(element: Gate | Pylon, reporter: Reporter) -> None:
 
 
 def silent_passing(element: Gate | Pylon) -> dict[str, float | None]:
-    """The numbers of a passing by their keys."""
+    """Return the numbers of a passing by their keys."""
     allowed = element.tolerances
     return {
         "height_m": element.height,
@@ -101,5 +101,5 @@ def silent_passing(element: Gate | Pylon) -> dict[str, float | None]:
 
 
 def rounded(angle: float) -> float:
-    """Degrees without the conversion's last bits."""
+    """Return an angle in degrees without the conversion's last bits."""
     return round(math.degrees(angle), DIGITS)
