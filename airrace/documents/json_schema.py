@@ -25,6 +25,7 @@ LANGUAGES: dict[str, Callable[[], type[Schema]]] = {
     "settings": lambda: SettingsEntry,
     "batch": lambda: BatchEntry,
 }
+"""The languages by name, each with the model that reads its documents."""
 
 _TITLES = {
     "track": "Track of airrace",

@@ -18,7 +18,7 @@ from airrace.track.polygons import Point
 SAME_PLACE_M = 0.01
 """The distance below which two corners are one, m."""
 ROUNDING_M = 1e-6
-"""The distance by which an element may be too near or too far without a report, m: rounding of positions."""
+"""The excess over a distance that is put down to rounding and not reported, m."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
 

@@ -1,4 +1,6 @@
-"""What every number of the inputs costs: seconds per unit, from a certified optimum, with nothing solved again."""
+"""Prices: what every number of the inputs costs, in seconds per unit, from a certified optimum without another
+solve.
+"""
 
 from airrace.prices.price import Activity, Group, Price
 from airrace.prices.pricing import prices

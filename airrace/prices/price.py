@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 ONE_PER_CENT = 0.01
+"""The usual step of numbers whose unit has no step of its own, as a share of the value."""
 OWN_STEPS = {
     "latitude_deg": 1e-5,
     "longitude_deg": 1e-5,  # about a metre
@@ -13,9 +14,9 @@ OWN_STEPS = {
     "mean_chord_m": 0.0,
     "static_thrust_N": 0.0,
 }
-"""Usual steps of keys whose unit would mislead; 0 stands for one per cent of the value."""
+"""The usual steps of keys whose unit would mislead; 0 stands for one per cent of the value."""
 LOAD_FACTORS = {"n_z_max": 0.1, "n_z_min": 0.1, "n_y_max": 0.1}
-"""Usual steps in g of the keys that carry no unit because a load factor has none."""
+"""The usual steps in g of the keys that carry no unit because a load factor has none."""
 UNITS = {
     "kg_m2": ("kg m2", 0.0),
     "rad_s2": ("rad/s2", 0.0),
@@ -34,11 +35,14 @@ UNITS = {
     "m": ("m", 1.0),
     "s": ("s", 0.0),
 }
-"""Name and usual step of the unit that a key ends with, longer endings first; 0 means one per cent of the value."""
+"""The name and the usual step of the unit that a key ends with, longer endings first.
+
+A step of 0 means one per cent of the value.
+"""
 
 
 class Group(Enum):
-    """Whose number it is."""
+    """A group of numbers, by the part of the inputs to which they belong."""
 
     TRACK = "track"
     AIRCRAFT = "aircraft"
@@ -47,7 +51,7 @@ class Group(Enum):
 
 
 class Activity(Enum):
-    """To which sides of its value a number matters."""
+    """The sides of its value to which a number matters."""
 
     BOTH = "both"
     ONE_SIDED = "one-sided"
@@ -82,18 +86,18 @@ class Price:
 
     @property
     def price(self) -> float:
-        """Seconds per unit: the mean of both sides, or the only one there is."""
+        """The price in seconds per unit: the mean of both sides, or the only one there is."""
         sides = [side for side in (self.upward, self.downward) if math.isfinite(side)]
         return sum(sides) / len(sides)
 
     @property
     def cost_up(self) -> float:
-        """What a usual step up costs, s; negative where it gains time, NaN where the inputs allow none."""
+        """The cost of a usual step up, s; negative if it gains time, NaN if the inputs allow none."""
         return self.upward * self.usual_step
 
     @property
     def cost_down(self) -> float:
-        """What a usual step down costs, s, likewise."""
+        """The cost of a usual step down, s; negative if it gains time, NaN if the inputs allow none."""
         return -self.downward * self.usual_step
 
     @property
@@ -102,7 +106,7 @@ class Price:
         return max(abs(cost) for cost in (self.cost_up, self.cost_down) if math.isfinite(cost))
 
     def as_object(self) -> dict[str, object]:
-        """For scripts; null where the inputs allow no value to that side."""
+        """Return plain values for scripts; null where the inputs allow no value to that side."""
         return {
             "group": self.group.value,
             "unit": self.unit,
@@ -119,7 +123,7 @@ class Price:
 
 
 def group_of(key: str) -> Group:
-    """Whose number a key names."""
+    """Return the group of the number that a key names."""
     first = key.partition(".")[0]
     if first in (Group.AIRCRAFT.value, Group.RULES.value, Group.ENVIRONMENT.value):
         return Group(first)
@@ -127,13 +131,16 @@ def group_of(key: str) -> Group:
 
 
 def unit_of(key: str) -> str:
-    """The unit that a key names; "g" for load factors, "1" for numbers without one."""
+    """Return the unit that a key names; "g" for load factors, "1" for numbers without one."""
     name = key.rpartition(".")[2]
     return "g" if name in LOAD_FACTORS else _ending(name)[0]
 
 
 def usual_step(key: str, value: float) -> float:
-    """The step of a number that is usually argued about, in its unit.
+    """Return the step of a number that is usually argued about, in its unit.
+
+    It is one per cent of the value where the unit has no step of its own, and a hundredth of the unit where that value
+    is zero.
 
     One per cent of the value where the unit has no step of its own, a hundredth of the unit where the value is zero.
     """

@@ -1,4 +1,4 @@
-"""From a certified optimum and the inputs it was flown with to the price of every number in them."""
+"""The pricing of every number in the inputs of a certified optimum."""
 
 import math
 from collections.abc import Callable
@@ -21,11 +21,11 @@ SAME = 0.02  # of the larger: prices to both sides that differ by less are one
 
 
 def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = frozenset(Group)) -> dict[str, Price]:
-    """The price of every number that `--set` reaches, from the stored multipliers, with nothing solved again.
+    """Return the price of every number that `--set` reaches, from the stored multipliers, with nothing solved again.
 
     A price is the derivative of the stage's objective (race time and regularisation, whose weights are kept) on the
-    stored mesh, along the stored way round. Sorted by what a usual step costs, the dearest first. A number that cannot
-    be changed alone without changing the structure of the problem has no price and is left out.
+    stored mesh, along the stored way round. Prices are sorted by what a usual step costs, the dearest first. A number
+    that cannot be changed alone without changing the structure of the problem has no price and is left out.
 
     Args:
         inputs: what the run was given.
@@ -79,7 +79,9 @@ def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Derivatives of the value to one side, s per unit: by what is surely active, and by what barely is."""
+    """The derivatives of the value to one side, s per unit: by limits that are surely active, and by weakly active
+    ones.
+    """
 
     strong: float
     weak: float
@@ -91,13 +93,13 @@ class _Slopes:
 
 @dataclass(frozen=True)
 class _Pricer:
-    """Prices numbers one by one; `now` is the value of the race as flown, `value` that with a number changed."""
+    """A pricer of numbers, one by one; `now` is the value of the race as flown, `value` that with a number changed."""
 
     now: Value
     value: Callable[[str, float], Value | None]
 
     def price(self, key: str, number: float) -> Price | None:
-        """The price of a number; None if it can be changed to neither side."""
+        """Return the price of a number; None if it can be changed to neither side."""
         step = usual_step(key, number)
         up, down = self._slopes(key, number, STEP * step), self._slopes(key, number, -STEP * step)
         if up is None and down is None:
@@ -123,7 +125,7 @@ class _Pricer:
 
 
 def _judged(up: _Slopes | None, down: _Slopes | None, step: float) -> tuple[float, float, Activity, str]:
-    """Prices to both sides, to which sides they matter, and why if that is but one."""
+    """Return the prices to both sides, to which sides they matter, and why if that is but one."""
     if up is None or down is None:
         only = (up or down or _Slopes(0.0, 0.0)).whole
         sides = (only if up else math.nan, only if down else math.nan)

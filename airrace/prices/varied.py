@@ -14,7 +14,7 @@ from airrace.track.course import Course, Passage
 
 
 class VariedProblem:
-    """States the problem of one stage anew for races that differ from the one flown in numbers alone.
+    """The problem of one stage, stated anew for races that differ from the one flown in numbers alone.
 
     Plan, mesh and the weights of the regularisation stay those of the race that was flown, and so do the functions of
     its model: of a race that differs in numbers only parameters and limits do.
@@ -26,7 +26,7 @@ class VariedProblem:
         self._mesh = mesh_of(result.trajectory)
 
     def problem(self, race: Race) -> Problem:
-        """The problem of a race.
+        """Return the problem of a race.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
@@ -34,7 +34,7 @@ class VariedProblem:
         return self.varied(race).problem(self._mesh)
 
     def varied(self, race: Race) -> Flight:
-        """The flight of a race along the plan of the race that was flown."""
+        """Return the flight of a race along the plan of the race that was flown."""
         flight, course, flown = self.flight, race.course, self.race.course
         model, watches = flight.model, flight.watches
         if (race.aircraft, race.air, course.rules) != (self.race.aircraft, self.race.air, flown.rules):
@@ -51,13 +51,14 @@ class VariedProblem:
 
 
 def _watched(course: Course) -> tuple[object, ...]:
-    """All of a course that watches are made of."""
+    """Return all of a course that watches are made of."""
     own = tuple((passage.safety_lines, passage.roll) for passage in course.passages)
     return course.airspace, course.crowd, own
 
 
 def with_passages(plan: Plan, course: Course) -> Plan:
-    """A plan for a course whose passages differ from the planned ones in numbers alone, flown the same way round.
+    """Return a plan for a course whose passages differ from the planned ones in numbers alone, flown the same way
+    round.
 
     Axes and prescribed banks turn with their elements; sides, directions and planned durations stay.
     """

@@ -1,4 +1,4 @@
-"""What the numbers of a problem are worth: the derivative of its Lagrangian by parameters and limits.
+"""The worth of a problem's numbers: the derivative of its Lagrangian by parameters and limits.
 
 At an optimum w with multipliers lam (of the constraints) and nu (of the simple bounds), positive at upper ends,
 
@@ -24,23 +24,28 @@ from airrace.trajectory import Array
 
 SHARE = 1e-5  # of a parameter, or of its scale: step of the central differences of the constraints
 WEAK = 1e2
-"""A limit is weakly active while neither multiplier nor slack (scaled) is so many times the other: an interior point
-method leaves their product equal everywhere, 1e-8, so that weak multipliers lie between 1e-5 and 1e-3."""
+"""The ratio of multiplier and slack (scaled) within which, to either side, a limit is weakly active.
+
+An interior point method leaves their product equal everywhere, 1e-8, so that weak multipliers lie between 1e-5 and
+1e-3.
+"""
 
 DEPTH, HEIGHT = "z", "height"
-"""A state and what a crossing observes of it: a limit of the one is a limit of the other."""
+"""The name of a state, and of what a crossing observes of it: a limit of the one is a limit of the other."""
 
 Place = tuple[int, int]
-"""The phases before and after a node: both the same within a phase."""
+"""The phases before and after a node, by their indices; within a phase both are the same."""
 
 
 class OtherStructureError(Exception):
-    """A problem differs from the one that was solved in more than numbers."""
+    """An error of a problem that differs from the one that was solved in more than numbers."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """The part of a problem's value that its numbers decide, s: by what is surely active, and by what barely is."""
+    """The part of a problem's value that its numbers decide, s: by limits that are surely active, and by weakly active
+    ones.
+    """
 
     strong: float
     weak: float
@@ -48,7 +53,7 @@ class Value:
 
 @dataclass
 class _Pull:
-    """What both limits of one quantity at one place pull with: summed multipliers, lower end first, s per unit."""
+    """The multipliers of both limits of one quantity at one place, summed, lower end first, s per unit."""
 
     strong: Array = field(default_factory=lambda: np.zeros(2))
     weak: Array = field(default_factory=lambda: np.zeros(2))
@@ -66,11 +71,11 @@ class _Ends:
 
 
 Owner = tuple[str, int, int]
-"""A boundary ("boundary", its number, 0) or a watch ("watch", phase, its number there)."""
+"""The owner of an observation: a boundary ("boundary", its number, 0) or a watch ("watch", phase, its number there)."""
 
 
 class Worth:
-    """Values problems that differ from a solved one in numbers alone."""
+    """The values of problems that differ from a solved one in numbers alone."""
 
     def __init__(self, problem: Problem, iterate: Iterate, lam: Array, nu: Array, kernels: Kernels) -> None:
         """Gather the multipliers.
@@ -99,7 +104,7 @@ class Worth:
         self._of_owners = _by_observed_parameters(function, layout, w, p, lam)
 
     def value(self, problem: Problem) -> Value:
-        """What the numbers of a problem of the same structure are worth; only differences have a meaning.
+        """Return what the numbers of a problem of the same structure are worth; only differences have a meaning.
 
         Raises:
             OtherStructureError: the problem differs in more than numbers.
@@ -143,7 +148,10 @@ class Worth:
             self._at(key, limits).add(float(lam[place]) / row.quantity.scale, weak=bool(weak[place]))
 
     def _gather_bounds(self, nu: Array, weak: Array) -> None:
-        """Of states and controls; those of the durations come from the plan, which is kept."""
+        """Gather the multipliers of the bounds of states and controls.
+
+        Those of the durations come from the plan, which is kept.
+        """
         layout = self._layout
         places = _places(layout)
         for node, component in np.argwhere(nu[layout.state_index] != 0.0).tolist():
@@ -157,7 +165,7 @@ class Worth:
 
 
 def _active(multiplier: Array, value: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """The multipliers without those of limits that are not active, and which of the rest are weak."""
+    """Return the multipliers without those of limits that are not active, and which of the rest are weak."""
     slack = np.where(multiplier > 0.0, upper - value, value - lower)
     size = np.abs(multiplier)
     fixed = lower == upper
@@ -167,7 +175,7 @@ def _active(multiplier: Array, value: Array, lower: Array, upper: Array) -> tupl
 
 
 def _places(layout: Layout) -> list[Place]:
-    """The place of every node."""
+    """Return the place of every node."""
     after = [*layout.phase_of_interval.tolist(), len(layout.problem.phases)]
     before = [-1, *layout.phase_of_interval.tolist()]
     return list(zip(before, after, strict=True))
@@ -178,7 +186,7 @@ def _boundary(problem: Problem, number: int) -> Boundary:
 
 
 def _observed(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval], tuple[float, ...]]]:
-    """Whatever observes: its limits and the parameters of its observation, in the order of the program."""
+    """Yield whatever observes: its limits and the parameters of its observation, in the order of the program."""
     for number in range(len(problem.phases) + 1):
         boundary = _boundary(problem, number)
         if boundary.observation is not None:
@@ -189,7 +197,7 @@ def _observed(problem: Problem) -> Iterator[tuple[Owner, Mapping[str, Interval],
 
 
 def _alike(one: Problem, other: Problem) -> bool:
-    """Whether two problems have the same parameters and the same conditions but for their numbers."""
+    """Return whether two problems have the same parameters and the same conditions, apart from their numbers."""
 
     def structure(problem: Problem) -> object:
         system = problem.system
@@ -229,7 +237,7 @@ def _state_limits(component: int, place: Place) -> Callable[[Problem], Interval]
 
 
 def _depth(problem: Problem) -> int:
-    """The place of z among the states."""
+    """Return the index of z among the states."""
     return [state.name for state in problem.system.states].index(DEPTH)
 
 
@@ -245,7 +253,7 @@ def _observed_limits(owner: Owner, name: str) -> Callable[[Problem], Interval]:
 
 
 def _narrowed(problem: Problem, quantity: Quantity, place: Place) -> Interval:
-    """The limits of a quantity at a place: of all phases that meet there."""
+    """Return the limits of a quantity at a place: those of all phases that meet there."""
     limits = Interval()
     for phase in place:
         if 0 <= phase < len(problem.phases):
@@ -257,7 +265,7 @@ def _narrowed(problem: Problem, quantity: Quantity, place: Place) -> Interval:
 
 
 def _by_system_parameters(function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array) -> Array:
-    """lam . dg/dp of the system's parameters, shape (n_p,)."""
+    """Return lam . dg/dp of the system's parameters, shape (n_p,)."""
     declared = layout.problem.system.parameters
     worth = np.zeros(len(declared))
     for index, quantity in enumerate(declared):
@@ -270,7 +278,7 @@ def _by_system_parameters(function: ca.Function, layout: Layout, w: Array, p: Ar
 def _by_observed_parameters(
     function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array
 ) -> dict[Owner, Array]:
-    """lam . dg/db of the parameters of every boundary and watch.
+    """Return lam . dg/db of the parameters of every boundary and watch, by its owner.
 
     A row depends on the parameters of its own observation alone, so those of all observations are moved at once.
     """

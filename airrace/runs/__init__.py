@@ -1,1 +1,1 @@
-"""What a run is: new, opened, resumed, flown and saved; its object for JSON; which stages still stand; how it ends."""
+"""Runs: new, opened, resumed, flown and saved; their object for JSON; which stages still stand; how they end."""

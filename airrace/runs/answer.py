@@ -1,4 +1,4 @@
-"""How a command or a job ends: an object for scripts, texts for people, an exit code and a sentence."""
+"""The answer of a command or a job: an object for scripts, texts for people, an exit code and a sentence."""
 
 import traceback
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from airrace.runs.exit_codes import ExitCode, of_error, worst
 
 @dataclass
 class Answer:
-    """What a command has to say so far.
+    """An answer as far as it is known.
 
     Attributes:
         fields: the object printed with `--json`; a failing command prints what it holds by then.
@@ -27,14 +27,14 @@ class Answer:
     texts: list[str] = field(default_factory=list[str])
 
     def fail(self, code: ExitCode, error: str, findings: Sequence[Finding] = ()) -> None:
-        """Record a failure; of several, the one that takes precedence speaks."""
+        """Record a failure; of several, the one that takes precedence is reported."""
         if code is self.code or worst((self.code, code)) is not code:
             return
         self.code, self.error, self.findings = code, error, findings
 
 
 def unflown(track: str | None) -> dict[str, object]:
-    """The object of a run of which nothing is known yet."""
+    """Return the object of a run of which nothing is known yet."""
     return {"track": track, "certified": False, "race_time_s": None, "wall_s": None, "stages": []}
 
 

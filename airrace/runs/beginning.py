@@ -1,4 +1,4 @@
-"""A run that is begun: from a course, or from another run's optimum."""
+"""The beginning of a run: from a course, or from another run's optimum."""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -22,7 +22,7 @@ def new_task(
     path: Path | None = None,
     start: Run | str | Path | None = None,
 ) -> Task:
-    """All stages of a course up to the last.
+    """Return the task to fly all stages of a course up to the last.
 
     Args:
         track, aircraft, settings, overrides: as of `load_inputs`.
@@ -47,6 +47,6 @@ def new_task(
 
 
 def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
-    """Settings that have options of their own, as `key=value` texts; None leaves a setting alone."""
+    """Return settings that have options of their own as `key=value` texts; None leaves a setting alone."""
     plain = {name: value.value if isinstance(value, Enum) else value for name, value in chosen.items()}
     return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]

@@ -1,4 +1,4 @@
-"""A course before anyone flies it: read, reviewed, ready to be shown."""
+"""A course before it is flown: read, reviewed, ready to be shown."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Checked:
 
     @property
     def race(self) -> Race:
-        """Course, aircraft and air."""
+        """The race: course, aircraft and air."""
         return self.inputs.race
 
     def draw(self, path: str | Path) -> Path:
@@ -48,7 +48,7 @@ class Checked:
         return Path(path)
 
     def as_object(self) -> dict[str, object]:
-        """What `airrace check --json` prints of the course."""
+        """Return what `airrace check --json` prints of the course."""
         return course_object(self.race, self.warnings)
 
     def __repr__(self) -> str:

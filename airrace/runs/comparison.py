@@ -1,4 +1,4 @@
-"""What a run that was started from another one says of the two: the difference in race time, leg by leg."""
+"""The comparison of a run with the one it was started from: the difference in race time, leg by leg."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from airrace.runs.run_object import finite
 
 
 def comparison_object(start: Another, results: Sequence[StageResult]) -> dict[str, object] | None:
-    """The object `compared` of the answer, seconds; None where no stage is certified in both runs."""
+    """Return the object `compared` of the answer, seconds; None if no stage is certified in both runs."""
     common = last_common(start.results, results)
     if common is None:
         return None

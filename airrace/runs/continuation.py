@@ -1,4 +1,4 @@
-"""What `resume` does with each stage: keep it, or run it and why."""
+"""The decision what `resume` does with each stage: keep it, or run it and why."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from airrace.runs.task import Step, Task
 
 
 def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> Task:
-    """Decide for every stage up to `until`. What follows a stage that runs, runs, too.
+    """Decide for every stage up to `until`. A stage that follows one that runs, runs, too.
 
     Args:
         run: as stored, its inputs understood anew.
@@ -48,7 +48,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
 
 
 def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
-    """What runs where a new run is started from another one, if nothing stands in the way of that."""
+    """Return the steps of a new run that is started from another one, if nothing stands in the way of that."""
     stages = tuple(procedure.STAGES)
     first = start.optima(stages[: stages.index(until) + 1])[0].stage
     climbed = itertools.pairwise(stages[stages.index(first) : stages.index(until) + 1])
@@ -59,7 +59,7 @@ def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
 def _went_without(
     run: Run, stage: Stage, later: Sequence[Stage], from_stage: Stage | None, stale: Mapping[Stage, str]
 ) -> bool:
-    """Whether a stage that is not stored is not needed either.
+    """Return whether a stage that is not stored is not needed either.
 
     A run from a plan has no homotopy; one that was started from another run has no stages below its first, and needs
     them only where nothing of its own stands.
@@ -73,7 +73,7 @@ def _went_without(
 
 
 def _unfit(result: StageResult) -> str:
-    """Why nothing can be built on a stored stage; empty if something can."""
+    """Return why nothing can be built on a stored stage; empty if something can."""
     if result.outcome is not Outcome.SOLVED:
         return f"it ended {result.outcome.value}"
     if result.certificate is not None and not result.certified:

@@ -171,7 +171,7 @@ def resume(
 
 
 def open(path: str | Path) -> Run:
-    """The run in a file that `airrace optimize` or `Run.save` has written.
+    """Open the run in a file that `airrace optimize` or `Run.save` has written.
 
     Args:
         path: of the file.
@@ -213,7 +213,7 @@ def check(
 
 
 def tracks() -> tuple[ShippedTrack, ...]:
-    """The courses that come along; their names stand for files everywhere.
+    """Return the courses that come along; their names stand for files everywhere.
 
     Examples:
         >>> [track.name for track in airrace.tracks()][:3]
@@ -223,7 +223,7 @@ def tracks() -> tuple[ShippedTrack, ...]:
 
 
 def _fly(task: Task, threads: int | None, progress: bool | Progress) -> Run:
-    """All stages of a task."""
+    """Fly all stages of a task."""
     with _watched(task, progress) as watcher:
         steps = list(flown(task, threads=threads or available_cores(), progress=watcher))
     return steps[-1] if steps else task.run

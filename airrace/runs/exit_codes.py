@@ -15,7 +15,7 @@ from airrace.errors import (
 
 
 class ExitCode(IntEnum):
-    """The table a script may rely on."""
+    """An exit code of a command; scripts may rely on their values."""
 
     DONE = 0
     BUG = 1
@@ -45,12 +45,12 @@ PRECEDENCE = (
 
 
 def worst(codes: Iterable[ExitCode]) -> ExitCode:
-    """The one code reported when several apply; `DONE` of none."""
+    """Return the one code that is reported when several apply; `DONE` without any."""
     return min(codes, key=PRECEDENCE.index, default=ExitCode.DONE)
 
 
 def of_error(error: BaseException) -> ExitCode:
-    """The code of an exception that ended a command; whatever nobody foresaw is a bug."""
+    """Return the code of an exception that ended a command; one that nobody foresaw is a bug."""
     match error:
         case KeyboardInterrupt():
             return ExitCode.INTERRUPTED

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FlownStage:
-    """One stage of a run: the optimum that one fidelity of the aircraft found, and its certificate.
+    """A stage of a run: the optimum that one fidelity of the aircraft found, and its certificate.
 
     Examples:
         >>> run["point-mass"]
@@ -58,12 +58,12 @@ class FlownStage:
 
     @property
     def stage(self) -> Stage:
-        """Which stage it is."""
+        """The stage of the procedure that this is."""
         return self.result.stage
 
     @property
     def race_time(self) -> float:
-        """Race time, s; NaN where no flight was found."""
+        """The race time, s; NaN if no flight was found."""
         return self.result.trajectory.race_time if self.result.is_flight else math.nan
 
     @property
@@ -73,26 +73,26 @@ class FlownStage:
 
     @property
     def certificate(self) -> Certificate | None:
-        """What was measured of the optimum; None where nothing is measured by design (the homotopy)."""
+        """The measurements of the optimum; None if nothing is measured by design (the homotopy)."""
         return self.result.certificate
 
     @property
     def message(self) -> str:
-        """One sentence on what users should know, such as the limit that cannot be kept; often empty."""
+        """A sentence on what users should know, such as the limit that cannot be kept; often empty."""
         return self.result.message
 
     @property
     def trajectory(self) -> Trajectory:
-        """Named histories on the nodes of the mesh, SI and radians."""
+        """The named histories on the nodes of the mesh, SI and radians."""
         return self.result.trajectory
 
     @property
     def splits(self) -> Splits:
-        """When and how every gate was passed; empty where no flight was found."""
+        """The gate splits: when and how every gate was passed; empty if no flight was found."""
         return Splits(self.result.splits if self.result.is_flight else ())
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
-        """The flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
+        """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
 
         Columns name their units, angles are in degrees. `phase` is the leg that a row belongs to.
 
@@ -107,7 +107,7 @@ class FlownStage:
         return flight_frame(self._flight(rate))
 
     def to_xarray(self, rate: float | None = None) -> "Dataset":
-        """The flight as a dataset of xarray over the dimension `time`: SI and radians, units in the attributes.
+        """Return the flight as a dataset of xarray over the dimension `time`: SI and radians, units in the attributes.
 
         Args:
             rate: as of `to_dataframe`.
@@ -120,7 +120,7 @@ class FlownStage:
         return flight_dataset(self._flight(rate), self.result, self._provenance)
 
     def to_csv(self, path: str | Path | None = None, rate: float | None = None) -> str:
-        """The flight as comma-separated values, as `airrace export csv` writes them.
+        """Return the flight as comma-separated values, as `airrace export csv` writes them.
 
         Args:
             path: a file to be written; None for none.
@@ -141,7 +141,7 @@ class FlownStage:
         return stream.getvalue()
 
     def prices(self, by: str | None = None) -> "Prices":
-        """What every number of the inputs costs, in seconds per unit, by the multipliers of this optimum.
+        """Return what every number of the inputs costs, in seconds per unit, by the multipliers of this optimum.
 
         Nothing is solved again. The dearest numbers come first.
 
@@ -159,7 +159,7 @@ class FlownStage:
         return priced(self.inputs, self.result, by)
 
     def as_object(self) -> dict[str, object]:
-        """The object of this stage in `airrace show --json`."""
+        """Return the object of this stage in `airrace show --json`."""
         return stage_object(self.result)
 
     def __repr__(self) -> str:
@@ -178,7 +178,7 @@ class FlownStage:
         return procedure.derived_quantities(self.inputs.race, self.inputs.settings, self.result)
 
     def _sampler(self, rate: float | None) -> Sampler | None:
-        """What integrates between the nodes; not needed on the mesh."""
+        """Return what integrates between the nodes; None without a rate, for on the mesh it is not needed."""
         return None if rate is None else procedure.sampler(self.inputs.race, self.inputs.settings, self.result)
 
     def _flight(self, rate: float | None) -> FlightTable:

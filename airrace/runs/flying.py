@@ -1,4 +1,4 @@
-"""Flying the stages of a run and keeping each as soon as it is finished."""
+"""The flying of a run: stage by stage, each kept as soon as it is finished."""
 
 import os
 import platform
@@ -71,7 +71,7 @@ def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) 
 
 
 def available_cores() -> int:
-    """Cores this process may use, which can be fewer than the machine has."""
+    """Return the number of cores that this process may use, which can be fewer than the machine has."""
     return len(os.sched_getaffinity(0)) if os.name == "posix" and platform.system() == "Linux" else os.cpu_count() or 1
 
 
@@ -81,7 +81,7 @@ def _keep(run: Run) -> None:
 
 
 def _remedy(task: Task, results: Sequence[StageResult]) -> str:
-    """How an interrupted run is continued."""
+    """Return how an interrupted run is continued, as a clause."""
     if task.start is not None and not results:  # going on would climb from the course alone
         return f"no stage is finished; start from {task.start.name} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"

@@ -1,4 +1,4 @@
-"""What may be given to a run in Python: names, paths or objects; and what all of them come to."""
+"""The forms in which Python may give a run its inputs: names, paths or objects."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,13 +17,13 @@ TrackGiven = str | Path | Course | Race
 AircraftGiven = str | Path | Aircraft
 """An aircraft by name, its file, or an object."""
 SettingsGiven = str | Path
-"""A settings file."""
+"""A settings file, by its path."""
 Values = Mapping[str, str | int | float | bool] | Sequence[str]
 """Single values by their keys, or texts `key=value`."""
 
 
 def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
-    """A name or a path as it is, an object as the document that holds it."""
+    """Return a name or a path as it is, and an object as the document that holds it."""
     match given:
         case Race(course, _, air):
             return document_of_objects(Scene(course, air), _file_name(course.name))
@@ -36,20 +36,20 @@ def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | D
 
 
 def aircraft_of(track: TrackGiven | None, aircraft: AircraftGiven | None) -> AircraftGiven | None:
-    """The aircraft that is asked for: the one that is named, else that of a race."""
+    """Return the aircraft that is asked for: the one that is named, else that of a race."""
     return track.aircraft if aircraft is None and isinstance(track, Race) else aircraft
 
 
 def value_texts(values: Values) -> list[str]:
-    """Values as `key=value` texts, as `--set` takes them."""
+    """Return values as `key=value` texts, as `--set` takes them."""
     return set_texts(values) if isinstance(values, Mapping) else [values] if isinstance(values, str) else list(values)
 
 
 def stage_name(stage: str | Stage | None) -> str | None:
-    """A stage by its name."""
+    """Return the name of a stage."""
     return stage.value if isinstance(stage, Stage) else stage
 
 
 def _file_name(name: str) -> str:
-    """A name as a file could bear it: runs are called after it."""
+    """Return a name as a file could bear it: runs are called after it."""
     return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"

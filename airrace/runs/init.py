@@ -40,7 +40,7 @@ def _begun(path: Path) -> str:
 
 
 def _quoted(title: str) -> str:
-    """A title as YAML, which might take it for a number or a truth value."""
+    """Return a title as YAML text, which might otherwise take it for a number or a truth value."""
     return "'" + title.replace("'", "''") + "'"
 
 

@@ -1,4 +1,4 @@
-"""Files that a run writes: refused before anything is computed, replaced as a whole."""
+"""Files that a run writes: they are refused before anything is computed, and replaced as a whole."""
 
 import tempfile
 from pathlib import Path

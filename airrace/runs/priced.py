@@ -21,7 +21,7 @@ SHOWN = 30  # prices; a data frame has all of them
 
 @dataclass(frozen=True, repr=False)
 class Prices(Mapping[str, Price]):
-    """Prices by the keys of `set`, the dearest first.
+    """The prices of a stage by the keys of `set`, the dearest first.
 
     Examples:
         >>> prices = run.prices(by="rules")
@@ -44,7 +44,9 @@ class Prices(Mapping[str, Price]):
         return len(self.by_key)
 
     def to_dataframe(self) -> "DataFrame":
-        """All prices as a data frame of pandas, one row per key; empty where the inputs allow no value to that side.
+        """Return all prices as a data frame of pandas, one row per key.
+
+        An entry is empty where the inputs allow no value to that side.
 
         Raises:
             UsageError: pandas is not installed.
@@ -60,7 +62,7 @@ class Prices(Mapping[str, Price]):
         return html_table("prices", HEADS, self._cells())
 
     def _cells(self) -> list[tuple[str, ...]]:
-        """The dearest, and how many there are besides."""
+        """Return the cells of the dearest prices, and how many there are besides."""
         dear = [price for price in self.by_key.values() if price.activity is not Activity.FREE][:SHOWN]
         rows = [_cells(price) for price in dear]
         others = len(self) - len(dear)
@@ -68,7 +70,7 @@ class Prices(Mapping[str, Price]):
 
 
 def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
-    """The prices of a certified stage.
+    """Return the prices of a certified stage.
 
     Args:
         inputs: what the run was given.

@@ -10,7 +10,7 @@ from airrace.runs.task import Task
 
 
 def continued_task(run: Run, *, until: str | None = None, from_stage: str | None = None) -> Task:
-    """What is left of a run: the stages after the last one that still stands.
+    """Return the task to fly what is left of a run: the stages after the last one that still stands.
 
     Args:
         run: as stored.
@@ -25,7 +25,7 @@ def continued_task(run: Run, *, until: str | None = None, from_stage: str | None
 
 
 def changed_task(before: Run, changes: Changes, *, until: str | None = None, out: Path | None = None) -> Task:
-    """A new run with other inputs, started from the highest certified stage of one that exists.
+    """Return the task of a new run with other inputs, started from the highest certified stage of one that exists.
 
     Args:
         before: the run that exists.

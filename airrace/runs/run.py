@@ -51,17 +51,17 @@ class Run:
 
     @property
     def name(self) -> str:
-        """The track's name: that of its file."""
+        """The name of the track: that of its file."""
         return Path(self.inputs.track.path).stem
 
     @property
     def label(self) -> str:
-        """What users call the run: its file, or the track's name."""
+        """The name by which users call the run: that of its file, or of the track."""
         return self.name if self.path is None else self.path.name
 
     @property
     def race(self) -> Race:
-        """Course, aircraft and air."""
+        """The race: course, aircraft and air."""
         return self.inputs.race
 
     @property
@@ -81,7 +81,7 @@ class Run:
         return tuple(FlownStage(self.inputs, one, versions, stale.get(one.stage, "")) for one in self.results)
 
     def stage(self, name: str | Stage | None = None) -> FlownStage:
-        """The stage of this name, by default the last one.
+        """Return the stage of this name, by default the last one.
 
         Raises:
             UsageError: it is not in this run.
@@ -105,12 +105,12 @@ class Run:
 
     @property
     def race_time(self) -> float:
-        """Race time of the last stage, s; NaN where that found no flight."""
+        """The race time of the last stage, s; NaN if that found no flight."""
         return self.stages[-1].race_time if self.results else math.nan
 
     @property
     def splits(self) -> Splits:
-        """When and how every gate was passed in the last stage; empty where that found no flight."""
+        """The gate splits of the last stage: when and how every gate was passed; empty if that found no flight."""
         return self.stages[-1].splits if self.results else Splits(())
 
     @property
@@ -120,15 +120,15 @@ class Run:
 
     @property
     def message(self) -> str:
-        """Why the run is not certified, a sentence; empty where it is."""
+        """The sentence that says why the run is not certified; empty if it is."""
         return verdict(self.results)[1] if self.results else "no stage is finished yet"
 
     def with_stage(self, result: StageResult) -> Self:
-        """This run with one more finished stage, which replaces the stages from there on."""
+        """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
 
     def moved(self, path: Path) -> Self:
-        """This run with another file, which is not written yet."""
+        """Return this run with another file, which is not written yet."""
         return replace(self, path=path)
 
     def save(self, path: str | Path) -> Path:
@@ -190,7 +190,9 @@ class Run:
         return verified(self)
 
     def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
-        """What every number of the inputs costs, by the multipliers of a certified stage; see `FlownStage.prices`."""
+        """Return what every number of the inputs costs, by the multipliers of a certified stage; see
+        `FlownStage.prices`.
+        """
         return self.stage(stage).prices(by)
 
     def compare(self, other: "Run") -> Comparison:
@@ -211,21 +213,21 @@ class Run:
             raise UsageError(f"{other.label} has other passings than {self.label}") from error
 
     def as_object(self) -> dict[str, object]:
-        """The object that `airrace show --json` prints."""
+        """Return the object that `airrace show --json` prints."""
         return run_object(self.name, self.results, wall_of(self.results), certified=self.certified)
 
     def __repr__(self) -> str:
         return f"<Run {run_line(self.name, self.results)}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the stages, the splits of the last one, and its flight from above."""
+        """Return what a notebook shows: the stages, the splits of the last one, and its flight from above."""
         return run_page(self.race, self.name, self.results)
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Names that notebooks complete within the brackets of `run[...]`."""
+        """Return the names that notebooks complete within the brackets of `run[...]`."""
         return [one.stage.value for one in self.results]
 
 
 def wall_of(results: Sequence[StageResult]) -> float:
-    """Wall time of all stages together, s."""
+    """Return the wall time of all stages together, s."""
     return sum(result.timings.wall for result in results)

@@ -1,4 +1,4 @@
-"""What a run came to: the object printed with `--json` and the exit code its stages deserve."""
+"""The result of a run: the object printed with `--json` and the exit code that its stages deserve."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ REASONS: Mapping[Why, str] = {
     Why.HAMILTONIAN: "hamiltonian",
     Why.RACE_TIME: "race time",
 }
-"""What the intervals of a mesh were last cut, or joined, for."""
+"""The words for the reasons for which intervals of a mesh were last cut or joined."""
 
 
 def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
@@ -45,7 +45,7 @@ def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: 
 
 
 def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
-    """How stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
+    """Return how stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
     codes = _codes(results)
     code = worst(codes)
     if code is ExitCode.DONE:
@@ -55,12 +55,12 @@ def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
 
 
 def is_certified(results: Sequence[StageResult]) -> bool:
-    """Whether a run may call itself certified: its last stage is, and none before it failed."""
+    """Return whether a run may call itself certified: its last stage is, and none before it failed."""
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
 
 
 def run_object(track: str | None, results: Iterable[StageResult], wall: float, *, certified: bool) -> dict[str, object]:
-    """The object of a run; `race_time_s` is that of its last stage, null where that found no flight."""
+    """Return the object of a run; `race_time_s` is that of its last stage, null if that found no flight."""
     stages = [stage_object(result) for result in results]
     return {
         "track": track,
@@ -72,7 +72,7 @@ def run_object(track: str | None, results: Iterable[StageResult], wall: float, *
 
 
 def stage_object(result: StageResult) -> dict[str, object]:
-    """One stage of the object."""
+    """Return one stage of the object."""
     return {
         "stage": result.stage.value,
         "status": result.outcome.value,
@@ -97,7 +97,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
 
 
 def mesh_object(result: StageResult) -> dict[str, object] | None:
-    """Where the nodes of a mesh went; None where nothing was measured."""
+    """Return how the nodes of a mesh are distributed, and why; None if nothing was measured."""
     steps, record = np.diff(result.trajectory.time), result.mesh
     if not len(record.why):
         return None
@@ -112,7 +112,7 @@ def mesh_object(result: StageResult) -> dict[str, object] | None:
 
 
 def way_object(way: Way) -> dict[str, object]:
-    """A way round that was tried; race time and difference are those of a rough mesh."""
+    """Return the object of a way round that was tried; race time and difference are those of a rough mesh."""
     return {
         "way": way.text,
         "race_time_s": finite(way.race_time),
@@ -122,7 +122,7 @@ def way_object(way: Way) -> dict[str, object]:
 
 
 def explored_object(explored: Explored) -> dict[str, object]:
-    """How exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
+    """Return how exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
     return {
         "seconds": finite(explored.seconds),
         "led_to_best": explored.led,
@@ -133,7 +133,7 @@ def explored_object(explored: Explored) -> dict[str, object]:
 
 
 def certificate_object(certificate: Certificate) -> dict[str, object]:
-    """Every number, not only the verdict; what could not be measured is null and does not hold."""
+    """Return every number, not only the verdict; what could not be measured is null and does not hold."""
     return {
         "solver_status": certificate.solver_status,
         "items": [
@@ -151,7 +151,7 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
 
 
 def finite(value: float) -> float | None:
-    """JSON knows neither NaN nor infinity."""
+    """Return a number as JSON can hold it: None for NaN and infinity, which JSON does not know."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -160,7 +160,10 @@ def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
 
 
 def _code(result: StageResult, *, last: bool) -> ExitCode:
-    """A stage that is a mere guess by design is no failure, unless the run ends with it: then nothing is certified."""
+    """Return the exit code that a stage deserves.
+
+    A stage that is a mere guess by design is no failure, unless the run ends with it: then nothing is certified.
+    """
     if result.outcome is not Outcome.SOLVED:
         return _CODES[result.outcome]
     if result.certificate is None:

@@ -16,7 +16,7 @@ ITEMS = ("item", "value", "limit", "unit", "holds")
 
 
 def run_line(name: str, results: Sequence[StageResult]) -> str:
-    """Which run it is, how far it has come and whether it is certified."""
+    """Return in a line which run it is, how far it has come and whether it is certified."""
     if not results:
         return f"{name}: no stage is finished yet"
     last = results[-1]
@@ -25,7 +25,7 @@ def run_line(name: str, results: Sequence[StageResult]) -> str:
 
 
 def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
-    """The stages, the gate splits of the last one, and its flight from above."""
+    """Return the stages, the gate splits of the last one, and its flight from above, as HTML."""
     title = f"{race.course.name}, flown by {race.aircraft.name}"
     stages = html_table(title, HEADS, [_stage_cells(result) for result in results])
     sentence = verdict(results)[1] if results else "no stage is finished yet"
@@ -34,7 +34,7 @@ def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
 
 
 def stage_page(race: Race, result: StageResult) -> str:
-    """One stage: its gate splits, its flight from above, and its certificate."""
+    """Return one stage as HTML: its gate splits, its flight from above, and its certificate."""
     certificate = result.certificate
     measured = ""
     if certificate is not None:
@@ -59,7 +59,7 @@ def _stage_cells(result: StageResult) -> tuple[str, ...]:
 
 
 def _flight(race: Race, result: StageResult) -> str:
-    """Splits and picture; nothing where no flight was found."""
+    """Return splits and picture as HTML; nothing if no flight was found."""
     if not result.is_flight:
         return ""
     return f"{Splits(result.splits).to_html()}{plan_svg(scenery(race), result.trajectory)}"

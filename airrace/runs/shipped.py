@@ -1,4 +1,4 @@
-"""What comes with the package: courses, aircraft and rule books, by the names that every door takes."""
+"""The courses, aircraft and rule books that come with the package, by the names that every door takes."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -45,7 +45,7 @@ class Shipped:
     rules: tuple[str, ...]
 
     def as_object(self) -> dict[str, object]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return {
             "tracks": [asdict(one) for one in self.tracks],
             "aircraft": [{"name": one.name, "title": one.title, "mass_kg": one.mass} for one in self.aircraft],
@@ -72,5 +72,5 @@ def _aircraft(name: str) -> ShippedAircraft:
 
 
 def _file(collection: Collection, name: str) -> Path:
-    """The file itself, whatever lies in the current folder under that name."""
+    """Return the file itself, whatever lies in the current folder under that name."""
     return collection.path / f"{name}{SUFFIX}"

@@ -1,4 +1,4 @@
-"""When and how every gate was passed, as a table."""
+"""The gate splits of a flight as a table: when and how every gate was passed."""
 
 import io
 import math
@@ -51,7 +51,7 @@ class Splits(Sequence[GateSplit]):
         return iter(self.rows)
 
     def to_dataframe(self) -> "DataFrame":
-        """The table that `airrace export csv --splits` writes, one row per passing, as a data frame of pandas.
+        """Return the table that `airrace export csv --splits` writes, one row per passing, as a data frame of pandas.
 
         Columns name their units; angles are in degrees, speeds in m/s and in knots.
 
@@ -63,7 +63,7 @@ class Splits(Sequence[GateSplit]):
         return splits_frame(self.rows)
 
     def to_csv(self, path: str | Path | None = None) -> str:
-        """The same table as comma-separated values.
+        """Return the table that `airrace export csv --splits` writes, as comma-separated values.
 
         Args:
             path: a file to be written; None for none.
@@ -84,7 +84,7 @@ class Splits(Sequence[GateSplit]):
         return text_table(HEADS, self._cells())
 
     def to_html(self) -> str:
-        """The table as HTML, as notebooks show it."""
+        """Return the table as HTML, as notebooks show it."""
         return html_table("gate splits", HEADS, self._cells())
 
     def _repr_html_(self) -> str:

@@ -6,7 +6,7 @@ from airrace.procedure.result import Stage
 
 
 def stage_named(text: str | None) -> Stage:
-    """The stage a user names, the last available one by default.
+    """Return the stage that a user names, by default the last available one.
 
     Raises:
         UsageError: no such stage, or not one that can be run.

@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Changes:
-    """What a run has otherwise than the one that it is started from; None and empty for what stays as it is."""
+    """The differences of a run from the one it is started from; None and empty stand for what stays as it is."""
 
     track: str | Path | Document | None = None
     aircraft: str | Path | Document | None = None
@@ -34,7 +34,7 @@ class Changes:
 
 
 def other_run(path: Path) -> Run:
-    """The run to start from, with one warning where other versions have written it.
+    """Open the run to start from, with one warning if other versions have written it.
 
     Its flight is only a start, and what is found is certified anew, so other versions do no harm.
 
@@ -58,7 +58,7 @@ def other_run(path: Path) -> Run:
 
 
 def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
-    """A new run: the inputs of a stored one with changes.
+    """Return a new run: the inputs of a stored one with changes.
 
     The files that are named replace the stored texts; stored overrides are made before the new ones.
 
@@ -81,7 +81,7 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
 
 
 def another(before: Run, run: Run, until: Stage) -> Another:
-    """The run to start from, as the procedure takes it.
+    """Return the run to start from, as the procedure takes it.
 
     Raises:
         UsageError: it has other passings, or no certified stage up to `until`.
@@ -105,7 +105,7 @@ def ensure_other_file(path: Path, out: Path) -> None:
 
 
 def last_stage(run: Run) -> Stage:
-    """The last stage that a run holds.
+    """Return the last stage that a run holds.
 
     Raises:
         UsageError: it holds none.

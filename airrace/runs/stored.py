@@ -1,4 +1,4 @@
-"""Runs that are begun and runs that are read: between documents, checkpoints and `Run`."""
+"""Runs that are begun and runs that are read: the conversions between documents, checkpoints and `Run`."""
 
 import json
 import platform
@@ -21,7 +21,7 @@ from airrace.runs.run import Run
 
 
 def new_run(inputs: Inputs, path: Path | None = None) -> Run:
-    """A run of which nothing is finished yet."""
+    """Return a run of which nothing is finished yet."""
     stored = StoredInputs(
         track=_stored(inputs.track),
         aircraft=_stored(inputs.aircraft),
@@ -33,17 +33,17 @@ def new_run(inputs: Inputs, path: Path | None = None) -> Run:
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of airrace, of the libraries and of the extensions that its numbers depend on."""
+    """Return the versions of airrace, of the libraries and of the extensions that its numbers depend on."""
     return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")} | extension_versions()
 
 
 def resolved_text(inputs: Inputs) -> str:
-    """The configuration as understood; equal configurations give equal texts."""
+    """Return the resolved configuration as a text; equal configurations give equal texts."""
     return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
 
 
 def opened_run(path: Path) -> Run:
-    """The run in a file.
+    """Return the run in a file.
 
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
@@ -53,7 +53,7 @@ def opened_run(path: Path) -> Run:
 
 
 def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:
-    """A run read from its checkpoint; its inputs are understood anew from their stored texts.
+    """Return a run read from its checkpoint; its inputs are understood anew from their stored texts.
 
     Raises:
         InputError: this version of airrace no longer accepts them.
@@ -71,7 +71,7 @@ def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:
 
 
 def taken_up(run: Run) -> Run:
-    """A new run together with the stages that still stand of the checkpoint at its path.
+    """Return a new run together with the stages that still stand of the checkpoint at its path.
 
     What is damaged, of other inputs or from other versions, is left aside.
     """
@@ -89,7 +89,7 @@ def taken_up(run: Run) -> Run:
 
 
 def document_of(stored: StoredDocument) -> Document:
-    """A stored document as it was read."""
+    """Return a stored document as it was read."""
     return Document(stored.path, stored.text)
 
 

@@ -1,4 +1,4 @@
-"""What is to be flown of a run: decided before anything is computed."""
+"""Tasks: what is to be flown of a run, decided before anything is computed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from airrace.runs.run import Run
 
 @dataclass(frozen=True)
 class Step:
-    """One stage; `reason` is a clause for the user that says why it runs, empty where it is kept."""
+    """A stage of a task; `reason` is a clause for the user that says why it runs, empty if it is kept."""
 
     stage: Stage
     reason: str
@@ -41,7 +41,7 @@ class Task:
 
     @property
     def stages(self) -> tuple[Stage, ...]:
-        """All stages of the run up to the last, those that are kept as well."""
+        """The stages of the run up to the last, those that are kept as well."""
         if self.steps:
             return tuple(step.stage for step in self.steps)
         stages = tuple(procedure.STAGES)
@@ -50,6 +50,6 @@ class Task:
 
 
 def described(steps: Sequence[Step]) -> Iterator[str]:
-    """One line per stage."""
+    """Yield one line per stage that says whether it is run or kept."""
     for step in steps:
         yield f"{step.stage.value}: run ({step.reason})" if step.reason else f"{step.stage.value}: keep"

@@ -1,4 +1,4 @@
-"""Comparing stored certificates with certificates measured again."""
+"""The comparison of stored certificates with certificates measured again."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from airrace.runs.run_object import certificate_object
 
 @dataclass(frozen=True)
 class Verification:
-    """One stage: as stored, its certificate measured again, and what speaks against it (empty if nothing)."""
+    """A stage as stored, its certificate measured again, and what speaks against it (empty if nothing)."""
 
     result: StageResult
     again: Certificate
@@ -60,7 +60,7 @@ def verified(run: Run) -> tuple[Verification, ...]:
 
 
 def objection_to(result: StageResult, stored: Certificate, again: Certificate) -> str:
-    """A clause that says why a stage is not verified; empty if it is."""
+    """Return a clause that says why a stage is not verified; empty if it is."""
     if result.outcome is not Outcome.SOLVED:
         return f"it ended {result.outcome.value}"
     if not again.certified:
