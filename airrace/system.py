@@ -119,10 +119,10 @@ def system_of(
         name: identifies the system in messages.
         State: the class of x.
         Control: the class of u; `NoQuantities` for none.
-        rates: from x and u, with SX components, to their rates as a State, in units per second.
+        rates: maps x and u, with SX components, to their rates as a State, in units per second.
         Path: the class of what is limited along the path.
-        path: from x and u to the path quantities as a Path; None without path quantities.
-        projection: from x to x, applied at the end of each shooting interval; None for none.
+        path: maps x and u to the path quantities as a Path; None without path quantities.
+        projection: maps x to x at the end of each shooting interval; None for none.
     """
     x, u, p = ca.SX.sym("x", State.size()), ca.SX.sym("u", Control.size()), ca.SX.sym("p", 0)
     state, control = State.split(x), Control.split(u)
@@ -147,7 +147,7 @@ def observation_of(
         name: identifies it in messages.
         State: the class of x.
         Seen: the class of what is observed.
-        observe: from x, with SX components, to the observed quantities as a Seen.
+        observe: maps x, with SX components, to the observed quantities as a Seen.
     """
     x, b = ca.SX.sym("x", State.size()), ca.SX.sym("b", 0)
     values = ca.Function("observe", [x, b], [_column(observe(State.split(x)))])

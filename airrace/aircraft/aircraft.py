@@ -133,8 +133,8 @@ class LinearLoops:
     """The dynamics of the linear inner loops, where they are known better than the aircraft's derivatives tell.
 
     Attributes:
-        V: speed at which this holds in level flight at sea level, m/s; at other speeds it follows the derivatives.
-        short_period, dutch_roll: of the load factor n_z, of n_y; None for the derivatives' own.
+        V: speed at which they hold in level flight at sea level, m/s; at other speeds they follow the derivatives.
+        short_period, dutch_roll: the modes of the load factors n_z and n_y; None for the derivatives' own.
         tau_p: time constant of the roll rate, s; None likewise.
     """
 

@@ -41,11 +41,11 @@ class _Flight:
     """An attempt under way.
 
     Attributes:
-        future: of its task (Any: `distributed` has few annotations).
-        workers: that may take it.
-        since: when it was sent, later when it was begun.
+        future: the future of its task (Any: `distributed` has few annotations).
+        workers: the workers that may take it.
+        since: the time when it was sent, later when it was begun, s.
         where: the worker that flies it; empty while it is queued.
-        told: stages told of.
+        told: the number of stages that were reported.
     """
 
     order: Order
@@ -64,11 +64,11 @@ class ClusterExecutor:
     """An executor that flies jobs on the workers of a scheduler.
 
     Args:
-        address: of the scheduler.
-        command: arguments of a worker's Python that run a job, see `process.py`.
-        versions: that workers must have, by name.
-        slots: jobs at a time at most; None for as many as workers have threads.
-        wait: for a worker when there is none, s. After that jobs end without being flown, until there is one.
+        address: the address of the scheduler.
+        command: arguments with which a worker's Python runs a job, see `process.py`.
+        versions: the versions that workers must have, by name.
+        slots: the largest number of jobs at a time; None for as many as workers have threads.
+        wait: the time to wait for a worker when there is none, s. After it jobs end unflown, until there is one.
     """
 
     def __init__(

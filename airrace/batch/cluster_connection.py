@@ -1,8 +1,6 @@
 """The connection to a scheduler of dask.distributed and to those of its workers that can fly.
 
 All that is asked of the library is asked here. Any: `distributed` has few annotations.
-
-Any: `distributed` has few annotations.
 """
 
 import asyncio
@@ -29,8 +27,8 @@ class Connection:
     """A connection to a scheduler whose workers all fitted when it was reached.
 
     Args:
-        address: of the scheduler, e.g. `tcp://head:8786`.
-        versions: of airrace and of what its numbers depend on, by name. Workers with others are of no use.
+        address: the address of the scheduler, e.g. `tcp://head:8786`.
+        versions: the versions of airrace and of what its numbers depend on, by name. Workers with others get no jobs.
 
     Raises:
         ClusterError: the scheduler cannot be reached, or it or a worker lacks airrace or has other versions.

@@ -40,9 +40,6 @@ class Parcel:
 
         Raises:
             OSError: the file cannot be read.
-
-        Raises:
-            OSError: there is one that cannot be read.
         """
         try:
             content = path.read_bytes()
@@ -69,9 +66,9 @@ class Sending:
     Attributes:
         key: names this attempt and no other, on the whole cluster.
         batch: names the batch likewise; what workers tell while they fly comes under this name.
-        job, attempt, timeout: as of `executor.Order`.
-        checkpoint: of earlier attempts, if there is one.
-        command: arguments of the worker's Python that run a job, see `process.py`.
+        job, attempt, timeout: see `executor.Order`.
+        checkpoint: the checkpoint of earlier attempts, if there is one.
+        command: arguments with which the worker's Python runs a job, see `process.py`.
     """
 
     key: str
@@ -89,8 +86,8 @@ class Flown:
 
     Attributes:
         ending: None if nothing was flown: the attempt had been begun before, on a worker that is gone.
-        stages: those that it finished.
-        checkpoint: as it was left behind, if it was.
+        stages: the stages that it finished.
+        checkpoint: the checkpoint that was left behind, if any.
     """
 
     ending: Ending | None
@@ -181,8 +178,6 @@ def _is_dropped(worker: Any, key: str) -> bool:
     """Return whether nobody waits for this task any more: it was cancelled, or the client that asked for it is gone.
 
     dask offers a task no function to ask this, so the worker's own list of tasks is looked into.
-
-    dask has no word for a task to ask this with, so the worker's own list of tasks is looked into.
     """
     task = worker.state.tasks.get(key)
     return task is None or task.state == "cancelled"

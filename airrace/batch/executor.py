@@ -16,7 +16,7 @@ class Order:
     """A job to be flown.
 
     Attributes:
-        job: what.
+        job: what is to be flown.
         attempt: 1 for the first; only one attempt of a job is ever under way.
         checkpoint: where its checkpoint belongs, on the machine of the supervision. If there is one already, it is the
             job's own, and finished stages in it that still stand are not flown again.
@@ -51,7 +51,7 @@ class Ending:
         run: the object that `airrace optimize --json` prints, with the stages that are finished; None where the job
             ended without an answer.
         fault: why there is no answer; `Fault.NONE` where there is one.
-        wall: seconds.
+        wall: the wall time of the attempt, s.
     """
 
     code: int

@@ -18,7 +18,7 @@ class Fingerprint:
         track, aircraft, settings: sha256 of the documents' texts; `settings` is empty where the defaults are used.
         overrides: sha256 of the `key=value` texts, in their order.
         until: the last stage.
-        versions: of airrace and of what its numbers depend on, as one text.
+        versions: the versions of airrace and of what its numbers depend on, as one text.
     """
 
     track: str
@@ -49,7 +49,7 @@ class Job:
         overrides: `key=value`, in their order: those of `--set`, then those of the sweeps.
         swept: the value of every sweep, by key: what tells this job from its siblings.
         until: the name of the last stage.
-        versions: of airrace and of what its numbers depend on, on the machine that planned the job.
+        versions: those of airrace and of what its numbers depend on, on the machine that planned the job.
     """
 
     name: str

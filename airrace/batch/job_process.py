@@ -1,11 +1,8 @@
 """The process of one job of a batch: it reads the job from standard input, flies it, and reports on a pipe.
 
-`python -m airrace.batch.job_process FD`; `airrace/batch/process.py` describes what is read and reported. The process
-takes up its checkpoint where it stands, as `airrace resume` does, and ends with the code and the object of `airrace
-optimize`.
-
-`python -m airrace.batch.job_process FD`; what is read and told, `airrace/batch/process.py` says. It takes its
-checkpoint up where it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
+It is started as `python -m airrace.batch.job_process FD`; `airrace/batch/process.py` describes what is read and
+reported. The process takes up its checkpoint where it stands, as `airrace resume` does, and ends with the code and the
+object of `airrace optimize`.
 """
 
 import ctypes
@@ -32,9 +29,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Told(Progress):
-    """A progress that reports stages as lines of JSON. A finished one is held back until it is in the checkpoint,
-    too.
-    """
+    """An observer that reports stages as lines of JSON; a finished one is held back until it is in the checkpoint."""
 
     def __init__(self, replies: IO[str]) -> None:
         self._replies = replies

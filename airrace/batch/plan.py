@@ -18,9 +18,9 @@ class Result:
     Attributes:
         code: the exit code that `airrace optimize` would have ended with.
         message: what went wrong; empty if nothing did.
-        race_time: s, of the last stage; None without a flight.
-        wall: s, of the attempt that ended it.
-        retries: why earlier attempts did not.
+        race_time: the race time of the last stage, s; None without a flight.
+        wall: the wall time of the attempt that ended it, s.
+        retries: why earlier attempts did not end it.
         findings: what is wrong with the inputs.
         ways: which way round was flown; None where no other was tried.
     """
@@ -52,7 +52,7 @@ class Step:
     """A job of the plan and what is done with it.
 
     Attributes:
-        name: of the job.
+        name: the name of the job.
         course: the name of the course.
         track, aircraft: paths as users name them; the aircraft is None where nobody knows it.
         swept: the value of every sweep.
@@ -72,9 +72,7 @@ class Step:
 
     @property
     def action(self) -> str:
-        """What is done with the job: `fly`; `keep` what was finished before and stands; `refuse` inputs that are not
-        valid.
-        """
+        """The action on the job: `fly`; `keep` what was finished before and stands; `refuse` invalid inputs."""
         if self.known is None:
             return "fly"
         return "refuse" if self.known.code == ExitCode.INVALID_INPUT else "keep"

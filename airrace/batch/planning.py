@@ -35,7 +35,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
 
     Args:
         until: the last stage where nobody names one.
-        versions: of airrace and of what its numbers depend on.
+        versions: the versions of airrace and of what its numbers depend on.
         choice: which finished jobs are flown again.
 
     Raises:

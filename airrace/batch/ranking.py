@@ -25,8 +25,8 @@ class Row:
     """A job, and how far it is behind.
 
     Attributes:
-        behind: s behind the fastest certified job of the batch; None without a race time.
-        behind_course: the same among the jobs of its own course.
+        behind: the time behind the fastest certified job of the batch, s; None without a race time.
+        behind_course: the time behind the fastest certified job of its own course, s; None without a race time.
     """
 
     step: Step

@@ -66,8 +66,8 @@ class Record:
 
     Attributes:
         fingerprint: what it was flown with.
-        ended: whether it did; otherwise it was under way when this was written.
-        code, message, wall: of its last attempt, see `executor.Ending`.
+        ended: whether it has ended; otherwise it was under way when this was written.
+        code, message, wall: the end of its last attempt, see `executor.Ending`.
         retries: why earlier attempts of the same call were not the last.
         run: the object of `airrace optimize --json`, None where there is none.
         findings: what was wrong with its inputs.

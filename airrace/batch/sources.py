@@ -56,7 +56,7 @@ def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
     """Return the sweeps of the command line.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     findings: list[Finding] = []
     sweeps: dict[str, Sweep] = {}

@@ -1,8 +1,6 @@
 """Supervision of a batch: it hands out jobs, hears how they end, tries again and keeps records.
 
 It never raises for what happens to a job, and keeps only a few numbers of a finished one: the rest is on the disk.
-
-It never raises for what happens to a job, and keeps a few numbers of a finished one: the rest is on the disk.
 """
 
 import contextlib

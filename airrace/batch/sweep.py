@@ -35,9 +35,6 @@ def parse_sweep(text: str) -> Sweep:
 
     Raises:
         ValueError: the text is no sweep; the error's text says why.
-
-    Raises:
-        ValueError: it is none; its text says why.
     """
     key, equals, values = text.partition("=")
     if not equals or not all(part.strip() for part in key.split(".")):

@@ -13,7 +13,7 @@ class Ways:
         flown: the way that was proved, in words.
         tried: how many there were, this one among them.
         next: the fastest of the others, in words; empty where there is none.
-        behind: s by which that one is behind on the rough mesh; None where there is none.
+        behind: the time by which that one is behind on the rough mesh, s; None if there is none.
     """
 
     flown: str

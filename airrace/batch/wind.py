@@ -24,8 +24,8 @@ class Bearing:
 
     Attributes:
         from_deg: where it blows from, as swept.
-        mean: of the race times, s.
-        per_knot: s of race time for a knot of wind; None with one speed only.
+        mean: the mean of the race times, s.
+        per_knot: race time for a knot of wind, s/kt; None with one speed only.
     """
 
     from_deg: str
@@ -39,10 +39,10 @@ class WindSummary:
 
     Attributes:
         title: what was flown, in words.
-        flights: certified ones.
-        best, worst: the fastest and the slowest.
-        per_knot: over all directions, s/kt; None with one speed only.
-        bearings: by direction, in the order of the sweep; empty where it was not swept.
+        flights: the number of certified flights.
+        best, worst: the fastest and the slowest of them.
+        per_knot: race time for a knot of wind over all directions, s/kt; None with one speed only.
+        bearings: the results by direction, in the order of the sweep; empty if the direction was not swept.
     """
 
     title: str

@@ -59,7 +59,7 @@ class Checkpoint:
 
     Attributes:
         inputs: what was asked for.
-        versions: of airrace and of what its numbers depend on (casadi, numpy, python), by name.
+        versions: the versions of airrace and of what its numbers depend on (casadi, numpy, python), by name.
         stages: finished stages in the order of `Stage`, each at most once.
     """
 

@@ -32,7 +32,7 @@ def unseal(content: bytes) -> bytes:
     """Return the image of a sealed file.
 
     Raises:
-        CheckpointError: not a checkpoint, of another version, truncated, too long, or altered.
+        CheckpointError: the content is no checkpoint, of another version, truncated, too long, or altered.
     """
     if len(content) < BLOCK_SIZE:
         raise CheckpointError(f"not a whole airrace checkpoint: only {len(content)} bytes long")

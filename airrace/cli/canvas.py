@@ -25,9 +25,9 @@ class Canvas:
     """A canvas of cells by row and column; places on it are north and east in metres.
 
     Args:
-        columns, rows: size, cells.
-        north, west: of the upper left corner, m.
-        dot: edge of a dot, m.
+        columns, rows: the size of the canvas, cells.
+        north, west: the place of the upper left corner, m.
+        dot: the edge of a dot, m.
     """
 
     def __init__(self, columns: int, rows: int, north: float, west: float, dot: float) -> None:

@@ -39,8 +39,8 @@ def plan_view(seen: Scenery, wind: StaticWind | None, *, columns: int = COLUMNS,
     """Return the picture with its scale, wind and legend.
 
     Args:
-        columns: of the terminal.
-        plain: ASCII alone.
+        columns: the width of the terminal.
+        plain: whether only ASCII is drawn.
     """
     canvas = _canvas(seen, max(columns, 40))
     _draw_surroundings(canvas, seen)

@@ -38,7 +38,7 @@ def prices_text(result: StageResult, prices: Sequence[Price], columns: int | Non
     Args:
         result: the stage.
         prices: the dearest first.
-        columns: of the terminal, None without one; where it is narrow, long keys take two lines.
+        columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
     """
     longest = max((len(price.key) for price in prices), default=0)
     folded = columns is not None and columns < longest + FIGURES

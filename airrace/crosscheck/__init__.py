@@ -1,3 +1,1 @@
-"""The crosscheck: the six-degree-of-freedom aircraft flown by JSBSim, with another program's equations, Earth and
-atmosphere.
-"""
+"""The crosscheck: the six-dof aircraft flown by JSBSim, with another program's equations, Earth and atmosphere."""

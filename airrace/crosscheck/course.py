@@ -27,9 +27,9 @@ class Miss:
     """The distance from the optimum at which a piece of a flight by JSBSim ends.
 
     Attributes:
-        start, end: of the piece, s from the start of the race.
-        distance: of the positions at its end, m.
-        angle: between the attitudes of the body there, rad.
+        start, end: the ends of the piece, s from the start of the race.
+        distance: the distance between the positions at its end, m.
+        angle: the angle between the attitudes of the body there, rad.
     """
 
     start: float
@@ -45,9 +45,9 @@ def fly_course(
 
     Args:
         flown: the aircraft in the air of the day.
-        optimum: of the six-dof model, in still air.
+        optimum: an optimum of the six-dof model, in still air.
         at: states of the optimum at any times (s, shape (n,)), by name.
-        tau_T: time constant of the lever, s.
+        tau_T: the time constant of the lever, s.
     """
     steps = round(PIECE / STEP)
     last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is flown to its end

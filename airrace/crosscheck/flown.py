@@ -47,8 +47,8 @@ class Flown:
     """An aircraft flown by JSBSim in still air.
 
     Attributes:
-        simulator: with the aircraft loaded.
-        atmosphere: the day's.
+        simulator: JSBSim with the aircraft loaded.
+        atmosphere: the atmosphere of the day.
         own_density: whether JSBSim's atmosphere makes the density; else it is ours where the flight starts, and stays.
     """
 
@@ -115,7 +115,7 @@ def flown_by_jsbsim(
     Args:
         folder: receives the model.
         aircraft: its numbers.
-        atmosphere: the day's; there is no wind.
+        atmosphere: the atmosphere of the day; there is no wind.
         planet: what it flies over.
         own_density: see `Flown`.
 

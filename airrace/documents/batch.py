@@ -49,7 +49,7 @@ def read_batch(document: Document) -> tuple[BatchEntry, Reporter]:
     """Return the content of a batch file, and the reporter for what else is found to be wrong with it.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     root = read_yaml(document.path, document.text)
     if not isinstance(root, MappingNode):

@@ -23,7 +23,7 @@ def read_document(path: Path, findings: list[Finding], names: Sequence[str] = ()
     """Read a file as UTF-8 text; what is wrong with it becomes one finding, and the result None.
 
     Args:
-        path: of the file.
+        path: the path of the file.
         findings: receives what is wrong.
         names: names that could have been meant by a path that leads nowhere.
     """

@@ -47,7 +47,7 @@ class Feature:
 
     @property
     def position(self) -> tuple[Point, float] | None:
-        """Where the feature stands, and its nominal height (m); None if that is free."""
+        """The place of the feature, and its nominal height (m); None if they are free."""
         position = self.steps[0].element.position
         return None if position is None else (Point(position[0], position[1]), position[2])
 

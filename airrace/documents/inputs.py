@@ -82,7 +82,7 @@ def load_inputs(
         overrides: `key=value`; keys are the track's, or with `aircraft.` or `settings.` before them those documents'.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     run = _Run(overrides)
     opened_track = run.open(read_named(TRACKS, track, run.findings), _TRACK)
@@ -102,9 +102,9 @@ def read_documents(
     """Return the track and the aircraft that flies it as texts, of which nothing else is understood yet.
 
     Args:
-        track: as of `load_inputs`; an override may name the aircraft, too.
-        aircraft: as of `load_inputs`.
-        overrides: as of `load_inputs`.
+        track: see `load_inputs`; an override may name the aircraft, too.
+        aircraft: see `load_inputs`.
+        overrides: see `load_inputs`.
 
     Raises:
         InputError: one of them cannot be read, or the track is no YAML.
@@ -132,7 +132,7 @@ def inputs_from_documents(
     """Understand and check documents that are read already, for resuming a run; no file is touched.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     run = _Run(overrides)
     opened_track = run.open(track, _TRACK)
@@ -203,7 +203,7 @@ class _Run:
         """Understand all documents.
 
         Raises:
-            InputError: with all findings.
+            InputError: the inputs are not valid; it carries all findings.
         """
         opened_settings = self.open(settings_file or NO_SETTINGS, _SETTINGS)
         scene = self._scene(track) if track else None

@@ -61,8 +61,8 @@ class Variation:
         """Return the race with one number set to another value.
 
         Args:
-            key: as `--set` has it, e.g. `gates.g4.heading_deg` or `aircraft.airframe.mass_kg`.
-            value: in the unit of the key.
+            key: the key that `--set` takes, e.g. `gates.g4.heading_deg` or `aircraft.airframe.mass_kg`.
+            value: the value, in the unit of the key.
 
         Raises:
             InputError: the inputs do not allow this value.

@@ -95,7 +95,7 @@ def read_yaml(file: str, text: str, loader: Loader = FAST) -> Node:
         loader: whose parser makes the events.
 
     Raises:
-        InputError: with every finding; a syntax error ends the reading.
+        InputError: the text is refused; it carries every finding, up to a syntax error, which ends the reading.
     """
     if len(text) > SIZE_MAX:
         raise InputError([Finding(file, 0, 0, "", f"is too large: at most {SIZE_MAX} characters are read")])

@@ -13,9 +13,9 @@ class Weather:
     """The air and the wind as the equations of a model see them, in symbols or numbers.
 
     Attributes:
-        atmosphere: the day's numbers.
+        atmosphere: the numbers of the day's atmosphere.
         field: the structure of the wind, which equations depend on.
-        wind: values of `field.parameters`, which they do not.
+        wind: the values of `field.parameters`, which equations do not depend on.
     """
 
     atmosphere: AtmosphereParameters[Scalar]

@@ -54,7 +54,7 @@ class WindField:
         """Return the numbers of the wind in `air`, in the order of `parameters`.
 
         Args:
-            air: of this field's structure.
+            air: the air of a day, with a wind of this field's structure.
 
         Raises:
             ValueError: the wind in `air` is of another structure.

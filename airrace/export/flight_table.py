@@ -22,7 +22,7 @@ class FlightTable:
     Attributes:
         samples: named histories in SI units and radians.
         quantities: declarations of the histories.
-        columns: the same in units for people, with what follows from them; each of shape (n,).
+        columns: the histories in units for people, with what follows from them; each of shape (n,).
         phases: the name of the leg that each row belongs to.
     """
 

@@ -30,7 +30,7 @@ ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
 def plan_as_flown(course: Course, pace: Cruise, flown: Trajectory) -> Plan:
-    """The plan that makes all choices as a flight has made them.
+    """Return the plan that makes all choices as a flight has made them.
 
     Args:
         course: what was flown.
@@ -41,13 +41,13 @@ def plan_as_flown(course: Course, pace: Cruise, flown: Trajectory) -> Plan:
 
 
 def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, first_node: Sequence[int]) -> Choices:
-    """The choices of a flight.
+    """Return the choices of a flight.
 
     Args:
         course: what was flown.
         states: declarations of the states.
-        state: at the nodes, shape (n_x, N + 1).
-        first_node: node of every passage.
+        state: the states at the nodes, shape (n_x, N + 1).
+        first_node: the node of every passage.
     """
     row = {one.name: history for one, history in zip(states, state, strict=True)}
     q, r = np.stack([row[name] for name in ATTITUDE]), np.stack([row[name] for name in POSITION])
@@ -72,12 +72,12 @@ def choices_as_flown(course: Course, states: Sequence[Quantity], state: Array, f
 
 
 def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
-    """The candidate of a passage that is nearest to how it was passed, with the course that was flown.
+    """Return the candidate of a passage that is nearest to how it was passed, with the course that was flown.
 
     Args:
         course: what was flown.
-        index: of the passage.
-        q: attitude, shape (4,).
+        index: the index of the passage.
+        q: the attitude as a quaternion, shape (4,).
     """
     heading, _, _ = angles(rotation([float(one) for one in q]))
     passage, known = course.passages[index], candidates(course, index)
@@ -94,8 +94,8 @@ class TrackTurn:
     """The angle by which a track over ground turns, rad, positive to the right.
 
     Attributes:
-        angle: all of it.
-        aside: what of it is to a side; a track that reverses through the vertical turns to none.
+        angle: the whole angle.
+        aside: the part of it to a side; a track that reverses through the vertical turns to none.
     """
 
     angle: float
@@ -103,7 +103,7 @@ class TrackTurn:
 
 
 def track_turn(r: Array) -> TrackTurn:
-    """How a track turns, given as positions north, east and down (m), shape (3, n)."""
+    """Return how a track turns, given as positions north, east and down (m), shape (3, n)."""
     steps = np.diff(r)
     steps = steps[:2, np.hypot(steps[0], steps[1]) > LEVEL * np.linalg.norm(steps, axis=0)]
     (n, e), (n_next, e_next) = steps[:, :-1], steps[:, 1:]

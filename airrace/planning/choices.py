@@ -15,7 +15,7 @@ from airrace.track.limits import Roll, Turning
 
 @dataclass(frozen=True)
 class Choices:
-    """Choices that are made already, by the index of the passage concerned; the others are free.
+    """The choices that are made already, by the index of the passage concerned; the others are free.
 
     Attributes:
         ways: the candidates that are left of a passage.
@@ -32,23 +32,23 @@ class Choices:
     last: bool = False
 
     def candidates(self, course: Course, index: int) -> list[Waypoint]:
-        """The ways in which a passage may still be planned."""
+        """Return the ways in which a passage may still be planned."""
         return list(self.ways[index]) if index in self.ways else candidates(course, index)
 
     def roll(self, course: Course, index: int) -> Roll | None:
-        """The roll on the leg that ends with a passage, to the chosen side."""
+        """Return the roll on the leg that ends with a passage, to the chosen side; None for no roll."""
         roll = course.passages[index].roll
         if roll is None or index not in self.rolls:
             return roll
         return dataclasses.replace(roll, turning=Turning.RIGHT if self.rolls[index] > 0 else Turning.LEFT)
 
     def without_ways(self, *indices: int) -> "Choices":
-        """These choices but for the ways in which some passages are crossed."""
+        """Return these choices, except for the ways in which some passages are crossed."""
         left = {index: ways for index, ways in self.ways.items() if index not in indices}
         return dataclasses.replace(self, ways=left)
 
     def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "Choices":
-        """These choices, but at some passages those that a plan has made; turns are left to the next plan.
+        """Return these choices, but at some passages those that a plan has made; turns are left to the next plan.
 
         What was flown since may turn less than that plan did, which forced a side.
         """
@@ -66,7 +66,7 @@ class Choices:
 
 
 ANY = Choices()
-"""Everything is left to the plan."""
+"""The choices that leave everything to the plan."""
 
 TWIN = Choices(last=True)
-"""Everything is left to the plan, which decides ties the other way."""
+"""The choices that leave everything to the plan, which decides ties the other way."""

@@ -1,4 +1,4 @@
-"""How far ways keep away from crowds, safety lines and the border of the airspace.
+"""The clearances of ways from crowds, safety lines and the border of the airspace.
 
 Ways are many at once: north and east of shape (ways, samples, 2), heights of shape (ways, samples), m.
 """
@@ -13,7 +13,7 @@ from airrace.trajectory import Array
 
 
 def crowd_distance(ways: Array, heights: Array, crowd: Crowd) -> Array:
-    """Least distance of every way from a crowd, as the crowd measures it, shape (ways,), m.
+    """Return the least distance of every way from a crowd, as the crowd measures it, shape (ways,), m.
 
     A height that is not known counts as that of the people.
     """
@@ -25,7 +25,7 @@ def crowd_distance(ways: Array, heights: Array, crowd: Crowd) -> Array:
 
 
 def crowd_overflown(ways: Array, crowd: Crowd) -> Array:
-    """Whether a way leads over a line or an area of people, shape (ways,)."""
+    """Return whether a way leads over a line or an area of people, shape (ways,)."""
     over = np.zeros(len(ways), bool)
     if crowd.shape is CrowdShape.AREA:
         over |= _inside(ways, crowd.corners).any(axis=1)
@@ -39,19 +39,19 @@ def crowd_overflown(ways: Array, crowd: Crowd) -> Array:
 
 
 def beyond_line(way: Array, line: SafetyLine) -> float:
-    """How far a way (samples, 2) gets beyond a safety line and its margin, m; negative if it stays clear."""
+    """Return how far a way (samples, 2) gets beyond a safety line and its margin, m; negative if it stays clear."""
     _, across = _beside(way, line.start, line.end)
     return float((line.margin - across if line.keep_right else line.margin + across).max())
 
 
 def beyond_border(way: Array, corners: Sequence[Point]) -> float:
-    """How far a way (samples, 2) gets out of a convex area, m; negative if it stays inside."""
+    """Return how far a way (samples, 2) gets out of a convex area, m; negative if it stays inside."""
     sense = np.copysign(1.0, area(corners))
     return max(float((-sense * _beside(way, a, b)[1]).max()) for a, b in edges(corners, closed=True))
 
 
 def ground_distance(ways: Array, crowd: Crowd) -> Array:
-    """Of every sample, shape (ways, samples); zero within an area."""
+    """Return the distance over ground of every sample from a crowd, shape (ways, samples), m; zero within an area."""
     if crowd.shape is CrowdShape.POINT:
         (corner,) = crowd.corners
         return np.hypot(ways[..., 0] - corner.north, ways[..., 1] - corner.east)
@@ -65,7 +65,10 @@ def ground_distance(ways: Array, crowd: Crowd) -> Array:
 
 
 def _inside(ways: Array, corners: Sequence[Point]) -> np.ndarray:
-    """Whether samples lie within a simple polygon: a ray to the north crosses its border an odd number of times."""
+    """Return whether samples lie within a simple polygon.
+
+    A ray from inside to the north crosses its border an odd number of times.
+    """
     north, east = ways[..., 0], ways[..., 1]
     within = np.zeros(north.shape, bool)
     for a, b in edges(corners, closed=True):
@@ -76,7 +79,7 @@ def _inside(ways: Array, corners: Sequence[Point]) -> np.ndarray:
 
 
 def _beside(ways: Array, a: Point, b: Point) -> tuple[Array, Array]:
-    """Of every sample how far it lies along the line from a to b, and how far to its right, m."""
+    """Return how far every sample lies along the line from a to b, and how far to its right, m."""
     length = np.hypot(b.north - a.north, b.east - a.east)
     direction = ((b.north - a.north) / length, (b.east - a.east) / length) if length > 0.0 else (1.0, 0.0)
     north, east = ways[..., 0] - a.north, ways[..., 1] - a.east

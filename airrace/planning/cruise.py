@@ -16,7 +16,7 @@ LEAST_LOAD_FACTOR = 2.5  # below it planned turns become so wide that the plan m
 
 @dataclass(frozen=True)
 class Cruise:
-    """Planning speed `V` (m/s), load factor `n` in turns (g), roll rate `p` (rad/s)."""
+    """The planning speed `V` (m/s), load factor `n` in turns (g) and roll rate `p` (rad/s)."""
 
     V: float
     n: float
@@ -24,12 +24,12 @@ class Cruise:
 
     @property
     def radius(self) -> float:
-        """Radius of a level turn, m."""
+        """The radius of a level turn, m."""
         return self.V**2 / (g0 * math.sqrt(self.n**2 - 1.0))
 
 
 def cruise(aircraft: Aircraft, rules: Rules) -> Cruise:
-    """Three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
+    """Return three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
     envelope = aircraft.envelope.V
     V = min(max(SHARE_OF_TOP_SPEED * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
     lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
@@ -40,7 +40,7 @@ def cruise(aircraft: Aircraft, rules: Rules) -> Cruise:
 
 
 def top_speed(aircraft: Aircraft) -> float:
-    """Speed at which full power balances the drag of level flight, m/s (ISA, sea level)."""
+    """Return the speed at which full power balances the drag of level flight, m/s (ISA, sea level)."""
     propulsion, drag, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.S
     P = propulsion.eta_p * propulsion.P_max
     speed = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)

@@ -1,4 +1,4 @@
-"""The legs of a course before anyone flies it: from place to place, straight and by the tightest level turns."""
+"""The legs of a course before it is flown: from place to place, straight and by the tightest level turns."""
 
 import itertools
 import math
@@ -30,13 +30,13 @@ class Turn:
 
 @dataclass(frozen=True)
 class Leg:
-    """From one place to the next.
+    """The stretch from one place to the next.
 
     Attributes:
         before, after: the passages at its ends.
         start, end: north, east and height of their centres, m; the height is NaN where it is free.
         way: north and east by the tightest level turns, shape (SAMPLES, 2), m; straight where no turn is planned.
-        turn: of that way; None where none is planned.
+        turn: the turn of that way; None if none is planned.
     """
 
     before: Passage
@@ -48,27 +48,27 @@ class Leg:
 
     @property
     def length(self) -> float:
-        """Straight, over ground, m."""
+        """The length of the straight line over ground, m."""
         return math.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
 
     @property
     def bearing(self) -> float:
-        """Of the straight line, rad."""
+        """The bearing of the straight line, rad."""
         return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
     @property
     def straight(self) -> Array:
-        """North and east along the straight line, shape (SAMPLES, 2), m."""
+        """The points of the straight line: north and east, shape (SAMPLES, 2), m."""
         return np.linspace(self.start[:2], self.end[:2], SAMPLES)
 
     @property
     def heights(self) -> Array:
-        """Of every sample, evenly from end to end, shape (SAMPLES,), m; NaN where an end's is free."""
+        """The height of every sample, evenly from end to end, shape (SAMPLES,), m; NaN where an end's is free."""
         return np.linspace(self.start[2], self.end[2], SAMPLES)
 
 
 def tightest(race: Race) -> Cruise:
-    """Top speed of level flight, and all the load factor that race, aircraft and lift allow there."""
+    """Return the top speed of level flight, and all the load factor that race, aircraft and lift allow there."""
     aircraft, rules = race.aircraft, race.course.rules
     V = min(top_speed(aircraft), aircraft.envelope.V.upper)
     lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
@@ -77,7 +77,7 @@ def tightest(race: Race) -> Cruise:
 
 
 def legs(race: Race) -> list[Leg]:
-    """All legs whose ends both have a place, in the order flown."""
+    """Return all legs whose ends both have a place, in the order flown."""
     passages = race.course.passages
     ways: list[tuple[Array, Turn] | None] = [None] * (len(passages) - 1)
     if len(passages) <= PLANNED_MAX:
@@ -92,13 +92,13 @@ def legs(race: Race) -> list[Leg]:
 
 
 def place(passage: Passage) -> tuple[float, float, float] | None:
-    """North, east and height (NaN where free) of an element, m; None where it may be anywhere."""
+    """Return north, east and height (NaN where free) of an element, m; None if it may be anywhere."""
     where, height = passage.element.place, passage.element.nominal_height
     return None if where is None else (*where, math.nan if height is None else height)
 
 
 def _ways(race: Race) -> Iterator[tuple[Array, Turn] | None]:
-    """The shortest ways at the tightest pace, all headings chosen together; None for a change of attitude."""
+    """Yield the shortest ways at the tightest pace, all headings chosen together; None for a change of attitude."""
     planned = plan(race.course, tightest(race))
     for leg in planned.legs:
         if leg.path is None:

@@ -28,14 +28,16 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Leg:
-    """From one waypoint to the next: a level path where both ends have positions, else None (a change of attitude)."""
+    """The stretch from one waypoint to the next: a level path if both ends have positions, else None (a change of
+    attitude).
+    """
 
     path: DubinsPath | None
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Waypoints of all passages and the legs between them.
+    """The waypoints of all passages and the legs between them.
 
     Attributes:
         seconds: planned race time.
@@ -51,14 +53,18 @@ class Plan:
     last: bool = False
 
     def turn(self, a: Waypoint, b: Waypoint) -> tuple[float, float, float]:
-        """The rotation that leads from one waypoint to the next, rad; a roll turns further than the shortest way."""
+        """Return the rotation that leads from one waypoint to the next, rad; a roll turns further than the shortest
+        way.
+        """
         return _turn(a, b, last=self.last)
 
 
 @dataclass(frozen=True)
 class _Stop:
-    """A passage that is planned for itself: its index and candidates, the side of the turn that leads to it (0: either)
-    and the roll on the way."""
+    """A passage that is planned for itself.
+
+    It has its index and candidates, the side of the turn that leads to it (0: either) and the roll on the way.
+    """
 
     index: int
     ways: list[Waypoint]
@@ -93,13 +99,15 @@ def plan(course: Course, pace: Cruise, choices: Choices = ANY) -> Plan:
 
 
 def stops_of(course: Course) -> list[int]:
-    """The passages that are planned for themselves: all but those that ask for nothing but a height on the way."""
+    """Return the passages that are planned for themselves: all but those that ask for nothing but a height on the
+    way.
+    """
     last = len(course.passages) - 1
     return [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
 
 
 def _shortest(stops: Sequence[_Stop], pace: Cruise, *, last: bool) -> tuple[list[Waypoint], float]:
-    """One of the candidates at every stop, and the planned time, s."""
+    """Return one of the candidates at every stop, and the planned time, s."""
     total = np.zeros(len(stops[0].ways))
     choices: list[np.ndarray] = []
     for here, there in itertools.pairwise(stops):
@@ -115,13 +123,13 @@ def _shortest(stops: Sequence[_Stop], pace: Cruise, *, last: bool) -> tuple[list
 
 
 def _level(here: Waypoint, there: Waypoint) -> bool:
-    """Whether a planar path can lead from one to the other."""
+    """Return whether a planar path can lead from one to the other."""
     known = here.position is not None and there.position is not None
     return known and here.climb == 0.0 and there.climb == 0.0 and there.passage.roll is None
 
 
 def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
-    """Planned time from every candidate to every one of a stop, shape (len(here), len(stop.ways)), s."""
+    """Return the planned time from every candidate to every one of a stop, shape (len(here), len(stop.ways)), s."""
     there = stop.ways
     if _level(here[0], there[0]):
         assert here[0].position is not None
@@ -138,7 +146,7 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
 
 
 def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise, *, last: bool) -> tuple[Leg, Waypoint]:
-    """The leg from a to b, and b as it is reached."""
+    """Return the leg from a to b, and b as it is reached."""
     if _level(a, b):
         assert a.position is not None
         assert b.position is not None
@@ -150,7 +158,7 @@ def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise, *, last: bool) -> 
 
 
 def _pieces(leg: Leg, count: int) -> list[Leg]:
-    """A leg cut into equal pieces."""
+    """Return a leg cut into equal pieces."""
     if leg.path is None or count == 1:
         return [leg] * count
     edges = np.linspace(0.0, leg.path.length, count + 1)
@@ -163,7 +171,7 @@ def _turn(a: Waypoint, b: Waypoint, *, last: bool) -> tuple[float, float, float]
 
 
 def _on_the_way(a: Waypoint, b: Waypoint, heights: Sequence[Passage], leg: Leg, *, last: bool) -> list[Waypoint]:
-    """Waypoints of passages that ask for a height alone, evenly between a and b."""
+    """Return waypoints of passages that ask for a height alone, evenly between a and b."""
     waypoints: list[Waypoint] = []
     for number, passage in enumerate(heights, start=1):
         element, share = passage.element, number / (len(heights) + 1)
@@ -184,7 +192,10 @@ def _nearest(value: float, allowed: Interval) -> float:
 
 
 def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg], edges: Mapping[int, int]) -> list[Waypoint]:
-    """Gates that may be flown on either edge take the chosen one, else that into which the path around them turns."""
+    """Return the waypoints with a bank at gates that may be flown on either edge.
+
+    It is the chosen one, else the one into which the path around the gate turns.
+    """
     chosen: list[Waypoint] = []
     for index, waypoint in enumerate(waypoints):
         element = waypoint.passage.element
@@ -199,7 +210,7 @@ def _with_knife_edges(waypoints: Sequence[Waypoint], legs: Sequence[Leg], edges:
 
 
 def _turn_around(before: Leg | None, after: Leg | None, reach: float = 60.0) -> float:
-    """Heading gained (to the right, rad) within `reach` metres before and after a passage."""
+    """Return the heading gained (to the right, rad) within `reach` metres before and after a passage."""
     turn = 0.0
     if before is not None and before.path is not None:
         s = np.linspace(max(before.path.length - reach, 0.0), before.path.length, 21)

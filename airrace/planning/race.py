@@ -1,4 +1,4 @@
-"""All that defines one optimisation besides the settings: course, aircraft, air. The plan belongs to it."""
+"""The race: all that defines one optimisation besides the settings, i.e. course, aircraft and air, and its plan."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +20,7 @@ class Race:
 
     @cached_property
     def pace(self) -> Cruise:
-        """How fast, and how tightly, it is planned."""
+        """The pace at which the race is planned: how fast, and how tightly."""
         return cruise(self.aircraft, self.course.rules)
 
     @cached_property

@@ -1,4 +1,7 @@
-"""What a race director would ask about a course before anyone flies it. Remarks, not errors: the course stays valid."""
+"""A review of a course before it is flown, as a race director would make it.
+
+It yields remarks, not errors: the course stays valid.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -26,7 +29,7 @@ BACK = math.radians(135.0)  # likewise a start or finish, which has but one
 
 
 class Kind(Enum):
-    """What a remark is about."""
+    """A subject of remarks."""
 
     AIRCRAFT = "aircraft"
     WIND = "wind"
@@ -45,13 +48,13 @@ class Kind(Enum):
 
     @classmethod
     def of(cls, subject: str) -> "Kind":
-        """The kind of a remark that an element makes about itself."""
+        """Return the kind of a remark that an element makes about itself."""
         return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
 
 @dataclass(frozen=True)
 class Remark:
-    """One sentence about a course.
+    """A remark of one sentence about a course.
 
     Attributes:
         passage: the name of the passage concerned, or of the one to which the leg concerned leads; empty where it is
@@ -65,7 +68,10 @@ class Remark:
 
 
 def review(race: Race) -> list[Remark]:
-    """All remarks: on the race as a whole, on the elements, on the legs; once for every place, however often flown."""
+    """Return all remarks: on the race as a whole, on the elements, on the legs.
+
+    There is one for every place, however often it is flown.
+    """
     aircraft = [Remark("", Kind.AIRCRAFT, text) for text in handling.remarks(race.aircraft)]
     found = [*aircraft, *_on_race(race), *_on_elements(race), *_on_legs(race)]
     order = {passage.name: number for number, passage in enumerate(race.course.passages)}
@@ -120,7 +126,7 @@ def _on_ceiling(passage: Passage, allowed: Interval) -> Iterator[Remark]:
 
 
 def _on_axes(course: Course) -> Iterator[Remark]:
-    """Gates flown against the way the course comes and goes."""
+    """Yield remarks on gates flown against the way the course comes and goes."""
     seen: set[tuple[str, Direction]] = set()
     around = zip([None, *course.passages], course.passages, [*course.passages[1:], None], strict=False)
     for before, passage, after in around:
@@ -141,7 +147,7 @@ def _on_axes(course: Course) -> Iterator[Remark]:
 
 
 def _bearing(a: Passage, b: Passage) -> float | None:
-    """From place to place, rad; None where one is free or both are the same."""
+    """Return the bearing from place to place, rad; None if one is free or both are the same."""
     start, end = place(a), place(b)
     if start is None or end is None or math.dist(start[:2], end[:2]) < SAME_PLACE:
         return None
@@ -160,7 +166,7 @@ def _on_legs(race: Race) -> Iterator[Remark]:
 
 
 def _different(flown: Sequence[Leg]) -> list[Leg]:
-    """Legs without those flown before in the same way."""
+    """Return the legs without those flown before in the same way."""
     first: dict[object, Leg] = {}
     for leg in flown:
         ends = [(one.element.name, one.direction) for one in (leg.before, leg.after)]
@@ -169,7 +175,7 @@ def _different(flown: Sequence[Leg]) -> list[Leg]:
 
 
 def _on_climb(leg: Leg) -> Iterator[Remark]:
-    """Heights that the climb allowed at the gates does not reach."""
+    """Yield a remark on heights that the climb allowed at the gates does not reach."""
     heights: list[Interval] = []
     climbs = Interval()
     for passage in (leg.before, leg.after):
@@ -190,7 +196,7 @@ def _on_climb(leg: Leg) -> Iterator[Remark]:
 
 
 def _on_turn(leg: Leg, radius: float, pace: str) -> Iterator[Remark]:
-    """Turns for which there is no room."""
+    """Yield a remark on a turn for which there is no room."""
     if leg.turn is None or leg.length < SAME_PLACE:
         return
     bearing, turn = leg.bearing, leg.turn

@@ -1,4 +1,6 @@
-"""How long an aircraft takes to turn from one attitude to another: it pulls at a load factor and rolls at a rate."""
+"""The time that an aircraft takes to turn from one attitude to another: it pulls at a load factor and rolls at a
+rate.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,11 +17,11 @@ ROUNDING = 1e-6  # rad: differences of attitude that are less are none
 def rotation_vector(
     start: Sequence[float], end: Sequence[float], rolled: float = 0.0, *, last: bool = False
 ) -> tuple[float, float, float]:
-    """The shortest rotation from one attitude to another as a vector in the rotating frame, rad.
+    """Return the shortest rotation from one attitude to another as a vector in the rotating frame, rad.
 
-    Of two that are half a circle long it is the one that pulls; where neither does, the one that rolls back where the
-    aircraft has rolled before (`rolled`, rad, positive to the right). Else either will do, and rounding decides, which
-    a mirror does not change; the other one is the last.
+    Of two that are half a circle long it is the one that pulls; if neither does, the one that rolls back where the
+    aircraft has rolled before (`rolled`, rad, positive to the right). If that decides nothing either, both will do, and
+    rounding picks one of them; a mirror does not change which. With `last` it is the other one.
     """
     w, x, y, z = product([start[0], -start[1], -start[2], -start[3]], end)
     either = -1.0 if (w < 0.0) is not last else 1.0
@@ -31,12 +33,12 @@ def rotation_vector(
 
 
 def rotated(start: Sequence[float], end: Sequence[float], part: float) -> list[float]:
-    """The attitude after a part of the rotation from start to end."""
+    """Return the attitude after a part of the rotation from start to end."""
     return turned(start, rotation_vector(start, end), part)
 
 
 def turned(start: Sequence[float], whole: Sequence[float], part: float) -> list[float]:
-    """The attitude after a part of a rotation given as a vector in the rotating frame, rad."""
+    """Return the attitude after a part of a rotation given as a vector in the rotating frame, rad."""
     vector = [part * angle for angle in whole]
     angle = math.sqrt(sum(one * one for one in vector))
     factor = math.sin(angle / 2) / angle if angle > 1e-12 else 0.5
@@ -44,7 +46,9 @@ def turned(start: Sequence[float], whole: Sequence[float], part: float) -> list[
 
 
 def rotation_time(start: Sequence[float], end: Sequence[float], pace: Cruise) -> float:
-    """Seconds: rolling at the planned rate while pulling at the planned load factor; pushing takes three times as long.
+    """Return the time of a rotation, s: rolling at the planned rate, pulling at the planned load factor.
+
+    Pushing takes three times as long as pulling.
 
     A turn of the path to the side is flown like a pull, for the aircraft can roll into it.
     """
@@ -55,7 +59,8 @@ def rotation_time(start: Sequence[float], end: Sequence[float], pace: Cruise) ->
 def roll_time(
     start: Sequence[float], end: Sequence[float], roll: Roll, pace: Cruise, *, last: bool = False
 ) -> tuple[float, float]:
-    """Seconds, and the signed angle (rad, positive to the right), of a roll that leads from one attitude to another.
+    """Return the time (s) and the signed angle (rad, positive to the right) of a roll that leads from one attitude to
+    another.
 
     Where both sides are equally far it is to the right, or to the left where the last of equal choices is asked for.
     """
@@ -65,7 +70,7 @@ def roll_time(
 
 
 def _least_roll(between: float, roll: Roll, *, last: bool) -> float:
-    """The smallest roll that turns far enough and ends at the angle `between` (rad)."""
+    """Return the smallest roll that turns far enough and ends at the angle `between` (rad)."""
     right = roll.angle + _less_than_full(between - roll.angle)
     left = roll.angle + _less_than_full(-between - roll.angle)
     match roll.turning:
@@ -78,7 +83,7 @@ def _least_roll(between: float, roll: Roll, *, last: bool) -> float:
 
 
 def _less_than_full(angle: float) -> float:
-    """An angle in [0, 2 pi); what rounding has put just below a full circle is none."""
+    """Return an angle in [0, 2 pi); what rounding has put just below a full circle becomes zero."""
     wrapped = angle % (2.0 * math.pi)
     return 0.0 if wrapped > 2.0 * math.pi - ROUNDING else wrapped
 

@@ -1,4 +1,4 @@
-"""Where and how a passage may be planned: a few candidates per element."""
+"""Waypoints: where and how a passage may be planned, as a few candidates per element."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from airrace.track.course import Course, Passage
 
 @dataclass(frozen=True)
 class Waypoint:
-    """One passage as planned.
+    """A passage as planned.
 
     Attributes:
         passage: which one.
@@ -32,23 +32,23 @@ class Waypoint:
 
     @property
     def q(self) -> list[float]:
-        """Attitude, wings level where the bank is free."""
+        """The attitude as a quaternion, wings level where the bank is free."""
         return quaternion(self.heading, self.climb, self.bank or 0.0)
 
 
 def is_only_a_height(passage: Passage) -> bool:
-    """Whether a passage asks for nothing but a height: any flight that rises to it on its way will do."""
+    """Return whether a passage asks for nothing but a height: any flight that rises to it on its way will do."""
     return passage.roll is None and passage.element.only_a_height
 
 
 def candidates(course: Course, index: int) -> list[Waypoint]:
-    """The ways in which a passage of a course may be planned."""
+    """Return the ways in which a passage of a course may be planned."""
     passage = course.passages[index]
     crossings = passage.element.crossings(passage.direction, _first_heading(course), rolling=passage.roll is not None)
     return [Waypoint(passage, one.position, one.heading, one.climb, one.bank, one.axis, one.free) for one in crossings]
 
 
 def _first_heading(course: Course) -> float:
-    """A heading (rad) that turns with the course: that of its first element that has one; north without any."""
+    """Return a heading (rad) that turns with the course: that of its first element that has one; north without any."""
     headings = (passage.element.axis for passage in course.passages)
     return next((heading for heading in headings if heading is not None), 0.0)

@@ -1,6 +1,4 @@
-"""Prices: what every number of the inputs costs, in seconds per unit, from a certified optimum without another
-solve.
-"""
+"""Prices: what every number of the inputs costs, in seconds per unit, from a certified optimum and no other solve."""
 
 from airrace.prices.price import Activity, Group, Price
 from airrace.prices.pricing import prices

@@ -51,7 +51,7 @@ class Group(Enum):
 
 
 class Activity(Enum):
-    """The sides of its value to which a number matters."""
+    """The sides of a number's value on which the number matters."""
 
     BOTH = "both"
     ONE_SIDED = "one-sided"
@@ -63,12 +63,12 @@ class Price:
     """The derivative of the objective by one number of the inputs.
 
     Attributes:
-        key: as `--set` has it.
+        key: the key that `--set` takes.
         group: whose number it is.
-        unit: of the number, "1" without one.
+        unit: the unit of the number, "1" without one.
         value: the number now, in its unit.
-        upward: s per unit for larger values; NaN where the inputs allow none.
-        downward: s per unit for smaller values (positive where those make the race faster); NaN likewise.
+        upward: the price for larger values, s per unit; NaN if the inputs allow none.
+        downward: the price for smaller values, s per unit (positive if those make the race faster); NaN likewise.
         usual_step: what is usually argued about: 1 m, 1 deg, 1 kt, 0.1 g, 1 %, ...; in the unit.
         activity: to which sides the number matters.
         note: why the price is one-sided, a clause; empty otherwise.
@@ -141,8 +141,6 @@ def usual_step(key: str, value: float) -> float:
 
     It is one per cent of the value where the unit has no step of its own, and a hundredth of the unit where that value
     is zero.
-
-    One per cent of the value where the unit has no step of its own, a hundredth of the unit where the value is zero.
     """
     name = key.rpartition(".")[2]
     step = LOAD_FACTORS.get(name, OWN_STEPS.get(name, _ending(name)[1]))

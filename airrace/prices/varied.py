@@ -17,7 +17,7 @@ class VariedProblem:
     """The problem of one stage, stated anew for races that differ from the one flown in numbers alone.
 
     Plan, mesh and the weights of the regularisation stay those of the race that was flown, and so do the functions of
-    its model: of a race that differs in numbers only parameters and limits do.
+    its model, for in a race that differs in numbers only parameters and limits differ.
     """
 
     def __init__(self, race: Race, settings: Settings, result: StageResult) -> None:

@@ -81,11 +81,11 @@ class Worth:
         """Gather the multipliers.
 
         Args:
-            problem: as it was solved.
+            problem: the problem that was solved.
             iterate: its optimum.
             lam: multipliers of the constraints, shape (n_g,).
             nu: multipliers of the simple bounds, shape (n_w,).
-            kernels: of the problem's system.
+            kernels: the kernels of the problem's system.
         """
         self._problem = problem
         self._layout = layout = Layout(problem)

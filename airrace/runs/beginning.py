@@ -25,13 +25,13 @@ def new_task(
     """Return the task to fly all stages of a course up to the last.
 
     Args:
-        track, aircraft, settings, overrides: as of `load_inputs`.
+        track, aircraft, settings, overrides: see `load_inputs`.
         until: the name of the last stage; None for the last one there is.
         path: the checkpoint to be written; None for a run that is kept in memory alone.
         start: another run, or its file, whose highest certified stage is started from.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
         UsageError: no such stage; the other run has other passings or no certified stage, or is the file to be written.
         CheckpointError: the other run cannot be read.
     """

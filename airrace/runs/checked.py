@@ -70,10 +70,10 @@ def checked(
     """Read a course and review it.
 
     Args:
-        track, aircraft, settings, overrides: as of `load_inputs`.
+        track, aircraft, settings, overrides: see `load_inputs`.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
     return Checked(inputs, tuple(review(inputs.race)))

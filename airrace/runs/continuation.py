@@ -17,7 +17,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
     """Decide for every stage up to `until`. A stage that follows one that runs, runs, too.
 
     Args:
-        run: as stored, its inputs understood anew.
+        run: the stored run, its inputs understood anew.
         from_stage: computed again although it may still stand; None for none.
 
     Raises:

@@ -83,7 +83,7 @@ def optimize(
         `Run.message` says why.
 
     Raises:
-        InputError: track, aircraft, settings or values are not valid; with all findings.
+        InputError: track, aircraft, settings or values are not valid; it carries all findings.
         UsageError: no such stage, a file that exists, or a run that cannot be started from.
         SolverCrash: the solver process died.
         StorageError: the system refused to write the file.
@@ -136,11 +136,11 @@ def resume(
         run: a run, or its file.
         until: the last stage; None for the last one there is, of a changed run for the last one of this run.
         from_: a stage that is computed again although it still stands, and all after it.
-        set: single values that are otherwise, as of `optimize`.
-        track, aircraft, settings: what is flown instead, as of `optimize`.
+        set: single values that are otherwise, see `optimize`.
+        track, aircraft, settings: what is flown instead, see `optimize`.
         out: the file to be written; None for the file of the run, of a changed run for none.
         force: whether a file that exists may be overwritten.
-        threads, progress: as of `optimize`.
+        threads, progress: see `optimize`.
 
     Returns:
         The run with all its stages.
@@ -174,7 +174,7 @@ def open(path: str | Path) -> Run:
     """Open the run in a file that `airrace optimize` or `Run.save` has written.
 
     Args:
-        path: of the file.
+        path: the path of the file.
 
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
@@ -197,13 +197,13 @@ def check(
         <Checked Rovinj 2014: 17 passages, 0 warnings>
 
     Args:
-        track, aircraft, settings, set: as of `optimize`.
+        track, aircraft, settings, set: see `optimize`.
 
     Returns:
         Course, aircraft and air, with the warnings of the review. A notebook shows the course from above.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     named = document_or_path(track)
     if named is None:

@@ -42,7 +42,7 @@ class FlownStage:
     Attributes:
         inputs: what the run was given.
         result: all that the procedure handed on: histories, multipliers, attempts, timings.
-        versions: of airrace and of the libraries that have computed it.
+        versions: the versions of airrace and of the libraries that have computed it.
         stale: why the stage no longer stands, a clause; empty where it does.
     """
 
@@ -110,7 +110,7 @@ class FlownStage:
         """Return the flight as a dataset of xarray over the dimension `time`: SI and radians, units in the attributes.
 
         Args:
-            rate: as of `to_dataframe`.
+            rate: see `to_dataframe`.
 
         Raises:
             UsageError: xarray is not installed, or the rate cannot be exported.
@@ -124,7 +124,7 @@ class FlownStage:
 
         Args:
             path: a file to be written; None for none.
-            rate: as of `to_dataframe`.
+            rate: see `to_dataframe`.
 
         Returns:
             The text.

@@ -14,7 +14,7 @@ def init(name: str | Path, *, like: str | Path | None = None, force: bool = Fals
     """Write a track file to begin with.
 
     Args:
-        name: of the new file; `.yaml` is added where it is missing.
+        name: the name of the new file; `.yaml` is added where it is missing.
         like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
         force: whether an existing file is overwritten.
 

@@ -13,7 +13,7 @@ def continued_task(run: Run, *, until: str | None = None, from_stage: str | None
     """Return the task to fly what is left of a run: the stages after the last one that still stands.
 
     Args:
-        run: as stored.
+        run: the stored run.
         until: the name of the last stage; None for the last one there is.
         from_stage: the name of a stage that is computed again although it may still stand; None for none.
 
@@ -34,7 +34,7 @@ def changed_task(before: Run, changes: Changes, *, until: str | None = None, out
         out: the checkpoint to be written; None for a run that is kept in memory alone.
 
     Raises:
-        InputError: with all findings on the changed inputs.
+        InputError: the changed inputs are not valid; it carries all findings.
         UsageError: there is nothing to start from.
     """
     last = last_stage(before) if until is None else stage_named(until)

@@ -63,7 +63,7 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
     The files that are named replace the stored texts; stored overrides are made before the new ones.
 
     Raises:
-        InputError: with all findings.
+        InputError: the inputs are not valid; it carries all findings.
     """
     findings: list[Finding] = []
     stored = before.checkpoint.inputs

@@ -26,7 +26,7 @@ class Task:
     """A run and what is to be flown of it.
 
     Attributes:
-        run: as it stands.
+        run: the run as it stands.
         until: the last stage.
         kept: results that need not be computed again.
         steps: every stage up to the last, with the reason why it runs; empty for a run of which nothing exists.

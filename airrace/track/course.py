@@ -13,7 +13,7 @@ __all__ = ["Course", "Direction", "EndState", "Origin", "Passage", "Rules"]
 
 
 class EndState(Enum):
-    """How the aircraft flies at the instant at which the clock starts or stops.
+    """A state of flight at the instant at which the clock starts or stops.
 
     `SETTLED`: as in a steady flight with the load factor and the roll rate of that instant, without side force.
     `FREE`: in any way that the limits allow along the flight, in the middle of a manoeuvre as well.
@@ -25,14 +25,14 @@ class EndState(Enum):
 
 @dataclass(frozen=True)
 class Passage:
-    """One passing of an element, and what holds on the leg that leads to it.
+    """A passing of an element, and what holds on the leg that leads to it.
 
     Attributes:
         name: unique over the race and fit for a table, e.g. `2:g4` (lap 2, gate g4).
         lap: counts from 1.
         speed: allowed kinematic speed, m/s (the start's speed limit).
-        safety_lines: not to be crossed on the leg that ends here.
-        roll: to be flown on the leg that ends here; None for none.
+        safety_lines: lines not to be crossed on the leg that ends here.
+        roll: a roll to be flown on the leg that ends here; None for none.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Passage:
 
 @dataclass(frozen=True)
 class Rules:
-    """Limits along the whole flight.
+    """The limits that hold along the whole flight.
 
     Attributes:
         n_z: load factor, g.
@@ -67,7 +67,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where the track's frame lies: WGS 84 (rad) where known, and its height above mean sea level (m)."""
+    """The place of the track's frame: WGS 84 (rad) if it is known, and its height above mean sea level (m)."""
 
     latitude: float | None = None
     longitude: float | None = None

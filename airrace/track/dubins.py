@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 WORDS: tuple[tuple[int, int, int], ...] = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1))
-"""Signs of the curvature along the three pieces of every kind of path."""
+"""The signs of the curvature along the three pieces of every kind of path."""
 
 _TURN = 2.0 * np.pi
 NO_TURN = 1e-9  # rad
@@ -35,28 +35,28 @@ class DubinsPath:
 
     @property
     def turning(self) -> float:
-        """All that it turns, to whichever side, rad."""
+        """The sum of all turns along the path, to whichever side, rad."""
         return sum(abs(length * bend) for length, bend in zip(self.lengths, self.curvatures, strict=True))
 
     def curvature(self, s: Array) -> Array:
-        """Curvature at arc lengths `s`, shape (n,), 1/m."""
+        """Return the curvature at arc lengths `s`, shape (n,), 1/m."""
         edges = np.cumsum(self.lengths)[:-1]
         return np.asarray(self.curvatures)[np.searchsorted(edges, s, side="right")]
 
     def bent(self, factor: float) -> "DubinsPath":
-        """The path of the same piece lengths with all curvatures multiplied by `factor` (0: straight)."""
+        """Return the path of the same piece lengths with all curvatures multiplied by `factor` (0: straight)."""
         first, second, third = (factor * one for one in self.curvatures)
         return DubinsPath(self.north, self.east, self.heading, self.lengths, (first, second, third))
 
     def part(self, begin: float, end: float) -> "DubinsPath":
-        """The stretch between two arc lengths, m."""
+        """Return the stretch between two arc lengths, m."""
         north, east, heading = (float(values[0]) for values in self.points(np.array([begin])))
         edges = np.concatenate([[0.0], np.cumsum(self.lengths)])
         first, second, third = (float(one) for one in np.diff(np.clip(edges, begin, end)))
         return DubinsPath(north, east, heading, (first, second, third), self.curvatures)
 
     def points(self, s: Array) -> tuple[Array, Array, Array]:
-        """North, east and heading at arc lengths `s` in [0, length], each of shape (n,)."""
+        """Return north, east (m) and heading (rad) at arc lengths `s` in [0, length], each of shape (n,)."""
         north, east, heading = (np.empty_like(s) for _ in range(3))
         n, e, chi, begin = self.north, self.east, self.heading, 0.0
         for length, curvature in zip(self.lengths, self.curvatures, strict=True):
@@ -69,7 +69,7 @@ class DubinsPath:
 
 
 def _arc(north: float, east: float, heading: float, curvature: float, s: Array) -> tuple[Array, Array, Array]:
-    """Points on a circular arc, or a straight where the curvature is nil."""
+    """Return points on a circular arc, or on a straight line if the curvature is nil."""
     turned = heading + curvature * s
     half = 0.5 * curvature * s
     chord = s * np.sinc(half / np.pi)
@@ -77,18 +77,18 @@ def _arc(north: float, east: float, heading: float, curvature: float, s: Array) 
 
 
 def _turn(angle: Array) -> Array:
-    """An angle as a turn in [0, 2 pi); what rounding has put just below a full circle is none."""
+    """Return an angle as a turn in [0, 2 pi); what rounding has put just below a full circle becomes zero."""
     wrapped = np.mod(angle, _TURN)
     return np.where(wrapped > _TURN - NO_TURN, 0.0, wrapped)
 
 
 def lengths(start: Array, heading: Array, end: Array, end_heading: Array, radius: float) -> Array:
-    """Lengths of the pieces of all six kinds of path, in radii; infinite where a kind does not exist.
+    """Return the lengths of the pieces of all six kinds of path, in radii; infinite where a kind does not exist.
 
     Args:
         start, end: positions, shapes broadcastable to (..., 2).
         heading, end_heading: shapes broadcastable to (...).
-        radius: of the turns, m.
+        radius: the radius of the turns, m.
 
     Returns:
         Shape (6, 3, ...), in the order of `WORDS`.
@@ -109,14 +109,14 @@ def lengths(start: Array, heading: Array, end: Array, end_heading: Array, radius
 
 
 def _same_side(d: Array, a: Array, b: Array) -> Array:
-    """Turn, straight, turn to the same side (written for positive turns)."""
+    """Return the pieces of a turn, a straight and a turn to the same side (written for positive turns)."""
     straight = np.sqrt(np.maximum(2 + d * d - 2 * np.cos(a - b) + 2 * d * (np.sin(a) - np.sin(b)), 0.0))
     towards = np.arctan2(np.cos(b) - np.cos(a), d + np.sin(a) - np.sin(b))
     return np.stack([_turn(towards - a), straight, _turn(b - towards)])
 
 
 def _crossing(d: Array, a: Array, b: Array) -> Array:
-    """Turn, straight, turn to the other side (written for a positive first turn)."""
+    """Return the pieces of a turn, a straight and a turn to the other side (written for a positive first turn)."""
     with np.errstate(invalid="ignore"):
         straight = np.sqrt(-2 + d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(a) + np.sin(b)))
     towards = np.arctan2(-np.cos(a) - np.cos(b), d + np.sin(a) + np.sin(b)) - np.arctan2(-2.0, straight)
@@ -124,7 +124,7 @@ def _crossing(d: Array, a: Array, b: Array) -> Array:
 
 
 def _three_turns(d: Array, a: Array, b: Array) -> Array:
-    """Three turns to alternating sides (written for a positive first turn)."""
+    """Return the pieces of three turns to alternating sides (written for a positive first turn)."""
     with np.errstate(invalid="ignore"):
         middle = _turn(-np.arccos((6 - d * d + 2 * np.cos(a - b) + 2 * d * (np.sin(b) - np.sin(a))) / 8))
     towards = np.arctan2(np.cos(a) - np.cos(b), d + np.sin(a) - np.sin(b))
@@ -133,7 +133,7 @@ def _three_turns(d: Array, a: Array, b: Array) -> Array:
 
 
 def on_side(pieces: Array, side: int) -> Array:
-    """Lengths of all six kinds of path, infinite where a path turns to the other side on the whole.
+    """Return the lengths of all six kinds of path, infinite where a path turns to the other side on the whole.
 
     Args:
         pieces: lengths of their pieces in radii, shape (6, 3, ...).
@@ -152,7 +152,9 @@ def on_side(pieces: Array, side: int) -> Array:
 
 
 def least(values: Array, *, last: bool = False) -> Array:
-    """Where each column is least; where several values are, but for rounding, the first of them, or the last."""
+    """Return where each column is least; where several values are, apart from rounding, the first of them, or the
+    last.
+    """
     rounded = np.round(values, ROUNDED)
     return len(rounded) - 1 - rounded[::-1].argmin(axis=0) if last else rounded.argmin(axis=0)
 
@@ -160,7 +162,7 @@ def least(values: Array, *, last: bool = False) -> Array:
 def shortest(
     start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0, *, last: bool = False
 ) -> DubinsPath:
-    """The shortest path; of those to one side where `side` is 1 (right) or -1 (left). Shapes (2,) and scalars.
+    """Return the shortest path; of those to one side if `side` is 1 (right) or -1 (left). Shapes (2,) and scalars.
 
     Of equally short ones the first in the order of `WORDS` is taken, or the last.
     """

@@ -1,4 +1,4 @@
-"""An element of a course: all that plan, problem, pictures and remarks ask of the thing that an aircraft passes.
+"""Elements of a course: all that plan, problem, pictures and remarks ask of the thing that an aircraft passes.
 
 A kind of element is one class derived from `Element` or `Standing`. It answers in plain numbers, so whoever plans,
 optimises, draws or reviews a course needs to know no kind. Angles are in radians, clockwise from north; lengths in
@@ -17,7 +17,7 @@ from airrace.track.polygons import Point
 
 
 class Direction(Enum):
-    """Which way a gate is flown. `PLANNED`: whichever makes the shorter race."""
+    """A direction in which a gate is flown; `PLANNED` is the one that makes the shorter race."""
 
     FORWARD = "forward"
     REVERSE = "reverse"
@@ -47,7 +47,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a crossing takes place and what it is measured against.
+    """The place of a crossing and the directions it is measured against.
 
     Attributes:
         north, east: the centre.
@@ -73,7 +73,7 @@ Symbols = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Sight:
-    """What a kind of element sees of an aircraft besides what is seen at every crossing.
+    """The quantities that a kind of element observes of an aircraft besides those of every crossing.
 
     One object serves all elements of a kind, so that its equations are made once.
 
@@ -81,7 +81,7 @@ class Sight:
         name: identifies it in messages.
         quantities: declarations of what is seen. Their units decide with which tolerance the certificate measures them.
         parameters: declarations of what tells one element from another.
-        values: from the quantities of a crossing by name (`airrace.dynamics.crossing.CrossingValues`) and the
+        values: maps the quantities of a crossing by name (`airrace.dynamics.crossing.CrossingValues`) and the
             parameters by name, those of the crossing (`CrossingParameters`) among them, to the quantities in order.
     """
 
@@ -93,7 +93,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class Drawing:
-    """How an element is drawn as seen from above.
+    """The drawing of an element as seen from above.
 
     Attributes:
         legend: what the legend of a picture calls elements like this one.
@@ -111,7 +111,7 @@ class Drawing:
 
 
 class Element(ABC):
-    """What is passed; `name` is unique on the course.
+    """A thing to be passed; `name` is unique on the course.
 
     `stands`: whether it stands at a place and a height, rather than being an attitude that is flown somewhere.
     `directed`: whether it can be flown forward or in reverse.
@@ -124,14 +124,14 @@ class Element(ABC):
     @property
     @abstractmethod
     def type_name(self) -> str:
-        """What tables call its kind, as a track file does."""
+        """The name of its kind in tables, which is that in a track file."""
 
     # Where it is.
 
     @property
     @abstractmethod
     def place(self) -> tuple[float, float] | None:
-        """North and east; None where they are free."""
+        """The place, north and east; None if they are free."""
 
     @property
     @abstractmethod
@@ -145,7 +145,7 @@ class Element(ABC):
 
     @property
     def position(self) -> tuple[float, float, float] | None:
-        """North, east and height where all three are known."""
+        """The position, north, east and height; None unless all three are known."""
         if self.place is None or self.nominal_height is None:
             return None
         return (*self.place, self.nominal_height)
@@ -188,7 +188,7 @@ class Element(ABC):
         return False
 
     def course(self, direction: Direction) -> float | None:
-        """The course along its axis when flown in a direction; None where it is free or still to be planned."""
+        """Return the course along its axis when flown in a direction; None if it is free or still to be planned."""
         if not self.directed or self.axis is None or direction is Direction.PLANNED:
             return None
         return self.axis + (math.pi if direction is Direction.REVERSE else 0.0)
@@ -197,7 +197,7 @@ class Element(ABC):
 
     @abstractmethod
     def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
-        """The ways in which it may be crossed.
+        """Return the ways in which it may be crossed.
 
         Args:
             direction: which way it is flown.
@@ -207,16 +207,19 @@ class Element(ABC):
 
     @abstractmethod
     def conditions(self, axis: float) -> dict[str, Interval]:
-        """The conditions of its passing when planned along an axis: ranges of states, of the quantities of a crossing
-        (`airrace.dynamics.crossing.CrossingValues`) and of those of its sight, by name."""
+        """Return the conditions of its passing when planned along an axis, as ranges by name.
+
+        The ranges are of states, of the quantities of a crossing (`airrace.dynamics.crossing.CrossingValues`) and of
+        those of its sight.
+        """
 
     @abstractmethod
     def frame(self, axis: float, bank: float, span: float) -> Frame:
-        """The frame of its passing when planned along an axis with a bank, by an aircraft of a wing span."""
+        """Return the frame of its passing when planned along an axis with a bank, by an aircraft of a wing span."""
 
     @property
     def sight(self) -> Sight | None:
-        """What it sees besides the quantities of a crossing; None for nothing."""
+        """The sight that tells what it observes besides the quantities of a crossing; None for nothing."""
         return None
 
     @property
@@ -228,32 +231,35 @@ class Element(ABC):
 
     @abstractmethod
     def drawing(self) -> Drawing:
-        """How it is drawn."""
+        """Return how it is drawn."""
 
     def remarks(self, name: str) -> Iterator[tuple[str, str]]:
-        """What a race director would ask about it: the subject in a word, and a sentence without a full stop.
+        """Yield what a race director would ask about it: the subject in a word, and a sentence without a full stop.
 
         Args:
-            name: of its passage.
+            name: the name of its passage.
         """
         yield from ()
 
     def misfit(self, span: float, aircraft: str) -> tuple[str, str] | None:
-        """Why an aircraft does not fit: the key of the file to blame and a sentence about it; None where it does.
+        """Return why an aircraft does not fit: the key of the file to blame and a sentence; None if it does fit.
 
         Args:
-            span: of its wing.
-            aircraft: its name.
+            span: the span of its wing, m.
+            aircraft: the name of the aircraft.
         """
         return None
 
     def height_key(self, *, too_high: bool) -> str:
-        """The key of the file that says a height which is too high or too low."""
+        """Return the key of the file that says a height which is too high or too low."""
         return "height_m"
 
 
 class Standing(Element):
-    """What stands somewhere: a gate, a pylon. A kind declares `north`, `east` and `height` besides its name."""
+    """An element that stands somewhere: a gate, a pylon.
+
+    A kind declares `north`, `east` and `height` besides its name.
+    """
 
     stands = True
     north: float
@@ -281,12 +287,12 @@ class Standing(Element):
         return Interval()
 
     def beside(self, distance: float, azimuth: float) -> Point:
-        """The point at a distance from its centre."""
+        """Return the point at a distance (m) from its centre in the direction of an azimuth (rad)."""
         return Point(self.north + distance * math.cos(azimuth), self.east + distance * math.sin(azimuth))
 
 
 def climb_condition(allowed: Interval) -> dict[str, Interval]:
-    """A range of climb angles as a condition; without bounds where it allows everything."""
+    """Return a range of climb angles as a condition; without bounds where it allows everything."""
     lower = math.sin(allowed.lower) if allowed.lower > -math.pi / 2 else -math.inf
     upper = math.sin(allowed.upper) if allowed.upper < math.pi / 2 else math.inf
     return {"climb_sine": Interval(lower, upper)}

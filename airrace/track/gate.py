@@ -1,4 +1,4 @@
-"""Gates of two pylons."""
+"""Gates: two pylons that are flown between."""
 
 import math
 from collections.abc import Iterator
@@ -12,11 +12,11 @@ LEVEL = 0.0
 KNIFE_EDGE_RIGHT = math.pi / 2
 KNIFE_EDGE_LEFT = -math.pi / 2
 WIDTHS = Interval(10.0, 14.0)
-"""m, of racing gates by the rules of 2014 to 2019."""
+"""The widths of racing gates by the rules of 2014 to 2019, m."""
 WIDE = math.radians(89.9)
-"""rad: beyond this the tangent of a tolerance is too large to compute with."""
+"""The largest tolerance of an angle, rad: beyond it the tangent is too large to compute with."""
 MOST_STEPS = 6
-"""Courses of the plan to either side of the axis."""
+"""The largest number of courses that the plan tries to either side of the axis."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Gate(Tolerant):
         return self.either_bank
 
     def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
-        """Courses around the axis, flown forward, in reverse or either way."""
+        """Return courses around the axis, flown forward, in reverse or either way."""
         forward = [self.heading] if direction is not Direction.REVERSE else []
         reverse = [self.heading + math.pi] if direction is not Direction.FORWARD else []
         return [
@@ -73,7 +73,7 @@ class Gate(Tolerant):
         ]
 
     def conditions(self, axis: float) -> dict[str, Interval]:
-        """Between the pylons, wing tips and all; or exactly in their middle."""
+        """Return the conditions of a passing between the pylons, wing tips and all; or exactly in their middle."""
         allowed = self.tolerances
         bounds = {"along": ZERO, "course_excess_right": NOT_POSITIVE, "course_excess_left": NOT_POSITIVE}
         if self.passing is Passing.POINT:
@@ -100,7 +100,7 @@ class Gate(Tolerant):
         )
 
     def drawing(self) -> Drawing:
-        """Two pylons, and the window left between their clearances."""
+        """Return two pylons, and the window left between their clearances."""
         half, right = 0.5 * self.width, self.heading + math.pi / 2
         open_half = max(half - self.tolerances.clearance, 0.0)
         ends = self.beside(-half, right), self.beside(half, right)
@@ -116,7 +116,7 @@ class Gate(Tolerant):
             yield "width", f"the gate of `{name}` is {self.width:g} m wide; racing gates are 10 to 14 m wide"
 
     def misfit(self, span: float, aircraft: str) -> tuple[str, str] | None:
-        """Wings level, the wing must fit between the pylons with its clearances."""
+        """Return why an aircraft with its wings level does not fit between the pylons with their clearances."""
         clearance = self.tolerances.clearance
         room = self.width - 2.0 * clearance
         if self.passing is Passing.POINT or self.bank != LEVEL or room > span:

@@ -1,4 +1,4 @@
-"""What a flight keeps away from, and what it has to do on the way: safety lines, crowd, rolls."""
+"""The limits of a course besides its elements: safety lines, crowds, and rolls on the way."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -25,7 +25,7 @@ class SafetyLine:
 
 
 class CrowdShape(Enum):
-    """What the corners of a crowd are: one point, a line from each to the next, or the border of an area."""
+    """A shape of a crowd: one point, a line from each corner to the next, or an area with the corners on its border."""
 
     POINT = "point"
     LINE = "line"
@@ -34,11 +34,11 @@ class CrowdShape(Enum):
 
 @dataclass(frozen=True)
 class Crowd:
-    """People to keep away from.
+    """A group of people to keep away from.
 
     Attributes:
         corners: one for a point, two or more for a line, three or more (without the first again) for an area.
-        height: of the people above the track's origin, m.
+        height: the height of the people above the track's origin, m.
         distance: least distance, m.
         slant: whether the distance is measured in space as in (16) of the paper, else over ground alone.
     """
@@ -52,7 +52,7 @@ class Crowd:
 
 
 class Turning(Enum):
-    """Which way a roll goes, as the pilot sees it."""
+    """A direction of a roll, as the pilot sees it."""
 
     RIGHT = "right"
     LEFT = "left"
@@ -67,7 +67,7 @@ class Roll:
         angle: least angle of the roll, rad.
         climb: climb angles allowed meanwhile, rad.
         gain: least height gained meanwhile, m.
-        turning: which way.
+        turning: the direction of the roll.
     """
 
     angle: float

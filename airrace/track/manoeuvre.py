@@ -11,13 +11,13 @@ from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO
 
 INVERTED = math.pi
 COURSES = 2.0 * math.pi / 36 * np.arange(36)
-"""rad: the courses of a manoeuvre that leaves its own free, from the first passage's."""
+"""The courses that the plan tries for a manoeuvre that leaves its own free, rad, from the first passage's."""
 BANKS = 2.0 * math.pi / 8 * np.arange(8)
-"""rad: the banks at which a roll may end that leaves them free."""
+"""The banks at which a roll may end that leaves them free, rad."""
 STEEP = math.radians(80.0)
-"""rad: where it is steeper than this a bank is but another heading."""
+"""The climb angle above which a line is so steep that a bank is but another heading, rad."""
 VERTICAL = 1e-6
-"""rad: a climb angle this close to +-pi/2 is vertical."""
+"""The distance from +-pi/2 within which a climb angle is vertical, rad."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,10 @@ class Manoeuvre(Element):
         return self.heading
 
     def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
-        """The prescribed attitude at every course that is allowed; a position only where all of it is prescribed.
+        """Return the prescribed attitude at every course that is allowed.
 
-        A roll may end at any bank; where the line is steep, bank and course are one.
+        A position is given only if all of it is prescribed. A roll may end at any bank; where the line is steep, bank
+        and course are one.
         """
         headings = (reference + COURSES).tolist() if self.heading is None else [self.heading]
         climb = self.climb or 0.0
@@ -98,7 +99,10 @@ class Manoeuvre(Element):
         return [Crossing(self.position, heading, climb, bank, heading, free) for heading in headings for bank in banks]
 
     def conditions(self, axis: float) -> dict[str, Interval]:
-        """A prescribed attitude. The vertical is two conditions: the sine of the climb angle is flat there."""
+        """Return the conditions of the prescribed attitude.
+
+        The vertical is two conditions: the sine of the climb angle is flat there.
+        """
         bounds = {"x": self.north, "y": self.east, "z": Interval(-self.height.upper, -self.height.lower)}
         if self.climb is not None and self.climb_tolerance > 0.0:
             bounds |= climb_condition(Interval(self.climb - self.climb_tolerance, self.climb + self.climb_tolerance))
@@ -114,8 +118,10 @@ class Manoeuvre(Element):
         return bounds
 
     def frame(self, axis: float, bank: float, span: float) -> Frame:
-        """Its own frame, whatever was planned: where its course is free any frame would do, and one flight must not be
-        told in several."""
+        """Return its own frame, whatever was planned.
+
+        Where its course is free any frame would do, and one flight must not be described in several.
+        """
         return Frame(axis=self.heading or 0.0, bank=self.bank or 0.0)
 
     def drawing(self) -> Drawing:

@@ -1,4 +1,4 @@
-"""What gates and pylons have in common: how strictly they are passed."""
+"""Passings of gates and pylons: how strictly they are flown, and what they tolerate."""
 
 import math
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ POSITIVE = Interval(lower=0.0)
 NOT_POSITIVE = Interval(upper=0.0)
 ZERO = Interval.exactly(0.0)
 STEP = math.radians(10.0)
-"""rad, from one course to the next among those that a plan chooses from."""
+"""The angle from one course to the next among those that a plan chooses from, rad."""
 
 
 class Passing(Enum):
-    """How strictly gates are passed: exactly (the paper), or anywhere inside their window (the rules)."""
+    """The strictness with which a gate is passed: exactly (the paper), or anywhere inside its window (the rules)."""
 
     POINT = "point"
     WINDOW = "window"
@@ -26,7 +26,7 @@ class Passing(Enum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What a `window` passing allows at a gate; `point` passings ignore all but `climb` and `crossing`.
+    """The tolerances of a `window` passing at a gate; `point` passings ignore all but `climb` and `crossing`.
 
     Attributes:
         clearance: least distance of the wing tips from a pylon, m.
@@ -44,7 +44,10 @@ class Tolerances:
 
 
 class Tolerant(Standing):
-    """What stands somewhere and is passed by the rules. A kind declares `passing` and `tolerances` besides."""
+    """An element that stands somewhere and is passed by the rules.
+
+    A kind declares `passing` and `tolerances` besides.
+    """
 
     passing: Passing
     tolerances: Tolerances
@@ -59,6 +62,6 @@ class Tolerant(Standing):
 
 
 def offsets(most: int, crossing: float) -> Array:
-    """Courses beside an axis, rad: up to `most` steps to either side, within the largest crossing angle."""
+    """Return courses beside an axis, rad: up to `most` steps to either side, within the largest crossing angle."""
     found = STEP * np.arange(-most, most + 1)
     return np.asarray(found[np.abs(found) <= crossing + 1e-9], dtype=np.float64)

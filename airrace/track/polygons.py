@@ -15,23 +15,23 @@ class Point:
 
 
 def to_right(start: Point, end: Point, place: Point) -> float:
-    """Distance of a place to the right of the directed line through two different points, m."""
+    """Return the distance of a place to the right of the directed line through two different points, m."""
     return _cross(start, end, place) / _length(start, end)
 
 
 def edges(corners: Sequence[Point], *, closed: bool) -> list[tuple[Point, Point]]:
-    """Neighbouring corners; of a closed outline also the last with the first."""
+    """Return pairs of neighbouring corners; of a closed outline also the last with the first."""
     pairs = list(itertools.pairwise(corners))
     return [*pairs, (corners[-1], corners[0])] if closed else pairs
 
 
 def area(corners: Sequence[Point]) -> float:
-    """Area of a simple polygon, m2; positive if its corners run clockwise as seen from above."""
+    """Return the area of a simple polygon, m2; positive if its corners run clockwise as seen from above."""
     return 0.5 * sum(a.north * b.east - a.east * b.north for a, b in edges(corners, closed=True))
 
 
 def dent(corners: Sequence[Point]) -> int | None:
-    """The first corner of a simple polygon at which it bulges inwards; None if it is convex."""
+    """Return the index of the first corner of a simple polygon at which it bulges inwards; None if it is convex."""
     sense = math.copysign(1.0, area(corners))
     for index, corner in enumerate(corners):
         following = corners[(index + 1) % len(corners)]
@@ -41,7 +41,7 @@ def dent(corners: Sequence[Point]) -> int | None:
 
 
 def crossing_edges(corners: Sequence[Point]) -> tuple[int, int] | None:
-    """Two edges of a polygon, by the corner they begin with, that cross or touch; None if it is simple."""
+    """Return two edges of a polygon, by the corner they begin with, that cross or touch; None if it is simple."""
     sides = edges(corners, closed=True)
     for one, other in itertools.combinations(range(len(sides)), 2):
         neighbours = other - one == 1 or other - one == len(sides) - 1
@@ -51,7 +51,7 @@ def crossing_edges(corners: Sequence[Point]) -> tuple[int, int] | None:
 
 
 def cross(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether the stretches from a to b and from c to d have a point in common."""
+    """Return whether the stretches from a to b and from c to d have a point in common."""
     opposed = _cross(a, b, c) * _cross(a, b, d), _cross(c, d, a) * _cross(c, d, b)
     if max(opposed) < 0.0:
         return True
@@ -62,7 +62,7 @@ def cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def distance(place: Point, corners: Sequence[Point], *, closed: bool) -> float:
-    """Distance of a place from a point, a line or (closed) an area, m; zero within an area."""
+    """Return the distance of a place from a point, a line or (closed) an area, m; zero within an area."""
     if len(corners) == 1:
         return _length(place, corners[0])
     if closed and inside(place, corners):
@@ -71,7 +71,10 @@ def distance(place: Point, corners: Sequence[Point], *, closed: bool) -> float:
 
 
 def inside(place: Point, corners: Sequence[Point]) -> bool:
-    """Whether a place lies within a simple polygon: a ray to the north crosses its border an odd number of times."""
+    """Return whether a place lies within a simple polygon.
+
+    A ray from inside to the north crosses its border an odd number of times.
+    """
     crossings = 0
     for a, b in edges(corners, closed=True):
         if (a.east > place.east) != (b.east > place.east):
@@ -89,7 +92,7 @@ def _distance_to_edge(place: Point, a: Point, b: Point) -> float:
 
 
 def _cross(a: Point, b: Point, c: Point) -> float:
-    """Twice the area of a triangle, m2; positive if c lies to the right of the way from a to b."""
+    """Return twice the area of a triangle, m2; positive if c lies to the right of the way from a to b."""
     return (b.north - a.north) * (c.east - a.east) - (b.east - a.east) * (c.north - a.north)
 
 

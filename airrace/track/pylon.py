@@ -1,4 +1,4 @@
-"""Single pylons."""
+"""Single pylons, which are passed on one side."""
 
 import math
 from dataclasses import dataclass
@@ -8,9 +8,12 @@ from airrace.track.element import Crossing, Direction, Drawing, Frame, climb_con
 from airrace.track.passing import NOT_POSITIVE, ZERO, Passing, Tolerances, Tolerant, offsets
 
 MARGIN = 4.0
-"""m beyond the clearance, where the plan passes a pylon."""
+"""The distance beyond the clearance at which the plan passes a pylon, m."""
 MOST_STEPS = 8
-"""Courses of the plan to either side of the axis; the crossing angle may be larger than at a gate."""
+"""The largest number of courses that the plan tries to either side of the axis.
+
+The crossing angle may be larger than at a gate.
+"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Pylon(Tolerant):
         return self.side + math.pi / 2
 
     def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
-        """All courses within the crossing limit of either direction across the line to the pylon."""
+        """Return all courses within the crossing limit of either direction across the line to the pylon."""
         beside = self.beside(self.tolerances.clearance + MARGIN, self.side)
         return [
             Crossing((beside.north, beside.east, self.height), axis + float(offset), 0.0, None, axis)
@@ -49,7 +52,7 @@ class Pylon(Tolerant):
         ]
 
     def conditions(self, axis: float) -> dict[str, Interval]:
-        """Passed on its side, both wing tips clear of it, measured across the track."""
+        """Return the conditions of a passing on its side, both wing tips clear of it, measured across the track."""
         allowed = self.tolerances
         to_right = math.sin(self.side - axis) > 0.0
         clear = Interval(lower=allowed.clearance) if to_right else Interval(upper=-allowed.clearance)
@@ -74,7 +77,7 @@ class Pylon(Tolerant):
         )
 
     def drawing(self) -> Drawing:
-        """A dot, and the stretch in which the passing counts."""
+        """Return a dot, and the stretch in which the passing counts."""
         return Drawing(
             legend="pylon, and its window",
             posts=(self.beside(0.0, self.side),),

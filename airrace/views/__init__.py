@@ -1,1 +1,1 @@
-"""Courses and runs as people see them: a course from above, and the live view of a run under way."""
+"""Views: courses and runs as people see them, from above and as the live view of a run under way."""

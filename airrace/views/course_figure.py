@@ -1,4 +1,4 @@
-"""A course as a drawing in a file. Needs matplotlib, which comes with the extra `plot`."""
+"""A course as a drawing in a file. It needs matplotlib, which comes with the extra `plot`."""
 
 import io
 import math
@@ -42,7 +42,7 @@ RASTER = 300  # points along an edge, for the distance from people
 
 
 def ensure_drawable(path: Path) -> None:
-    """Find out now whether a drawing can be made in the format that the name of the file says.
+    """Make sure that a drawing can be made in the format that the name of the file says.
 
     Raises:
         UsageError: the name says no known format, or matplotlib is not installed.
@@ -66,7 +66,7 @@ def draw_course(race: Race, seen: Scenery, path: Path) -> None:
 
 
 def course_figure(race: Race, seen: Scenery) -> Figure:
-    """The drawing: equal axes in metres, north up."""
+    """Return the drawing: equal axes in metres, north up."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Drawing
 
@@ -121,7 +121,7 @@ def _draw_surroundings(axes: Axes, seen: Scenery, frame: Box) -> None:
 
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
-    """The people, and as a shade the ground within their distance."""
+    """Draw the people, and as a shade the ground within their distance."""
     east = np.linspace(frame.left, frame.left + frame.width, RASTER)
     north = np.linspace(frame.bottom, frame.bottom + frame.height, RASTER)
     away = ground_distance(np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).astype(np.float64), crowd)
@@ -138,7 +138,7 @@ def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
 
 
 def _draw_safety_line(axes: Axes, line: SafetyLine, frame: Box, label: str) -> None:
-    """From border to border; hatched on the forbidden side, dashed where its margin ends."""
+    """Draw a line from border to border; hatched on the forbidden side, dashed where its margin ends."""
     start = np.array([line.start.east, line.start.north])
     along = np.array([line.end.east - line.start.east, line.end.north - line.start.north])
     along /= np.hypot(*along)
@@ -154,7 +154,7 @@ def _draw_safety_line(axes: Axes, line: SafetyLine, frame: Box, label: str) -> N
 
 
 def _draw_ways(axes: Axes, seen: Scenery) -> None:
-    """One colour per lap; earlier laps are wider, so that all are seen where they coincide."""
+    """Draw one colour per lap; earlier laps are wider, so that all are seen where they coincide."""
     if not all(way.planned for way in seen.ways):
         axes.plot([], [], color=GREY, linewidth=1.4, linestyle=(0, (2, 2)), label="straight, turns not planned")
     laps = sorted({max(way.lap, 1) for way in seen.ways})
@@ -174,7 +174,7 @@ def _draw_ways(axes: Axes, seen: Scenery) -> None:
 
 
 def _draw_directions(axes: Axes, lines: list[Array], colour: str) -> None:
-    """An arrowhead amid every way."""
+    """Draw an arrowhead in the middle of every way."""
     for line in lines:
         middle = len(line) // 2
         (north, east), (before_north, before_east) = line[middle], line[middle - 1]
@@ -184,13 +184,16 @@ def _draw_directions(axes: Axes, lines: list[Array], colour: str) -> None:
 
 
 def _joined(lines: list[Array]) -> Array:
-    """Lines as one, with gaps between, shape (n, 2)."""
+    """Return the lines as one, with gaps between, shape (n, 2)."""
     gap = np.full((1, 2), np.nan)
     return np.concatenate([piece for line in lines for piece in (line, gap)])
 
 
 def _draw_elements(axes: Axes, seen: Scenery, frame: Box) -> None:
-    """To scale: what is flown through, with an arrow for every course; then what is flown past; then mere places."""
+    """Draw the elements to scale.
+
+    First comes what is flown through, with an arrow for every course; then what is flown past; then mere places.
+    """
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
     for mark in seen.marks:
         drawing = mark.element.drawing()
@@ -206,7 +209,7 @@ def _rank(drawing: Drawing) -> int:
 
 
 def _draw_group(axes: Axes, group: list[tuple[Mark, Drawing]], legend: str) -> None:
-    """Elements that are drawn alike, with their entry in the legend."""
+    """Draw elements that are drawn alike, with their entry in the legend."""
     drawings = [drawing for _, drawing in group]
     windows = [_places(one.window) for one in drawings if one.window]
     reaches = [_places(one.reach) for one in drawings if one.reach]
@@ -233,12 +236,12 @@ def _draw_group(axes: Axes, group: list[tuple[Mark, Drawing]], legend: str) -> N
 
 
 def _places(points: Sequence[Point]) -> Array:
-    """North and east, shape (n, 2), m."""
+    """Return north and east of points, shape (n, 2), m."""
     return np.array([[point.north, point.east] for point in points])
 
 
 def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
-    """An arrow for every course flown through an element."""
+    """Draw an arrow for every course flown through an element."""
     arrows = np.array([(mark.east, mark.north, heading) for mark in marks for heading in mark.headings]).reshape(-1, 3)
     axes.quiver(
         arrows[:, 0],
@@ -256,7 +259,7 @@ def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
 
 
 def _draw_wind(axes: Axes, seen: Scenery, wind: StaticWind | None) -> None:
-    """An arrow in the corner that has least in it."""
+    """Draw an arrow of the wind in the corner that has least in it."""
     if wind is None or wind.speed == 0.0:
         return
     lines = [way.line for way in seen.ways] or [np.array([[mark.north, mark.east]]) for mark in seen.marks]
@@ -280,7 +283,7 @@ def _draw_wind(axes: Axes, seen: Scenery, wind: StaticWind | None) -> None:
 
 
 def _write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None:
-    """Names with the numbers of their passings, and names of crowds, where they hide least."""
+    """Write names with the numbers of their passings, and names of crowds, where they hide least."""
     named = [
         (f"{mark.label}  {_numbers(mark, seen)}", (mark.east, mark.north), BLACK) for mark in seen.marks if mark.label
     ]
@@ -308,7 +311,7 @@ def _write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None
 
 
 def _span(mark: Mark, arrow: float) -> Array:
-    """Points of what is drawn of a mark, north and east, shape (n, 2), m."""
+    """Return points of what is drawn of a mark, north and east, shape (n, 2), m."""
     centre, reach = np.array([mark.north, mark.east]), mark.element.drawing().reach
     tips = [arrow * np.array([math.cos(heading), math.sin(heading)]) for heading in mark.headings]
     if reach is not None:
@@ -318,7 +321,7 @@ def _span(mark: Mark, arrow: float) -> Array:
 
 
 def _numbers(mark: Mark, seen: Scenery) -> str:
-    """All passings of what stands on a spot, the second half of a quad among them."""
+    """Return the numbers of all passings of what stands on a spot, the second half of a quad among them."""
     here = [one for one in seen.marks if one is mark or (not one.label and _same_spot(one, mark))]
     return ", ".join(str(number) for number in sorted(number for one in here for number, _ in one.passings))
 

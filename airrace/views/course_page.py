@@ -1,4 +1,4 @@
-"""A course before anyone flies it, as a piece of HTML for notebooks."""
+"""A course before it is flown, as a piece of HTML for notebooks."""
 
 import html
 import math
@@ -15,7 +15,7 @@ ROWS_MAX = 60  # passages; of more, only the first are listed
 
 
 def course_page(race: Race, warnings: Sequence[str]) -> str:
-    """The passages, the course from above as planned, and what a race director would ask about it."""
+    """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
     cells = [
         (row.passage.name, row.kind, _cell(row.north), _cell(row.east), _cell(row.height), _degrees(row.heading))
         for row in rows(race)

@@ -1,4 +1,4 @@
-"""A course before anyone flies it, row by row and as an object for scripts: passages, legs, turns and limits."""
+"""A course before it is flown, row by row and as an object for scripts: passages, legs, turns and limits."""
 
 import math
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from airrace.track.polygons import Point
 
 @dataclass(frozen=True)
 class Row:
-    """One passage; SI and radians, None where the element leaves it free.
+    """A passage in a table; SI and radians, None for what the element leaves free.
 
     `leg` is the straight distance from the passage before, `turn` the change of direction between the straight lines
     before and after (positive to the right).
@@ -52,7 +52,7 @@ class Row:
 
 
 def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
-    """What `check --json` prints of the course."""
+    """Return what `check --json` prints of the course."""
     course, rules = race.course, race.course.rules
     return {
         "name": course.name,
@@ -78,12 +78,12 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
 
 
 def safety_lines(race: Race) -> list[SafetyLine]:
-    """All that hold on some leg, in the order in which they are met."""
+    """Return all safety lines that hold on some leg, in the order in which they are met."""
     return list({line.name: line for passage in race.course.passages for line in passage.safety_lines}.values())
 
 
 def rows(race: Race) -> list[Row]:
-    """One row per passage, in the order flown."""
+    """Return one row per passage, in the order flown."""
     passages = race.course.passages
     places = [passage.element.place for passage in passages]
     legs = [_straight(a, b) for a, b in pairwise(places)]
@@ -114,7 +114,7 @@ def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[f
 
 
 def _straight(a: tuple[float, float] | None, b: tuple[float, float] | None) -> tuple[float, float] | None:
-    """Length (m) and direction (rad) of the line from a to b."""
+    """Return the length (m) and the direction (rad) of the line from a to b; None if a place is free."""
     if a is None or b is None:
         return None
     north, east = b[0] - a[0], b[1] - a[1]
@@ -126,7 +126,7 @@ def _degrees(angle: float | None) -> float | None:
 
 
 def _rounded_degrees(angle: float | None) -> float | None:
-    """Degrees without the conversion's last bits."""
+    """Return degrees without the conversion's last bits."""
     degrees = _degrees(angle)
     return None if degrees is None else round(degrees, 9)
 

@@ -1,4 +1,4 @@
-"""Where labels go: beside what they name, off one another and off what should be seen."""
+"""The placement of labels: beside what they name, off one another and off what should be seen."""
 
 import math
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ class Box:
     height: float
 
     def overlap(self, other: "Box") -> float:
-        """Area in common."""
+        """Return the area in common with another rectangle."""
         across = min(self.left + self.width, other.left + other.width) - max(self.left, other.left)
         up = min(self.bottom + self.height, other.bottom + other.height) - max(self.bottom, other.bottom)
         return max(across, 0.0) * max(up, 0.0)
 
     def holds(self, points: Array) -> int:
-        """How many of the points, shape (n, 2), lie inside."""
+        """Return the number of the points, shape (n, 2), that lie inside."""
         across = (points[:, 0] > self.left) & (points[:, 0] < self.left + self.width)
         return int((across & (points[:, 1] > self.bottom) & (points[:, 1] < self.bottom + self.height)).sum())
 
@@ -36,14 +36,14 @@ class Box:
 def placed(
     anchors: Sequence[tuple[float, float]], sizes: Sequence[tuple[float, float]], drawn: Array, frame: Box, gap: float
 ) -> list[Box]:
-    """A box for every label, one after the other where it costs least.
+    """Return a box for every label, placed one after the other where it costs least.
 
     Args:
-        anchors: what they name.
-        sizes: width and height of each.
+        anchors: the places that the labels name.
+        sizes: the width and height of each label.
         drawn: points that should stay visible, shape (n, 2).
-        frame: to stay within.
-        gap: least distance from the anchor.
+        frame: the rectangle to stay within.
+        gap: the least distance from the anchor.
     """
     boxes: list[Box] = []
     for anchor, size in zip(anchors, sizes, strict=True):
@@ -54,7 +54,7 @@ def placed(
 
 
 def _choices(anchor: tuple[float, float], size: tuple[float, float], gap: float) -> list[Box]:
-    """Boxes around a place, near ones first."""
+    """Return boxes around a place, near ones first."""
     width, height = size
     boxes: list[Box] = []
     for distance in GAPS:

@@ -1,4 +1,4 @@
-"""Watching a run: a live view on a terminal, plain lines without one, nothing when quiet. All of it on stderr."""
+"""Views of a run: a live one on a terminal, plain lines without one, nothing when quiet. All of it is on stderr."""
 
 import logging
 import sys
@@ -28,10 +28,10 @@ LINE_INTERVAL = 2.0
 
 @contextmanager
 def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Generator[Progress, None, None]:
-    """The observer that suits stderr, for the duration of a run.
+    """Provide the observer that suits stderr, for the duration of a run.
 
     Args:
-        title: of the run.
+        title: the title of the run.
         stages: all stages of the run in their order, those that are kept as well.
         quiet: whether nothing is shown at all.
     """
@@ -48,7 +48,7 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
 
 
 def outcome_line(result: StageResult) -> str:
-    """A finished stage in one line."""
+    """Return a finished stage in one line."""
     seconds = f"{result.timings.wall:.1f} s"
     guess = result.certificate is None and result.outcome is Outcome.SOLVED
     certified = "certified" if result.certified else "a guess" if guess else "NOT certified"
@@ -58,7 +58,7 @@ def outcome_line(result: StageResult) -> str:
 
 
 class PlainLines(Progress):
-    """One line per event, no control codes; iterations are thinned out."""
+    """An observer that prints one line per event, without control codes; iterations are thinned out."""
 
     def __init__(
         self, stream: TextIO, stages: Sequence[Stage] = (), clock: Callable[[], float] = time.monotonic
@@ -93,7 +93,7 @@ class PlainLines(Progress):
 
 @dataclass(frozen=True)
 class _Seen:
-    """What is known of the stage under way: which one, the how many-th, since when, and what it is doing."""
+    """The stage under way: which one, its number in the run, since when, and what it is doing."""
 
     stage: Stage
     number: str
@@ -105,7 +105,7 @@ class _Seen:
 
 
 class LiveView(Progress):
-    """A panel that renews itself; finished stages scroll away above it."""
+    """An observer that shows a live panel; finished stages scroll away above it."""
 
     def __init__(
         self,
@@ -157,12 +157,12 @@ class LiveView(Progress):
 
 
 def place(stage: Stage, stages: Sequence[Stage]) -> str:
-    """The how many-th stage of a run it is, `stage 3 of 6`; empty where that is not known."""
+    """Return the number of a stage in a run as `stage 3 of 6`; empty if that is not known."""
     return f"stage {stages.index(stage) + 1} of {len(stages)}" if stage in stages else ""
 
 
 def _rows(seen: _Seen | None, now: float) -> Iterator[tuple[str, RenderableType]]:
-    """Always the same rows; without a stage they are empty."""
+    """Yield always the same rows; without a stage they are empty."""
     if seen is None:
         yield from ((name, Text("")) for name in ROWS)
         return
@@ -182,12 +182,12 @@ def _rows(seen: _Seen | None, now: float) -> Iterator[tuple[str, RenderableType]
 
 
 def _duration(seconds: float) -> str:
-    """Seconds, from a minute on as minutes and seconds."""
+    """Return seconds as a text, from a minute on as minutes and seconds."""
     return f"{seconds:.1f} s" if seconds < 60.0 else f"{int(seconds) // 60}:{int(seconds) % 60:02d} min"
 
 
 class _Lines(logging.Handler):
-    """Sends the library's log where the progress goes, so that neither spoils the other."""
+    """A handler that sends the library's log where the progress goes, so that neither spoils the other."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
         super().__init__(logging.DEBUG if debugging() else logging.WARNING)
@@ -213,5 +213,7 @@ def _logged_by(handler: logging.Handler) -> Generator[None, None, None]:
 
 
 def commands_cursor(stream: TextIO) -> bool:
-    """Whether the stream is a terminal that understands control codes (whatever FORCE_COLOR and the like say)."""
+    """Return whether the stream is a terminal that understands control codes (whatever FORCE_COLOR and the like
+    say).
+    """
     return stream.isatty() and not Console(file=stream, force_terminal=True).is_dumb_terminal

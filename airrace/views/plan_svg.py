@@ -27,7 +27,7 @@ BLACK, GREY, RED, AMBER, BLUE = "#222222", "#9a9a9a", "#c0392b", "#b8860b", "#34
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Where places lie on the drawing: `scale` pixels per metre, the corner in the north-west."""
+    """The mapping from places to the drawing: `scale` pixels per metre, the corner in the north-west."""
 
     north: float
     west: float
@@ -36,16 +36,16 @@ class _Sheet:
     height: float
 
     def at(self, north: float, east: float) -> tuple[float, float]:
-        """Pixels to the right and down."""
+        """Return the pixels of a place to the right and down."""
         return MARGIN + (east - self.west) * self.scale, MARGIN + (self.north - north) * self.scale
 
     def points(self, places: Array) -> str:
-        """Places of shape (n, 2), north and east in m, as the points of a line."""
+        """Return places of shape (n, 2), north and east in m, as the points of a line."""
         return " ".join("{:.1f},{:.1f}".format(*self.at(north, east)) for north, east in places.tolist())
 
 
 def plan_svg(seen: Scenery, flight: Trajectory | None = None) -> str:
-    """The drawing, complete with its scale.
+    """Return the drawing, complete with its scale.
 
     Args:
         seen: the course from above.
@@ -75,7 +75,7 @@ def _sheet(seen: Scenery, flight: Trajectory | None) -> _Sheet:
 
 
 def _surroundings(sheet: _Sheet, seen: Scenery) -> list[str]:
-    """Airspace, people with their distance, and safety lines."""
+    """Return airspace, people with their distance, and safety lines."""
     parts = [_crowd(sheet, crowd) for crowd in seen.course.crowd]
     if seen.course.airspace:
         parts.append(_shape("polygon", sheet.points(_places(seen.course.airspace)), BLUE, dash="8 3 2 3"))
@@ -83,7 +83,7 @@ def _surroundings(sheet: _Sheet, seen: Scenery) -> list[str]:
 
 
 def _crowd(sheet: _Sheet, crowd: Crowd) -> str:
-    """The people, and the ground within their distance as a wide, pale stroke around them."""
+    """Return the people, and the ground within their distance as a wide, pale stroke around them."""
     places = _places(crowd.corners)
     shape = "polygon" if crowd.shape is CrowdShape.AREA else "polyline"
     if crowd.shape is CrowdShape.POINT:
@@ -109,7 +109,7 @@ def _planned(sheet: _Sheet, seen: Scenery) -> list[str]:
 
 
 def _flown(sheet: _Sheet, flight: Trajectory) -> list[str]:
-    """The path over ground, in pieces of one colour each."""
+    """Return the path over ground, in pieces of one colour each."""
     places = np.stack([flight.of("x"), flight.of("y")], axis=1)
     colours = _colours(flight.of("V_K"))
     begins = [0, *(np.flatnonzero(np.diff(colours)) + 1).tolist(), len(colours)]
@@ -120,7 +120,7 @@ def _flown(sheet: _Sheet, flight: Trajectory) -> list[str]:
 
 
 def _colours(speed: Array) -> NDArray[np.int64]:
-    """The number of a colour per interval of the mesh, shape (N,)."""
+    """Return the number of a colour per interval of the mesh, shape (N,)."""
     slowest, fastest = float(speed.min()), float(speed.max())
     middle = 0.5 * (speed[1:] + speed[:-1])
     share = (middle - slowest) / max(fastest - slowest, 1e-9)
@@ -128,7 +128,9 @@ def _colours(speed: Array) -> NDArray[np.int64]:
 
 
 def _marks(sheet: _Sheet, seen: Scenery) -> list[str]:
-    """What is flown through as a stroke across the way, long enough to be seen; everything else as a dot."""
+    """Return the elements: what is flown through as a stroke across the way, long enough to be seen; all else as a
+    dot.
+    """
     parts: list[str] = []
     for mark in seen.marks:
         x, y = sheet.at(mark.north, mark.east)
@@ -145,7 +147,7 @@ def _marks(sheet: _Sheet, seen: Scenery) -> list[str]:
 
 
 def _labels(sheet: _Sheet, seen: Scenery) -> list[str]:
-    """Names beside the marks, where they hide least."""
+    """Return names beside the marks, where they hide least."""
     named = [mark for mark in seen.marks if mark.label]
     if not named or len(named) > LABELS_MAX:
         return []
@@ -162,7 +164,7 @@ def _labels(sheet: _Sheet, seen: Scenery) -> list[str]:
 
 
 def _scale(sheet: _Sheet, flight: Trajectory | None) -> list[str]:
-    """A bar of round length, where north is, and what the colours mean."""
+    """Return a bar of round length, where north is, and what the colours mean."""
     metres = _round_length(0.25 * sheet.width / sheet.scale)
     base, left = sheet.height - 0.8 * FONT, 10.0
     right = left + metres * sheet.scale
@@ -185,7 +187,7 @@ def _scale(sheet: _Sheet, flight: Trajectory | None) -> list[str]:
 
 
 def _round_length(metres: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is not longer."""
+    """Return the largest of 1, 2 and 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(metres))
     return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= metres)
 

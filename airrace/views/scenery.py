@@ -1,4 +1,4 @@
-"""What a course looks like from above: ways, gates, pylons, people, lines. Both pictures of it are drawn from this."""
+"""The scenery of a course from above: ways, gates, pylons, people, lines. All pictures of it are drawn from this."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ BEYOND = 0.4  # of the course's extent, in which people and borders beside it ar
 
 @dataclass(frozen=True)
 class Mark:
-    """What stands or is flown at a place.
+    """An element at its place on the ground.
 
     Attributes:
         label: its name; empty where another mark on the same spot carries it.
@@ -42,7 +42,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Way:
-    """Part of a lap: north and east, shape (n, 2), m; `planned`, or but straight from place to place."""
+    """A part of a lap: north and east, shape (n, 2), m; either `planned` or straight from place to place."""
 
     lap: int
     line: Array
@@ -64,7 +64,10 @@ class Scenery:
 
 
 def scenery(race: Race) -> Scenery:
-    """All there is to see; the ways as planned before anything is optimised, on very long courses straight."""
+    """Return all there is to see of a course.
+
+    Ways are as planned before anything is optimised, on very long courses straight.
+    """
     course = race.course
     marks = _marks(course)
     ways = _planned(race) if len(course.passages) <= PLANNED_MAX else _straight(course)
@@ -74,7 +77,7 @@ def scenery(race: Race) -> Scenery:
 
 
 def _marks(course: Course) -> tuple[Mark, ...]:
-    """One per element that has a place, in the order first flown."""
+    """Return one mark per element that has a place, in the order first flown."""
     marks: dict[str, Mark] = {}
     for number, passage in enumerate(course.passages):
         name, where = passage.element.name, place(passage)
@@ -87,7 +90,7 @@ def _marks(course: Course) -> tuple[Mark, ...]:
 
 
 def _label(name: str) -> str:
-    """Of the two gates of a quad the first carries its name."""
+    """Return the name at a mark; of the two gates of a quad the first carries its name."""
     quad, slash, number = name.rpartition("/")
     if not slash or number not in ("1", "2"):
         return name
@@ -95,13 +98,13 @@ def _label(name: str) -> str:
 
 
 def _heading(passage: Passage) -> float | None:
-    """The course through an element, rad; of a gate still to be planned, its axis."""
+    """Return the course through an element, rad; of a gate still to be planned, its axis."""
     reverse = passage.direction is Direction.REVERSE
     return passage.element.course(Direction.REVERSE if reverse else Direction.FORWARD)
 
 
 def _planned(race: Race) -> tuple[Way, ...]:
-    """The plan from which an optimisation would start; straight where it leads through the vertical."""
+    """Return the plan from which an optimisation would start; straight where it leads through the vertical."""
     planned = race.plan
     ways: list[Way] = []
     last: tuple[float, float] | None = None
@@ -118,7 +121,7 @@ def _planned(race: Race) -> tuple[Way, ...]:
 
 
 def _straight(course: Course) -> tuple[Way, ...]:
-    """From place to place, a lap at a time."""
+    """Return straight ways from place to place, a lap at a time."""
     ways: list[Way] = []
     last: list[tuple[float, float]] = []
     for lap, passages in itertools.groupby(course.passages, key=lambda passage: passage.lap):
@@ -132,7 +135,7 @@ def _straight(course: Course) -> tuple[Way, ...]:
 def _frame(
     course: Course, marks: tuple[Mark, ...], ways: tuple[Way, ...], lines: tuple[SafetyLine, ...]
 ) -> tuple[float, float, float, float]:
-    """All of the course, and what lies beside it as long as that does not dwarf it."""
+    """Return the frame of the course, with what lies beside it as long as that does not dwarf it."""
     flown = [*(np.array([[mark.north, mark.east]]) for mark in marks), *(way.line for way in ways)]
     points = np.concatenate(flown) if flown else np.zeros((1, 2))
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))

@@ -7,13 +7,13 @@ STYLE = "text-align: right; padding: 0 0.6em; white-space: nowrap"
 
 
 def text_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns side by side, names to the left and numbers to the right, without rules."""
+    """Return columns side by side, names to the left and numbers to the right, without rules."""
     widths = [max(len(cell) for cell in column) for column in zip(heads, *rows, strict=True)]
     return "\n".join(_line(row, widths) for row in (heads, *rows))
 
 
 def html_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """The same as an HTML table; whatever the texts hold is escaped."""
+    """Return the columns as an HTML table; whatever the texts hold is escaped."""
     head = "".join(_cell("th", text, first=not number) for number, text in enumerate(heads))
     body = "".join(
         f"<tr>{''.join(_cell('td', text, first=not number) for number, text in enumerate(row))}</tr>" for row in rows

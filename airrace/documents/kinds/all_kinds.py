@@ -31,8 +31,6 @@ def register(kind: type[KindEntry]) -> type[KindEntry]:
 
     A file that calls this is all that a kind of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
 
-    A file that calls this is all that a kind of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
-
     Raises:
         ValueError: the class declares no `type`, or one that is a kind's already.
     """
