@@ -1,8 +1,11 @@
 """The walls of the house: which layer may import which, and what the documents promise about the tree."""
 
+import ast
+import itertools
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +17,14 @@ DOCUMENTS = [
 ]
 MADE = [ROOT / "docs" / folder for folder in ("reference", "project", "notebooks")]
 """Where pages of the site are that are made while it is built. The build itself checks what links to them."""
+UNCHECKED_ROOMS = ("control", "dynamics", "optimal_control", "procedure")
+"""Rooms whose docstrings do not begin with full sentences yet."""
+FRAGMENTS = re.compile(
+    r"(As|Also|But|From|How|In|Likewise|None|Of|Only|So|What|Whatever|When|Where|Which|Who|Whose|Why)\b"
+)
+"""Words with which no docstring begins: it would be half a sentence, whose other half is the name."""
+NOMINAL = re.compile(r"(A|All|An|Each|Every|One|The|This|Whether|[^A-Z].*)\b")
+"""Words with which no docstring of a function begins: it says in the imperative what the function does."""
 
 
 def test_no_layer_reaches_upwards() -> None:
@@ -121,3 +132,33 @@ def test_no_file_holds_two_ideas() -> None:
         if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
     }
     assert long == {}
+
+
+def docstrings(path: Path) -> Iterator[tuple[str, bool, str]]:
+    """The documented names of a module, whether each is a function, and its docstring; properties are no functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            continue
+        text = ast.get_docstring(node)
+        decorators = [ast.unparse(one) for one in getattr(node, "decorator_list", ())]
+        is_function = isinstance(node, ast.FunctionDef) and not any("property" in one for one in decorators)
+        if text is not None:
+            yield getattr(node, "name", path.stem), is_function, text
+        for before, after in itertools.pairwise(node.body):
+            match before, after:
+                case ((ast.Assign() | ast.AnnAssign()), ast.Expr(value=ast.Constant(value=str(text)))):
+                    yield ast.unparse(before), False, text
+                case _:
+                    pass
+
+
+def test_docstrings_begin_with_full_sentences() -> None:
+    modules = {path: path.relative_to(ROOT) for path in (ROOT / "airrace").rglob("*.py")}
+    fragments = [
+        f"{module}: {name}: {text.splitlines()[0]}"
+        for path, module in modules.items()
+        if module.parts[1] not in UNCHECKED_ROOMS
+        for name, is_function, text in docstrings(path)
+        if FRAGMENTS.match(text) or (is_function and NOMINAL.match(text))
+    ]
+    assert fragments == []

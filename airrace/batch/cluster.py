@@ -30,8 +30,10 @@ from airrace.runs.exit_codes import ExitCode
 
 WORKERS_WAIT = 600.0
 """The time for which a batch waits for a worker when there is none, s."""
-LOOK = 1.0  # s, between two looks at the workers
-FETCH = 60.0  # s, to bring a result here
+LOOK = 1.0
+"""The time between two looks at the workers, s."""
+FETCH = 60.0
+"""The time that may pass until a result is here, s."""
 
 _log = logging.getLogger(__name__)
 

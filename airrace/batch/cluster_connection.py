@@ -17,8 +17,10 @@ from distributed.security import Security
 
 from airrace.errors import ClusterError
 
-CONNECT = 4.0  # s, to reach the scheduler
-REPLY = 5.0  # s, for a scheduler or a worker to answer
+CONNECT = 4.0
+"""The time in which the scheduler must be reached, s."""
+REPLY = 5.0
+"""The time in which a scheduler or a worker must answer, s."""
 
 _log = logging.getLogger(__name__)
 

@@ -20,7 +20,8 @@ from airrace.batch.local import LocalExecutor
 from airrace.errors import AirraceError
 from airrace.runs.exit_codes import ExitCode
 
-POLL = 0.5  # s, between two looks whether the job is still wanted
+POLL = 0.5
+"""The time between two looks whether the job is still wanted, s."""
 
 
 class DamagedParcel(AirraceError):

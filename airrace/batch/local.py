@@ -10,7 +10,8 @@ from airrace.batch.executor import Ended, Ending, Event, Fault, Order, Started
 from airrace.batch.process import JobProcess
 from airrace.runs.exit_codes import ExitCode
 
-POLL = 0.2  # s, between two looks at time limits
+POLL = 0.2
+"""The time between two looks at time limits, s."""
 
 
 class LocalExecutor:

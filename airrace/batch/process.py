@@ -28,9 +28,12 @@ from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFini
 from airrace.errors import Finding
 from airrace.runs.exit_codes import ExitCode
 
-GRACE = 5.0  # s, that a process which is told to stop may take
-SAID_MAX = 2000  # bytes of what a process that crashed had said
-ANSWER_MAX = 64 * 1024 * 1024  # bytes of an answer; beyond this it is none
+GRACE = 5.0
+"""The time that a process which is told to stop may take, s."""
+SAID_MAX = 2000
+"""The size of the end of a crashed process's output in which its last words are looked for, bytes."""
+ANSWER_MAX = 64 * 1024 * 1024
+"""The size up to which an answer is read, bytes; a larger one counts as none."""
 JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
 """The command that runs a job in a process of its own, without the number of the file descriptor."""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")

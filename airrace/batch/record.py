@@ -17,6 +17,7 @@ from airrace.errors import AirraceError, Finding
 
 SCHEMA = "airrace/job/1"
 SIZE_MAX = 64 * 1024 * 1024
+"""The size up to which a record is read, bytes."""
 
 
 class RecordError(AirraceError):

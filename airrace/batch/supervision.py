@@ -17,7 +17,8 @@ from airrace.batch.record import FileMark, Record, checkpoint_path, record_path,
 from airrace.errors import StorageError
 from airrace.runs.exit_codes import ExitCode
 
-PATIENCE = 0.25  # s, between two looks whether to stop
+PATIENCE = 0.25
+"""The time between two looks whether to stop, s."""
 ACCIDENTS = (Fault.CRASHED, Fault.KILLED, Fault.LOST)
 """The faults that may well not occur the next time."""
 

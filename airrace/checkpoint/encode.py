@@ -36,6 +36,7 @@ from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
 SCHEMA = 4
+"""The version of this layout; a reader refuses every other."""
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 

@@ -16,9 +16,11 @@ import struct
 from airrace.errors import CheckpointError
 
 BLOCK_SIZE = 512
+"""The size of the user block, bytes."""
 # Like PNG's: a byte above 127, both line ends and an end-of-file show a transfer as text.
 MAGIC = b"\x8bairrace\r\n\x1a\nrun\n"
 VERSION = 1
+"""The version of the user block."""
 _HEADER = struct.Struct("<16sIQ32s")
 
 

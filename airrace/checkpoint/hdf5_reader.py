@@ -23,9 +23,13 @@ from airrace.checkpoint.tree import Attribute, Column, Group, Node, Series, Tabl
 from airrace.errors import CheckpointError
 
 OBJECTS_MAX = 20_000
+"""The largest number of groups and datasets that are read."""
 DEPTH_MAX = 8
+"""The deepest nesting of groups that is read."""
 ATTRIBUTES_MAX = 16
-ATTRIBUTE_BYTES_MAX = 64_000  # HDF5's own limit is 64 KiB
+"""The largest number of attributes of a group or a dataset."""
+ATTRIBUTE_BYTES_MAX = 64_000
+"""The size of the largest attribute that is read, bytes; HDF5's own limit is 64 KiB."""
 # What HDF5's dimension scales keep for themselves; two of them hold references. They are never read.
 SCALE_ATTRIBUTES = frozenset({b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST"})
 NUMBERS = (np.dtype("<f8"), np.dtype("<i8"))

@@ -14,6 +14,7 @@ from airrace.checkpoint.hdf5_writer import image_of
 from airrace.errors import CheckpointError
 
 SIZE_MAX = 256 * 1024 * 1024
+"""The size of the largest checkpoint that is written or read, bytes."""
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:

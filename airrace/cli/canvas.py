@@ -8,8 +8,10 @@ from rich.text import Text
 
 from airrace.trajectory import Array
 
-ACROSS, DOWN = 2, 4  # dots of a cell; a cell is twice as high as wide, so the dots lie on a square grid
-_BLANK = 0x2800  # of the Braille patterns, whose lower eight bits are the dots
+ACROSS, DOWN = 2, 4
+"""The dots of a cell; it is twice as high as wide, so the dots lie on a square grid."""
+_BLANK = 0x2800
+"""The first of the Braille patterns, whose lower eight bits are the dots."""
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 

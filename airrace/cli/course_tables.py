@@ -16,9 +16,12 @@ from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
 from airrace.views.course_rows import Row, rows, safety_lines
 
-ROWS_MAX = 200  # passages; of more, only the first and the last are printed
+ROWS_MAX = 200
+"""The largest number of passages in the table; of more, only the first and the last are printed."""
 LAST_ROWS = 20
+"""The number of passages at the end of a table that is cut."""
 REMARKS_MAX = 30
+"""The largest number of remarks that are printed."""
 
 
 def course_tables(race: Race) -> list[Table]:

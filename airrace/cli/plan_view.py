@@ -15,12 +15,18 @@ from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
 from airrace.views.scenery import Mark, Scenery
 
-COLUMNS, ROWS = 100, 35  # that the picture may fill, with its scale and its legend
-NOTES = 3  # rows of them
-MARGIN = 2  # cells left free around what is drawn
-MARKS_MAX = 400  # elements; more would but hide the way
-LABELS_MAX = 60  # elements; of longer courses no names are written
-ARROWS_MAX = 60  # ways
+COLUMNS, ROWS = 100, 35
+"""The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""
+NOTES = 3
+"""The rows of the scale and the legend."""
+MARGIN = 2
+"""The cells left free around what is drawn."""
+MARKS_MAX = 400
+"""The largest number of elements that are marked; more would but hide the way."""
+LABELS_MAX = 60
+"""The largest number of elements whose names are written."""
+ARROWS_MAX = 60
+"""The largest number of ways that get an arrow."""
 
 LAPS = ("cyan", "magenta", "green", "blue")
 AIRSPACE = Layer("blue", ":")

@@ -10,7 +10,8 @@ from airrace.prices import Activity, Price
 from airrace.procedure.result import StageResult
 
 MILLI = 1000.0
-FIGURES = 50  # columns of a table beside its keys
+FIGURES = 50
+"""The columns that the table takes beside its keys."""
 LEAST_MS = 0.0005
 """The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
 
@@ -29,7 +30,8 @@ def prices_csv(prices: Sequence[Price]) -> str:
     return text.getvalue()
 
 
-KEY_MAX = 36  # letters of a key on one line of a terminal of 80 columns
+KEY_MAX = 36
+"""The longest key that stays on one line where lines are folded, characters."""
 
 
 def prices_text(result: StageResult, prices: Sequence[Price], columns: int | None = None) -> str:

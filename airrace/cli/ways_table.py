@@ -6,7 +6,8 @@ from rich.text import Text
 
 from airrace.procedure.result import Explored
 
-SHOWN = 12  # ways; all of them are in the checkpoint and in the object
+SHOWN = 12
+"""The largest number of ways in the table; all of them are in the checkpoint and in the object."""
 
 
 def ways_table(explored: Explored) -> Table:

@@ -14,6 +14,7 @@ Sampler = Callable[[Array], Mapping[str, Array]]
 
 QUATERNION = ("q0", "q1", "q2", "q3")
 ROWS_MAX = 10_000_000
+"""The largest number of rows that are sampled at a fixed rate."""
 
 
 @dataclass(frozen=True)

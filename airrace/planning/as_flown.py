@@ -22,9 +22,15 @@ from airrace.track.course import Course
 from airrace.track.manoeuvre import STEEP
 from airrace.trajectory import Array, Trajectory
 
-TURN = math.radians(45.0)  # a flight that turns less has not chosen a side; forced to one, its plan might fly a circle
-LEVEL = 0.2  # a steeper step, by this share of its length over ground, has no course
-REVERSED = math.radians(150.0)  # from step to step: no turn to a side, but a line through the vertical
+TURN = math.radians(45.0)
+"""The angle above which a flight has chosen the side of a turn, rad.
+
+A flight that turns less has chosen none; forced to one, its plan might fly a circle.
+"""
+LEVEL = 0.2
+"""The share of a step's length that must lie over ground for the step to have a course."""
+REVERSED = math.radians(150.0)
+"""The angle from step to step, rad, above which a track does not turn to a side but goes through the vertical."""
 POSITION = ("x", "y", "z")
 ATTITUDE = ("q0", "q1", "q2", "q3")
 

@@ -7,11 +7,16 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import g0
 from airrace.track.course import Rules
 
-AIR_DENSITY = 1.225  # kg/m3, ISA at sea level; a plan need not know the day
+AIR_DENSITY = 1.225
+"""The density of the air in plans, kg/m3, ISA at sea level; a plan need not know the day."""
 SHARE_OF_TOP_SPEED = 0.76
+"""The planning speed as a share of the top speed of level flight."""
 LOAD_FACTOR = 6.0
+"""The load factor of planned turns, g, where limits and lift allow it."""
 SHARE_OF_LIMIT = 0.6
-LEAST_LOAD_FACTOR = 2.5  # below it planned turns become so wide that the plan misses the point
+"""The load factor of planned turns as a share of the allowed one, at most."""
+LEAST_LOAD_FACTOR = 2.5
+"""The least load factor of planned turns, g; below it they become so wide that the plan misses the point."""
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,12 @@ from airrace.planning.race import Race
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
-PLANNED_MAX = 400  # passages: planning takes about a millisecond each; the turns of longer courses are not looked at
-SAMPLES = 65  # of every way
-LEAST_LOAD_FACTOR = 1.5  # below it a turn has hardly an end
+PLANNED_MAX = 400
+"""The largest number of passages of a course whose turns are looked at; planning takes about a millisecond each."""
+SAMPLES = 65
+"""The number of points of every way."""
+LEAST_LOAD_FACTOR = 1.5
+"""The least load factor of the tightest turns, g; below it a turn has hardly an end."""
 
 
 @dataclass(frozen=True)

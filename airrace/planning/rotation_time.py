@@ -10,8 +10,10 @@ from airrace.frames import product
 from airrace.planning.cruise import Cruise
 from airrace.track.limits import Roll, Turning
 
-PUSHED = 3.0  # times as long as a pull: what an aircraft and its pilot bear downwards is about a third
-ROUNDING = 1e-6  # rad: differences of attitude that are less are none
+PUSHED = 3.0
+"""The time of a push in times of a pull: what an aircraft and its pilot bear downwards is about a third."""
+ROUNDING = 1e-6
+"""The difference of attitude that counts as none, rad."""
 
 
 def rotation_vector(

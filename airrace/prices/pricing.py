@@ -15,9 +15,12 @@ from airrace.prices.worth import OtherStructureError, Value, Worth
 from airrace.procedure.flight import iterate_of
 from airrace.procedure.result import Outcome, StageResult
 
-STEP = 1e-3  # of a usual step, by which a number is changed
-FREE = 1e-6  # s; less than this for a usual step is nothing
-SAME = 0.02  # of the larger: prices to both sides that differ by less are one
+STEP = 1e-3
+"""The share of a usual step by which a number is changed."""
+FREE = 1e-6
+"""The cost of a usual step below which a number is free, s."""
+SAME = 0.02
+"""The share of the larger price by which the prices to both sides may differ and still count as one."""
 
 
 def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = frozenset(Group)) -> dict[str, Price]:

@@ -22,7 +22,8 @@ from airrace.optimal_control.transcription import constraint_function
 from airrace.quantities import Interval, Quantity
 from airrace.trajectory import Array
 
-SHARE = 1e-5  # of a parameter, or of its scale: step of the central differences of the constraints
+SHARE = 1e-5
+"""The step of the constraints' central differences, as a share of a parameter, or of its scale."""
 WEAK = 1e2
 """The ratio of multiplier and slack (scaled) within which, to either side, a limit is weakly active.
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 HEADS = ("key", "value", "unit", "s per unit", "step", "step up ms")
-SHOWN = 30  # prices; a data frame has all of them
+SHOWN = 30
+"""The largest number of prices that are shown; a data frame has all of them."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -15,8 +15,10 @@ WORDS: tuple[tuple[int, int, int], ...] = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (
 """The signs of the curvature along the three pieces of every kind of path."""
 
 _TURN = 2.0 * np.pi
-NO_TURN = 1e-9  # rad
-ROUNDED = 9  # decimals beyond which two lengths are the same
+NO_TURN = 1e-9
+"""The angle of a turn that counts as none, rad."""
+ROUNDED = 9
+"""The number of decimals to which two lengths (in radii) or times (s) must agree to be the same."""
 
 
 @dataclass(frozen=True)

@@ -28,17 +28,25 @@ Axes = Any
 
 FORMATS = (".png", ".svg", ".pdf")
 DOTS_PER_INCH = 150
-LONGER_EDGE, SHORTER_EDGE_MIN = 9.0, 4.0  # of the map, inches
-LEGEND_WIDTH = 2.4  # inches
-LABELS_MAX = 60  # elements; of longer courses no names are written
-ARROWS_MAX = 120  # ways
-LAPS_MAX = 6  # with an entry of their own in the legend
+LONGER_EDGE, SHORTER_EDGE_MIN = 9.0, 4.0
+"""The longer edge of the map and the least length of the shorter one, inches."""
+LEGEND_WIDTH = 2.4
+"""The width of the legend, inches."""
+LABELS_MAX = 60
+"""The largest number of elements whose names are written."""
+ARROWS_MAX = 120
+"""The largest number of ways that get an arrow."""
+LAPS_MAX = 6
+"""The largest number of laps that have an entry of their own in the legend."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe & Ito: told apart by all eyes
 RED, AMBER, BLUE, GREY, BLACK = "#c0392b", "#b8860b", "#34568b", "#777777", "#222222"
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
-ARROW = 0.045  # of the extent, through gates
-PAD = 0.06  # of the extent, around what is drawn
-RASTER = 300  # points along an edge, for the distance from people
+ARROW = 0.045
+"""The length of the arrows through gates, as a share of the map's longer edge."""
+PAD = 0.06
+"""The margin around what is drawn, as a share of its larger extent."""
+RASTER = 300
+"""The number of points along an edge of the map at which the distance from people is evaluated."""
 
 
 def ensure_drawable(path: Path) -> None:

@@ -11,7 +11,8 @@ from airrace.views.scenery import scenery
 from airrace.views.tables import html_table
 
 HEADS = ("passage", "type", "north m", "east m", "height m", "heading deg")
-ROWS_MAX = 60  # passages; of more, only the first are listed
+ROWS_MAX = 60
+"""The largest number of passages in the table; of more, only the first are listed."""
 
 
 def course_page(race: Race, warnings: Sequence[str]) -> str:

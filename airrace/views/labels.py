@@ -9,7 +9,9 @@ import numpy as np
 from airrace.trajectory import Array
 
 DIRECTIONS = 12
-GAPS = (1.0, 2.0, 3.5, 5.5)  # between a place and its label, in the gap asked for
+"""The number of directions around a place in which a label may go."""
+GAPS = (1.0, 2.0, 3.5, 5.5)
+"""The distances between a place and its label that are tried, as multiples of the gap asked for."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,10 @@ from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 
-BOX_WIDTH = 76  # columns of the live view, as long as the terminal has them
+BOX_WIDTH = 76
+"""The width of the live view, columns, as long as the terminal has them."""
 NAME_WIDTH = 13
+"""The width of the names in the live view, columns."""
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 # Seconds between two plain lines about iterations: enough to see that it lives, few enough for a log.
 LINE_INTERVAL = 2.0

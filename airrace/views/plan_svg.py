@@ -15,12 +15,18 @@ from airrace.trajectory import Array, Trajectory
 from airrace.views.labels import Box, placed
 from airrace.views.scenery import Scenery
 
-LONGER_EDGE = 560.0  # pixels
-MARGIN = 34.0  # pixels around what is drawn
-FONT = 11.0  # pixels
-LETTER = 0.58  # width of a letter, of its height
-GATE_LEAST = 5.0  # pixels to either side: gates are drawn to scale, but long enough to be seen
-LABELS_MAX = 60  # elements; of longer courses no names are written
+LONGER_EDGE = 560.0
+"""The longer edge of the map, pixels."""
+MARGIN = 34.0
+"""The margin around what is drawn, pixels."""
+FONT = 11.0
+"""The size of letters, pixels."""
+LETTER = 0.58
+"""The width of a letter as a share of its size."""
+GATE_LEAST = 5.0
+"""The least length of a gate to either side, pixels: gates are to scale, but long enough to be seen."""
+LABELS_MAX = 60
+"""The largest number of elements whose names are written."""
 COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c00f")  # from slow to fast
 BLACK, GREY, RED, AMBER, BLUE = "#222222", "#9a9a9a", "#c0392b", "#b8860b", "#34568b"
 

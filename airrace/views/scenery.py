@@ -12,9 +12,12 @@ from airrace.track.element import Element
 from airrace.track.limits import SafetyLine
 from airrace.trajectory import Array
 
-SAMPLE = 10.0  # m between the points of a planned way
-LEAST_EXTENT = 200.0  # m, of a course that stands on one spot
-BEYOND = 0.4  # of the course's extent, in which people and borders beside it are still shown
+SAMPLE = 10.0
+"""The distance between the points of a planned way, m."""
+LEAST_EXTENT = 200.0
+"""The extent of a course that stands on one spot, m."""
+BEYOND = 0.4
+"""The share of the course's extent in which people and borders beside it are still shown."""
 
 
 @dataclass(frozen=True)
