@@ -215,7 +215,7 @@ class ClusterExecutor:
     def _keep_stage(self, key: str, flight: _Flight, stage: StageFinished) -> None:
         """Fetch the checkpoint of a job under way, so that less is lost with its worker.
 
-        Where that fails, the stage is told of at the end of the attempt.
+        Where that fails, the stage is reported at the end of the attempt.
         """
         with contextlib.suppress(Exception):  # whatever the library raises, a full disk, a damaged parcel
             parcel = self._connection.call(collect, key, workers=[flight.where]).get(flight.where)

@@ -100,8 +100,9 @@ class Connection:
         self._client.close(timeout=REPLY)
 
     def _refuse_misfits(self) -> None:
-        """Check the versions of the scheduler and of all its workers; with a cluster set up wrongly nothing is
-        begun.
+        """Check the versions of the scheduler and of all its workers.
+
+        With a cluster that was set up wrongly nothing is begun.
         """
         try:
             try:
@@ -122,8 +123,9 @@ class Connection:
             raise ClusterError(f"the scheduler {self.address} does not answer as it should: {words(error)}") from error
 
     def _misfits(self, workers: Sequence[str]) -> Mapping[str, str]:
-        """Return what is wrong with each of these workers, empty if nothing is; workers that do not answer are left
-        out.
+        """Return what is wrong with each of these workers, empty if nothing is.
+
+        Workers that do not answer are left out.
         """
         if not workers:
             return {}

@@ -126,8 +126,9 @@ class Executor(Protocol):
         ...
 
     def events(self, patience: float) -> Sequence[Event]:
-        """Return what has happened since the last call, in order; wait for the first event, `patience` seconds at
-        most.
+        """Return what has happened since the last call, in order.
+
+        It waits for the first event, `patience` seconds at most.
         """
         ...
 

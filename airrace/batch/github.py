@@ -18,9 +18,7 @@ def runs_here(environment: Mapping[str, str] = os.environ) -> bool:
 
 
 def annotations(rows: Sequence[Row], findings: Sequence[Finding]) -> Iterator[str]:
-    """Yield commands of a workflow, one per line: an error for every finding and for every job that is not
-    certified.
-    """
+    """Yield commands of a workflow, one per line: an error for every finding and every job that is not certified."""
     lines = dict.fromkeys([*(_of_finding(one) for one in findings), *(line for row in rows for line in _of_row(row))])
     told = list(lines)
     yield from told[:ANNOTATIONS_MAX]

@@ -241,9 +241,7 @@ def _spawned(order: Order, command: Sequence[str], replies: int, said: IO[bytes]
 
 
 def _descendants(process: int) -> list[int]:
-    """Return the ids of all processes that a process has started and that still run (Linux; elsewhere none are
-    known).
-    """
+    """Return the ids of the running processes that a process has started (Linux; elsewhere none are known)."""
     found: list[int] = []
     for children in Path("/proc").glob(f"{process}/task/*/children"):
         with contextlib.suppress(OSError):

@@ -62,9 +62,7 @@ def sweep_of(key: str, items: Sequence[str]) -> Sweep:
 
 
 def combinations(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
-    """Yield every combination of the sweeps' values, the last sweep varying fastest; a single empty one without
-    sweeps.
-    """
+    """Yield every combination of the sweeps' values, the last sweep varying fastest; without sweeps an empty one."""
     keys = [sweep.key for sweep in sweeps]
     for values in product(*(sweep.values for sweep in sweeps)):
         yield tuple(zip(keys, values, strict=True))
@@ -79,9 +77,7 @@ def count(sweeps: Iterable[Sweep]) -> int:
 
 
 def cover(sweeps: Sequence[Sweep]) -> Iterator[Combination]:
-    """Yield a few combinations in which every value of every sweep occurs, so that a fault of any value shows in one of
-    them.
-    """
+    """Yield a few combinations in which every value of every sweep occurs, so that a fault of any value shows."""
     for number in range(max((len(sweep.values) for sweep in sweeps), default=1)):
         yield tuple((sweep.key, sweep.values[number % len(sweep.values)]) for sweep in sweeps)
 

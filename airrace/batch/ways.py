@@ -24,9 +24,7 @@ class Ways:
 
 # Any: JSON
 def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
-    """Return the ways of the stage that explored, from the object of `airrace optimize --json`; None if none
-    explored.
-    """
+    """Return the ways of the stage that explored, from the object of `airrace optimize --json`; None without one."""
     told = [stage["ways"] for stage in (run or {}).get("stages", ()) if stage.get("ways")]
     if not told:
         return None

@@ -77,9 +77,7 @@ class Canvas:
         )
 
     def write(self, row: int, column: int, text: str, style: str) -> bool:
-        """Put a text over the dots, unless it would leave the canvas or cover another text; return whether it was
-        put.
-        """
+        """Put a text over the dots, unless it would leave the canvas or cover another; return whether it was put."""
         cells = [(row, column + index) for index in range(len(text))]
         if not 0 <= row < self.rows or column < 0 or column + len(text) > self.columns:
             return False

@@ -11,9 +11,7 @@ from airrace.trajectory import Array
 
 
 def mesh_table(result: StageResult) -> Table:
-    """Return a table of the legs: their intervals, the worst values measured on them, and why they are as long as they
-    are.
-    """
+    """Return a table of the legs: their intervals, the worst values measured, and the reasons for their lengths."""
     flown, record = result.trajectory, result.mesh
     steps = np.diff(flown.time)
     title = f"{result.stage.value}: {len(steps)} intervals, and what they were last cut or joined for"

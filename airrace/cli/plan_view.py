@@ -138,9 +138,7 @@ def _lap(lap: int) -> Layer:
 
 
 def _draw_mark(canvas: Canvas, mark: Mark, *, plain: bool) -> None:
-    """Draw what is flown through as a stroke across its axis, to scale but long enough to be seen; all else as a
-    dot.
-    """
+    """Draw what is flown through as a stroke across its axis, long enough to be seen, and all else as a dot."""
     across = mark.element.drawing().across
     if across is not None:
         ends = np.array([[end.north, end.east] for end in across])

@@ -89,9 +89,7 @@ def splits_table(result: StageResult) -> Table:
 
 
 def certificate_table(certificate: Certificate) -> Table:
-    """Return a table of all items with their limits, and where the worst value lies unless nothing is violated
-    anywhere.
-    """
+    """Return a table of all items with their limits, and where the worst value lies if it is not zero."""
     verdict = "certified" if certificate.certified else "NOT certified"
     table = _table(f"certificate: {verdict} ({certificate.solver_status})", "item")
     _numbers(table, "value", "limit")

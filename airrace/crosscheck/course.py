@@ -88,7 +88,8 @@ def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str,
 
 
 def _angle(R_1: Array, R_2: Array) -> float:
-    """Return the angle of the rotation from one attitude to the other, rad: `|R_1 - R_2| = 2 sqrt(2) sin(angle /
-    2)`.
+    """Return the angle of the rotation from one attitude to the other, rad.
+
+    It follows from `|R_1 - R_2| = 2 sqrt(2) sin(angle / 2)`.
     """
     return float(2.0 * np.arcsin(min(1.0, np.linalg.norm(R_1 - R_2) / np.sqrt(8.0))))

@@ -29,8 +29,9 @@ STEP = 1e-3
 
 @dataclass(frozen=True)
 class Accelerations:
-    """The specific force (what accelerometers read, m/s2) and the angular acceleration (rad/s2) in body axes, shape
-    (3,).
+    """The specific force (what accelerometers read, m/s2) and the angular acceleration (rad/s2).
+
+    Both are in body axes, shape (3,).
     """
 
     specific_force: Array

@@ -18,9 +18,7 @@ FLAT_RADIUS = 1e9
 
 @dataclass(frozen=True)
 class Planet:
-    """A planet: its name, whether it is JSBSim's own Earth, and the geodetic `latitude` (rad) where flights take
-    place.
-    """
+    """A planet: its name, whether it is JSBSim's own Earth, and the geodetic `latitude` (rad) of the flights."""
 
     name: str
     turning: bool

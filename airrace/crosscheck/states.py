@@ -20,9 +20,7 @@ RANGES = {
     "delta_T": (0.0, 1.0),
     "z": (-1000.0, 0.0),
 }
-"""The ranges from which the quantities are drawn evenly; SI and radians. Attitudes are drawn evenly from all there
-are.
-"""
+"""The ranges from which the quantities are drawn evenly; SI and radians. Attitudes are drawn from all there are."""
 
 
 def random_states(count: int, seed: int) -> list[SixDofState[float]]:

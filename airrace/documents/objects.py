@@ -90,7 +90,7 @@ def _problem(course: Course) -> str:
 
 
 def _plain(value: object) -> JSON:
-    """Return a value as JSON holds it; infinities are told by their names."""
+    """Return a value as JSON holds it; infinities are the texts `inf` and `-inf`."""
     match value:
         case Enum():
             return _plain(value.value)

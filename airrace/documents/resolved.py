@@ -39,7 +39,5 @@ def _plain(value: object) -> JSON:
 
 @cache
 def field_names(kind: type) -> tuple[str, ...]:
-    """Return the fields of a dataclass; cached, since a long course asks for the same few classes thousands of
-    times.
-    """
+    """Return the fields of a dataclass; cached, since a long course asks for the same few thousands of times."""
     return tuple(field.name for field in dataclasses.fields(kind))

@@ -1,6 +1,4 @@
-"""The settings language `airrace/settings/1`. Every key is optional; an absent one keeps the procedure's own
-default.
-"""
+"""The settings language `airrace/settings/1`. Every key is optional; the defaults are the procedure's own."""
 
 import dataclasses
 import math

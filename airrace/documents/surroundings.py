@@ -164,7 +164,7 @@ def _turns_back(before: Point, corner: Point, after: Point) -> bool:
 
 @dataclass(frozen=True)
 class _Box:
-    """The extent of some corners, by which gates are told apart at once from people who are far away."""
+    """The extent of some corners, which tells at once that most gates are far from most people."""
 
     north: Interval
     east: Interval

@@ -67,8 +67,9 @@ def outer_radius(h: Scalar, mixing_height: Scalar) -> Scalar:
 
 
 def mean_updraft(h: Scalar, w_star: Scalar, mixing_height: Scalar) -> Scalar:
-    """Return `w_mean` (m/s, up) at the height `h` (m) above ground; it fades to nothing at the top of the mixing
-    layer.
+    """Return `w_mean` (m/s, up) at the height `h` (m) above ground.
+
+    It fades to nothing at the top of the mixing layer.
     """
     zeta, root = _relative_height(h, mixing_height)
     return w_star * root * smooth_maximum(1.0 - 1.1 * zeta, 0.0, STRENGTH_BLEND)
@@ -84,9 +85,7 @@ def shape(r_over_r2: Scalar) -> Scalar:
 
 
 def updraft(x: Scalar, y: Scalar, h: Scalar, thermal: ThermalParameters[Scalar]) -> Scalar:
-    """Return the vertical wind (m/s, positive up) of one thermal at a north and east position and a height above ground
-    (m).
-    """
+    """Return the vertical wind (m/s, positive up) of one thermal at `x` north, `y` east and `h` above ground (m)."""
     north, east = x - thermal.north, y - thermal.east
     r = sqrt(north * north + east * east + CENTRE_BLEND**2)
     w_peak = PEAK_OVER_MEAN * mean_updraft(h, thermal.w_star, thermal.mixing_height)

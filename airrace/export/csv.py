@@ -59,8 +59,9 @@ def export_csv(
 
 
 def export_splits_csv(splits: Sequence[GateSplit], stream: TextIO) -> None:
-    """Write the passages: their times, the times since the passage before (of the first: since the start), and how each
-    was flown.
+    """Write the passages: when each was flown, how long after the one before, and how.
+
+    The first is counted from the start.
     """
     columns = split_columns(splits)
     writer = csv.writer(stream, lineterminator="\n")

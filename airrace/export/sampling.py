@@ -103,8 +103,9 @@ def _interpolated(trajectory: Trajectory, time: Array) -> dict[str, Array]:
 
 
 def _without_sign_flips(q: Array) -> Array:
-    """Return the same attitudes (q and -q are one), each quaternion in the hemisphere of the one before; shape (4,
-    n).
+    """Return the same attitudes, shape (4, n), each quaternion in the hemisphere of the one before.
+
+    A quaternion and its negative are one attitude.
     """
     flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
     signs = np.cumprod(np.where(flips, -1.0, 1.0))

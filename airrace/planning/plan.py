@@ -28,8 +28,9 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Leg:
-    """The stretch from one waypoint to the next: a level path if both ends have positions, else None (a change of
-    attitude).
+    """The stretch from one waypoint to the next.
+
+    It is a level path if both ends have positions, else None (a change of attitude).
     """
 
     path: DubinsPath | None
@@ -53,8 +54,9 @@ class Plan:
     last: bool = False
 
     def turn(self, a: Waypoint, b: Waypoint) -> tuple[float, float, float]:
-        """Return the rotation that leads from one waypoint to the next, rad; a roll turns further than the shortest
-        way.
+        """Return the rotation that leads from one waypoint to the next, rad.
+
+        A roll turns further than the shortest way.
         """
         return _turn(a, b, last=self.last)
 
@@ -99,9 +101,7 @@ def plan(course: Course, pace: Cruise, choices: Choices = ANY) -> Plan:
 
 
 def stops_of(course: Course) -> list[int]:
-    """Return the passages that are planned for themselves: all but those that ask for nothing but a height on the
-    way.
-    """
+    """Return the passages that are planned for themselves: all but those that ask for a height alone on the way."""
     last = len(course.passages) - 1
     return [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
 

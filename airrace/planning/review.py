@@ -29,12 +29,12 @@ SAME_PLACE = 1.0
 NEARLY = 0.5
 """The violation that is not remarked on, m: what rounding to metres would not show."""
 ASIDE = math.radians(90.0)
-"""The angle between a gate's course and the ways from and to its neighbours, rad, beyond which it is flown the wrong
-way.
+"""The angle beyond which a gate is flown the wrong way, rad: between its course and the way from and to its
+neighbours.
 """
 BACK = math.radians(135.0)
-"""The angle between the course of a start or finish and the way to its only neighbour, rad, beyond which it is flown
-the wrong way.
+"""The angle beyond which a start or finish is flown the wrong way, rad: between its course and the way to its
+neighbour.
 """
 
 

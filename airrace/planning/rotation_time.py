@@ -1,5 +1,6 @@
-"""The time that an aircraft takes to turn from one attitude to another: it pulls at a load factor and rolls at a
-rate.
+"""The time that an aircraft takes to turn from one attitude to another.
+
+It pulls at a load factor and rolls at a rate.
 """
 
 import math

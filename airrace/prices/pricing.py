@@ -82,9 +82,7 @@ def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:
 
 @dataclass(frozen=True)
 class _Slopes:
-    """The derivatives of the value to one side, s per unit: by limits that are surely active, and by weakly active
-    ones.
-    """
+    """The derivatives of the value to one side, s per unit: by surely active limits, and by weakly active ones."""
 
     strong: float
     weak: float

@@ -44,9 +44,7 @@ class OtherStructureError(Exception):
 
 @dataclass(frozen=True)
 class Value:
-    """The part of a problem's value that its numbers decide, s: by limits that are surely active, and by weakly active
-    ones.
-    """
+    """The part of a problem's value that its numbers decide, s: by surely active limits, and by weakly active ones."""
 
     strong: float
     weak: float

@@ -190,9 +190,7 @@ class Run:
         return verified(self)
 
     def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
-        """Return what every number of the inputs costs, by the multipliers of a certified stage; see
-        `FlownStage.prices`.
-        """
+        """Return what every number of the inputs costs at a certified stage; see `FlownStage.prices`."""
         return self.stage(stage).prices(by)
 
     def compare(self, other: "Run") -> Comparison:

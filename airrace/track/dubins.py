@@ -154,9 +154,7 @@ def on_side(pieces: Array, side: int) -> Array:
 
 
 def least(values: Array, *, last: bool = False) -> Array:
-    """Return where each column is least; where several values are, apart from rounding, the first of them, or the
-    last.
-    """
+    """Return where each column is least; of values that are equal but for rounding, the first, or the last."""
     rounded = np.round(values, ROUNDED)
     return len(rounded) - 1 - rounded[::-1].argmin(axis=0) if last else rounded.argmin(axis=0)
 

@@ -215,7 +215,5 @@ def _logged_by(handler: logging.Handler) -> Generator[None, None, None]:
 
 
 def commands_cursor(stream: TextIO) -> bool:
-    """Return whether the stream is a terminal that understands control codes (whatever FORCE_COLOR and the like
-    say).
-    """
+    """Return whether the stream is a terminal that understands control codes, whatever FORCE_COLOR says."""
     return stream.isatty() and not Console(file=stream, force_terminal=True).is_dumb_terminal

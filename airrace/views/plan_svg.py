@@ -134,9 +134,7 @@ def _colours(speed: Array) -> NDArray[np.int64]:
 
 
 def _marks(sheet: _Sheet, seen: Scenery) -> list[str]:
-    """Return the elements: what is flown through as a stroke across the way, long enough to be seen; all else as a
-    dot.
-    """
+    """Return the elements: what is flown through as a stroke long enough to be seen, and all else as a dot."""
     parts: list[str] = []
     for mark in seen.marks:
         x, y = sheet.at(mark.north, mark.east)
