@@ -40,7 +40,7 @@ def load_extensions() -> None:
     for path in extensions():
         if path in _loaded:
             continue
-        _loaded.add(path)  # before it runs: what it adds to asks for extensions, too
+        _loaded.add(path)  # before it runs, for the list that it adds to loads extensions, too
         try:
             _run(path)
         except BaseException as error:

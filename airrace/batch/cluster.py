@@ -109,7 +109,7 @@ class ClusterExecutor:
             parcel = Parcel.of(order.checkpoint)
             sending = Sending(key, self._batch, order.job, order.attempt, order.timeout, parcel, self._command)
             future = self._connection.submit(fly, sending, key=key, workers=list(self._threads))
-        except Exception as error:  # of the disk, or whatever the library raises
+        except Exception as error:  # the disk's, or any error of the library
             message = f"it could not be sent to the cluster: {words(error)}"
             self._pending.append(Ended(name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.LOST)))
             return
@@ -136,7 +136,7 @@ class ClusterExecutor:
     def stop(self) -> None:
         queued = [key for key, flight in self._flights.items() if not flight.where]
         where = {flight.where for flight in self._flights.values() if flight.where}
-        with contextlib.suppress(Exception):  # of a worker that does not answer; its jobs are called off below
+        with contextlib.suppress(Exception):  # a worker does not answer; its jobs are cancelled below
             self._connection.call(stop, self._batch, workers=sorted(where & set(self._threads)))
         self._stopped(queued)
         deadline, ended = time.monotonic() + GRACE + 2.0, list[Event]()
@@ -156,7 +156,7 @@ class ClusterExecutor:
     ) -> None:
         futures = [flight.future for flight in self._flights.values()]
         self._flights = {}
-        with contextlib.suppress(Exception):  # a scheduler that is gone has nothing to be called off
+        with contextlib.suppress(Exception):  # a scheduler that is gone has nothing to cancel
             if futures:
                 self._connection.cancel(futures)
         with contextlib.suppress(Exception):
@@ -178,7 +178,7 @@ class ClusterExecutor:
         heard = True
         try:
             self._threads = self._connection.threads()
-        except Exception:  # whatever the library raises; it ends what is under way itself if the connection is lost
+        except Exception:  # any error of the library, which ends flights itself if the connection is lost
             self._threads, heard = dict[str, int](), False
         self._next_look = time.monotonic() + LOOK
         if self._threads:
@@ -217,7 +217,7 @@ class ClusterExecutor:
 
         Where that fails, the stage is reported at the end of the attempt.
         """
-        with contextlib.suppress(Exception):  # whatever the library raises, a full disk, a damaged parcel
+        with contextlib.suppress(Exception):  # any error of the library, a full disk, a damaged parcel
             parcel = self._connection.call(collect, key, workers=[flight.where]).get(flight.where)
             if parcel is not None:
                 replace_file(flight.order.checkpoint, parcel.unpacked())
@@ -228,7 +228,10 @@ class ClusterExecutor:
         """End an attempt as its task reports it."""
         try:
             flown = flight.future.result(timeout=FETCH)
-        except (Exception, asyncio.CancelledError) as error:  # the task's, the library's, a lost connection's
+        except (
+            Exception,
+            asyncio.CancelledError,
+        ) as error:  # an error of the task, of the library or of the connection
             self._lose(key, f"its worker failed: {words(error)}")
             return
         if flown.ending is None:
@@ -254,7 +257,7 @@ class ClusterExecutor:
             self._pending.append(Ended(flight.order.job.name, ending))
 
     def _call_off(self, flights: Sequence[_Flight]) -> None:
-        with contextlib.suppress(Exception):  # whatever the library raises: they count as ended already
+        with contextlib.suppress(Exception):  # any error of the library: the flights count as ended already
             if flights:
                 self._connection.cancel([flight.future for flight in flights])
 
@@ -265,7 +268,7 @@ def landed(order: Order, flown: Flown) -> tuple[Sequence[StageFinished], Ending]
     Returns:
         The stages in it, and how the attempt ended: as the worker says, or with what went wrong here.
     """
-    assert flown.ending is not None  # who asks has seen to that
+    assert flown.ending is not None  # `_land` has made sure of that
     try:
         if flown.checkpoint is not None:
             replace_file(order.checkpoint, flown.checkpoint.unpacked())

@@ -119,7 +119,7 @@ class Connection:
                 self._fitting[worker] = True
         except ClusterError:
             raise
-        except Exception as error:  # whatever the library raises
+        except Exception as error:  # any error of the library
             raise ClusterError(f"the scheduler {self.address} does not answer as it should: {words(error)}") from error
 
     def _misfits(self, workers: Sequence[str]) -> Mapping[str, str]:
@@ -150,13 +150,13 @@ def words(error: BaseException) -> str:
 
 def _client_of(address: str) -> Any:
     for name in [one for one in logging.root.manager.loggerDict if one.partition(".")[0] == "distributed"]:
-        logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is told as the end of a job
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported as the end of a job
     try:
         asyncio.run(asyncio.wait_for(_shake_hands(address), CONNECT))
         return Client(address, timeout=CONNECT, set_as_default=False, name="airrace")
     except TimeoutError as error:
         raise ClusterError(f"cannot reach the scheduler {address}: no answer within {CONNECT:g} s") from error
-    except Exception as error:  # whatever the library raises: no such host, nobody there, not an address
+    except Exception as error:  # any error of the library: no such host, no answer, not an address
         raise ClusterError(f"cannot reach the scheduler {address}: {words(error)}") from error
 
 

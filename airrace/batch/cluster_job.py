@@ -96,7 +96,7 @@ class Flown:
     checkpoint: Parcel | None = None
 
 
-# The process of a worker flies several jobs at once, in threads, and is told of them from outside.
+# The process of a worker flies several jobs at once, in threads; `collect` and `stop` find them here.
 _under_way: dict[str, Path] = {}
 _stopped: set[str] = set()
 
@@ -138,14 +138,14 @@ def _watched(sending: Sending, path: Path, worker: Any, tell: Any) -> Flown:
                         tell(stage_started=stage)
                     case StageFinished(stage=stage):
                         stages.append(event)
-                        if stage != sending.job.until:  # the end, with everything, follows the last one at once
+                        if stage != sending.job.until:  # after the last stage the end follows at once, with everything
                             tell(stage_finished=asdict(event), number=len(stages))
                     case Ended(ending=ending):
                         return Flown(ending, tuple(stages), Parcel.of(path))
                     case _:
                         pass
             if _is_dropped(worker, sending.key):
-                return Flown(None)  # nobody hears it; the process ends with the executor
+                return Flown(None)  # nobody waits for the answer; the process ends with the executor
             if sending.batch in _stopped:
                 local.stop()
 

@@ -70,7 +70,7 @@ def main() -> None:
     order = json.load(sys.stdin)
     _die_with(order["parent"])
     start_early()
-    from airrace.batch.job import Job  # what it imports takes time, in which the solver process loads as well
+    from airrace.batch.job import Job  # a slow import, during which the solver process loads as well
 
     job = Job.from_object(order["job"])
     with os.fdopen(int(sys.argv[1]), "w", encoding="utf-8") as replies:
@@ -107,12 +107,12 @@ def _die_with(parent: int) -> None:
     if sys.platform != "linux":
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it was gone before
+    if os.getppid() != parent:  # the parent ended before the call above
         sys.exit(int(ExitCode.INTERRUPTED))
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Once is enough: a second one would spoil what the first has begun to put in order.
+    # Further signals are ignored: they would interrupt the cleaning up that the first one has begun.
     for other in (signal.SIGTERM, signal.SIGINT):
         signal.signal(other, signal.SIG_IGN)
     raise KeyboardInterrupt

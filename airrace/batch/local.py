@@ -35,7 +35,7 @@ class LocalExecutor:
     def submit(self, order: Order) -> None:
         try:
             self._running.append(JobProcess(order, self._command))
-        except OSError as error:  # no memory for a process, no room for a file
+        except OSError as error:  # no memory for a process, or no room for a file
             message = f"its process could not be started: {error.strerror or error}"
             self._pending.append(Ended(order.job.name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.CRASHED)))
         else:

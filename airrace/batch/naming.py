@@ -30,7 +30,7 @@ def job_name(course: Path, aircraft: Path | None, swept: Combination) -> str:
     values = [f"{key}={value}" for key, (_, value) in zip(keys, swept, strict=True)]
     parts = [course.stem, *([] if aircraft is None else [aircraft.stem]), *values]
     name = _UNFIT.sub("_", ",".join(parts))
-    if name.startswith("."):  # would be hidden
+    if name.startswith("."):  # such a file would be hidden
         name = f"_{name[1:]}"
     if len(name.encode()) <= LENGTH_MAX:
         return name

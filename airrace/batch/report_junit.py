@@ -22,7 +22,7 @@ from airrace.batch.ranking import Row
 from airrace.batch.record import RecordError, read_record
 from airrace.runs.exit_codes import ExitCode
 
-# What XML 1.0 cannot hold, not even escaped.
+# Characters that XML 1.0 cannot hold, not even escaped.
 _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 Run = Mapping[str, Any]  # Any: the JSON of a run

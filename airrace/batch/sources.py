@@ -152,7 +152,7 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
     for index, name in enumerate(named):
         path = folder / name
         if path.exists() or not glob.has_magic(name):
-            # A course that does not exist is a course that cannot be flown, except that a batch file says where.
+            # A missing course becomes a job with invalid input; in a batch file the line that names it is reported.
             if not path.is_dir() and TRACKS.finds(Path(name), folder):
                 yield TRACKS.meant(Path(name), folder)
             elif reporter is not None and not path.exists():

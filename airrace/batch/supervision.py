@@ -124,7 +124,7 @@ class _Supervision:
             self._watcher.idle()
         for event in events:
             attempts = self._running.get(event.name)
-            if attempts is None:  # nothing was asked for: nobody to tell
+            if attempts is None:  # no such job is under way
                 continue
             match event:
                 case Started(where=where):

@@ -26,7 +26,7 @@ def replace_file(path: Path, content: bytes) -> None:
             untouched and nothing is left beside it.
     """
     try:
-        target = Path(os.path.realpath(path))  # unlike resolve(), has no error of its own for a loop of links
+        target = Path(os.path.realpath(path))  # resolve() raises an error of its own for a loop of links
         if target.exists() and not target.is_file():
             raise StorageError(f"cannot write {path}: it exists and is not a regular file")
         # Shortened, so that it stays a valid name where the target's is one.

@@ -17,7 +17,7 @@ from airrace.errors import CheckpointError
 
 BLOCK_SIZE = 512
 """The size of the user block, bytes."""
-# Like PNG's: a byte above 127, both line ends and an end-of-file show a transfer as text.
+# As in PNG, a byte above 127, both line ends and an end-of-file reveal a file that was transferred as text.
 MAGIC = b"\x8bairrace\r\n\x1a\nrun\n"
 VERSION = 1
 """The version of the user block."""

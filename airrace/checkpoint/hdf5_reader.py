@@ -30,7 +30,7 @@ ATTRIBUTES_MAX = 16
 """The largest number of attributes of a group or a dataset."""
 ATTRIBUTE_BYTES_MAX = 64_000
 """The size of the largest attribute that is read, bytes; HDF5's own limit is 64 KiB."""
-# What HDF5's dimension scales keep for themselves; two of them hold references. They are never read.
+# Attributes of HDF5's dimension scales. They are never read; two of them hold references.
 SCALE_ATTRIBUTES = frozenset({b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST"})
 NUMBERS = (np.dtype("<f8"), np.dtype("<i8"))
 

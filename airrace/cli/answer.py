@@ -59,7 +59,7 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         if texts:
             print("\n\n".join(text.removesuffix("\n") for text in texts))
         sys.stdout.flush()
-    except BrokenPipeError:  # a reader that has seen enough needs no telling
+    except BrokenPipeError:  # the reader has closed the pipe and needs no message
         answer.code = worst((answer.code, ExitCode.SYSTEM))
         _abandon_stdout()
     except OSError as error:

@@ -45,7 +45,7 @@ app.command()(tracks)
 app.command()(init)
 app.command()(schema)
 
-# The base of all errors in the way a command was called. It is click's; where that lies depends on typer's version.
+# The base of all errors in a command's arguments. It belongs to click, whose place depends on typer's version.
 _CallError = cast(type[typer.BadParameter], typer.BadParameter.__base__)
 
 

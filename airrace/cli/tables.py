@@ -16,7 +16,7 @@ from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult
 
-# Wide enough for every table where nobody's terminal sets a limit.
+# Columns that are enough for every table where no terminal sets a limit.
 UNLIMITED_WIDTH = 200
 
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}

@@ -25,7 +25,7 @@ class Planet:
     latitude: float
 
 
-EARTH = Planet("WGS84", turning=True, latitude=0.7941)  # 45.5 degrees, where an Earth that turns weighs g0
+EARTH = Planet("WGS84", turning=True, latitude=0.7941)  # 45.5 degrees, where gravity on the rotating Earth is g0
 FLAT = Planet("flat", turning=False, latitude=0.0)
 
 

@@ -116,7 +116,7 @@ def read_documents(
     else:
         flown = AIRCRAFT.read(aircraft, run.findings)
     if opened is None or flown is None:
-        inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises, with all there is to say
+        inputs = load_inputs(track, aircraft=aircraft, overrides=overrides)  # raises with all findings
         return inputs.track, inputs.aircraft
     return opened.document, flown
 
@@ -271,7 +271,7 @@ def told(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def _with_short_quotes(message: str) -> str:
-    parts = message.split("`")  # every second one is quoted
+    parts = message.split("`")  # every second part is quoted
     parts[1::2] = [part if len(part) <= QUOTED_MAX else part[:QUOTED_MAX] + "..." for part in parts[1::2]]
     return "`".join(parts)
 

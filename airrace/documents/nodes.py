@@ -126,7 +126,7 @@ class Reporter:
             if step is None:
                 return place
             is_last = index == len(path) - 1
-            # An element is named by its key: what it lacks is reported there.
+            # What an element lacks is reported at its key.
             place = step.value.place if is_last and not at_key else step.key_place
             node = step.value
         return place

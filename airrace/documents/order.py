@@ -37,7 +37,7 @@ def build_passages(
         return ()
     passages: list[Passage] = []
     seen: Counter[str] = Counter()
-    checked: set[tuple[KeyPath, str]] = set()  # a remark on the lap holds for all laps
+    checked: set[tuple[KeyPath, str]] = set()  # a remark on a repeated lap is made once
     before: Feature | None = None
     for mention in _mentions(entry):
         feature = features.get(mention.gate)

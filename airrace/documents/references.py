@@ -35,7 +35,7 @@ def check_references(reporter: Reporter) -> None:
         return
     paths = _paths(course)
     if len(paths) > PASSAGES_MAX:
-        return  # the schema says so, and nothing else matters then
+        return  # the schema reports that, and nothing else matters then
     mentions = [_mention(reporter.find(path), path) for path in paths]
     gates = reporter.find(("gates",))
     if isinstance(gates, MappingNode):

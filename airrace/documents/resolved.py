@@ -24,7 +24,7 @@ def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
 def _plain(value: object) -> JSON:
     match value:
         case float():
-            return value if math.isfinite(value) else None  # JSON knows no infinity: no limit
+            return value if math.isfinite(value) else None  # JSON knows no infinity; null stands for no limit
         case Enum():
             return _plain(value.value)
         case None | bool() | int() | str():

@@ -94,7 +94,7 @@ def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tupl
     known = len(places.reporter.findings)
     corners = _polygon(entries, ("airspace",), places)
     if len(places.reporter.findings) > known:
-        return ()  # no area to speak of
+        return ()  # the corners form no area that could be checked
     dent = polygons.dent(corners)
     if dent is not None:
         places.reporter.value(

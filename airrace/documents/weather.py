@@ -28,7 +28,7 @@ def _wind(entry: WindEntry, reporter: Reporter) -> StaticWind:
         reporter.key(WIND, "missing; a wind needs `speed_kt` or `speed_m_s`")
     if entry.speed_kt is not None and entry.speed_m_s is not None:
         reporter.key((*WIND, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
-    # What no profile uses would be silently without effect.
+    # A key that the profile does not use would have no effect, silently.
     for key, value, profile in (("exponent", entry.exponent, "power"), ("roughness_m", entry.roughness_m, "log")):
         if value is not None and entry.profile != profile:
             reporter.key((*WIND, key), f"belongs to `profile: {profile}`; the profile is {entry.profile}")

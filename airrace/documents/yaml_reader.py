@@ -79,7 +79,7 @@ def plain_scalar(text: str) -> ScalarValue:
 
 def _integer(text: str) -> int:
     base = {"0o": 8, "0x": 16}.get(text[:2], 10)
-    # 20 digits are enough in any base; more would only cost time.
+    # 20 digits are enough for every number of a document; more would only take time to convert.
     value = int(text, base) if len(text.lstrip("+-")) <= 20 else INTEGER_MAX + 1
     if abs(value) > INTEGER_MAX:
         raise ValueError(f"`{text[:24]}` is too large for a whole number")

@@ -14,7 +14,7 @@ sin: Callable[[Scalar], Scalar] = ca.sin
 cos: Callable[[Scalar], Scalar] = ca.cos
 atan2: Callable[[Scalar, Scalar], Scalar] = ca.atan2
 
-# not differentiable where their arguments meet: only for what no solver sees
+# not differentiable where their arguments are equal, so only for expressions that no solver sees
 minimum: Callable[[Scalar, Scalar], Scalar] = ca.fmin
 maximum: Callable[[Scalar, Scalar], Scalar] = ca.fmax
 

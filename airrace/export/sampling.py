@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from airrace.errors import UsageError
 from airrace.trajectory import Array, Trajectory
 
-# Named histories at given times (s, shape (n,)), at least of all states: an integration between the nodes, say.
+# Returns named histories at given times (s, shape (n,)), at least of all states, e.g. by integration between nodes.
 Sampler = Callable[[Array], Mapping[str, Array]]
 
 QUATERNION = ("q0", "q1", "q2", "q3")

@@ -90,7 +90,7 @@ def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
     nearest = min(known, key=lambda one: abs(angle_between(heading, one.heading)))
     if not passage.element.stands:
         banked = passage.roll is not None or passage.element.prescribed_bank is not None
-        by_attitude = banked or abs(nearest.climb) > STEEP  # where it is steep, bank and course are one
+        by_attitude = banked or abs(nearest.climb) > STEEP  # on a steep line bank and course are one
         return max(known, key=lambda one: abs(float(np.dot(q, one.q)))) if by_attitude else nearest
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
 

@@ -108,7 +108,7 @@ def _on_start(race: Race) -> Iterator[Remark]:
         if math.isfinite(limit):
             text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
             yield Remark(start.name, Kind.START_SPEED, text)
-        elif start.element.stands:  # a course that begins in the air has no start to be timed
+        elif start.element.stands:  # a course that begins in the air has no start with a speed limit
             text = f"no speed limit holds at the start `{start.name}` (`rules.start_speed_max_kt`): {reached}"
             yield Remark(start.name, Kind.START_SPEED, text)
 

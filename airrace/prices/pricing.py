@@ -135,7 +135,7 @@ def _judged(up: _Slopes | None, down: _Slopes | None, step: float) -> tuple[floa
         activity = Activity.FREE if free else Activity.ONE_SIDED
         return *sides, activity, "" if free else f"the inputs allow no {refused} value"
     if abs(up.strong) * step < FREE and abs(down.strong) * step < FREE and (up.weak or down.weak):
-        # A limit that is touched but presses on nothing: less of it costs, more of it gains nothing.
+        # The limit is touched, but its multiplier vanishes: tightening it costs time, relaxing it gains none.
         return max(up.weak, 0.0), min(down.weak, 0.0), Activity.ONE_SIDED, "at its edge: touched, but barely"
     upward, downward = up.whole, down.whole
     larger = max(abs(upward), abs(downward))

@@ -88,7 +88,7 @@ class Worth:
         """
         self._problem = problem
         self._layout = layout = Layout(problem)
-        # What watches all legs alike is one object in all phases of any such problem: its last phase owns it.
+        # A watch of all legs is one object in all phases of any such problem; it counts as its last phase's.
         self._owners = {id(bounds): owner for owner, bounds, _ in _observed(problem)}
         self._ends: dict[object, _Ends] = {}
         function = constraint_function(layout, kernels)
@@ -139,7 +139,7 @@ class Worth:
                 owner, name = self._owners[id(layout.sightings[row.source].bounds)], row.quantity.name
                 key, limits = (owner, name), _observed_limits(owner, name)
                 if owner[0] == "boundary" and name == HEIGHT:
-                    # Floor and least height of a gate share what presses on them; the one that is tighter has it all.
+                    # Floor and least height of a gate bound the same height; the tighter one has the whole multiplier.
                     at = (owner[1] - 1, owner[1])
                     key, limits = ("state", depth, at), _state_limits(depth, at)
                     self._at(key, limits).add(-float(lam[place]) / row.quantity.scale, weak=bool(weak[place]))
@@ -214,7 +214,7 @@ def _kind(limits: Interval) -> tuple[bool, bool]:
     return math.isfinite(limits.lower), math.isfinite(limits.upper)
 
 
-# where limits come from
+# The limits of a problem, read from where they are stated.
 
 
 def _path_limits(component: int, place: Place) -> Callable[[Problem], Interval]:
@@ -260,7 +260,7 @@ def _narrowed(problem: Problem, quantity: Quantity, place: Place) -> Interval:
     return limits
 
 
-# the constraints' derivatives by parameters
+# The derivatives of the constraints by parameters.
 
 
 def _by_system_parameters(function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array) -> Array:

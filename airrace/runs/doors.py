@@ -34,7 +34,7 @@ from airrace.runs.stored import opened_run
 from airrace.runs.task import Task
 from airrace.views.live import watching
 
-# Without this, Python prints warnings of a library that nobody listens to.
+# Without a handler Python itself prints the warnings of a library.
 logging.getLogger("airrace").addHandler(logging.NullHandler())
 
 

@@ -82,7 +82,7 @@ def _keep(run: Run) -> None:
 
 def _remedy(task: Task, results: Sequence[StageResult]) -> str:
     """Return how an interrupted run is continued, as a clause."""
-    if task.start is not None and not results:  # going on would climb from the course alone
+    if task.start is not None and not results:  # resuming would begin from the course alone
         return f"no stage is finished; start from {task.start.name} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"
     return f"go on with `airrace resume {task.run.path}` (finished: {finished})"

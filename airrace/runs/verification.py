@@ -53,7 +53,7 @@ def verified(run: Run) -> tuple[Verification, ...]:
         raise NotCertified(f"there is no certificate in this run{''.join(ended)}")
     verifications: list[Verification] = []
     for result, again in procedure.recertified(run.inputs.race, run.inputs.settings, claimed):
-        assert result.certificate is not None  # claimed
+        assert result.certificate is not None  # so `claimed` was chosen
         objection = stale.get(result.stage, "") or objection_to(result, result.certificate, again)
         verifications.append(Verification(result, again, objection))
     return tuple(verifications)

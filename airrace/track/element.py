@@ -126,7 +126,7 @@ class Element(ABC):
     def type_name(self) -> str:
         """The name of its kind in tables, which is that in a track file."""
 
-    # Where it is.
+    # Its place.
 
     @property
     @abstractmethod
@@ -150,7 +150,7 @@ class Element(ABC):
             return None
         return (*self.place, self.nominal_height)
 
-    # How it is passed.
+    # Its passing.
 
     @property
     @abstractmethod
@@ -193,7 +193,7 @@ class Element(ABC):
             return None
         return self.axis + (math.pi if direction is Direction.REVERSE else 0.0)
 
-    # What the plan and the optimal control problem make of it.
+    # Its part in the plan and in the optimal control problem.
 
     @abstractmethod
     def crossings(self, direction: Direction, reference: float, *, rolling: bool) -> list[Crossing]:
@@ -227,7 +227,7 @@ class Element(ABC):
         """The values of its sight's parameters."""
         return ()
 
-    # What pictures and remarks make of it.
+    # Its part in pictures and remarks.
 
     @abstractmethod
     def drawing(self) -> Drawing:

@@ -38,7 +38,7 @@ ARROWS_MAX = 120
 """The largest number of ways that get an arrow."""
 LAPS_MAX = 6
 """The largest number of laps that have an entry of their own in the legend."""
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe & Ito: told apart by all eyes
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe & Ito: safe for the colour-blind
 RED, AMBER, BLUE, GREY, BLACK = "#c0392b", "#b8860b", "#34568b", "#777777", "#222222"
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 ARROW = 0.045
@@ -100,7 +100,7 @@ def course_figure(race: Race, seen: Scenery) -> Figure:
     _draw_ways(axes, seen)
     _draw_elements(axes, seen, frame)
     figure.legend(loc="outside right upper", frameon=False, fontsize=9)
-    figure.draw_without_rendering()  # only then is it known where the axes lie
+    figure.draw_without_rendering()  # the positions of the axes are known only afterwards
     _draw_wind(axes, seen, race.air.wind)
     if len(seen.marks) <= LABELS_MAX:
         _write_labels(figure, axes, seen, frame)

@@ -24,7 +24,7 @@ BOX_WIDTH = 76
 NAME_WIDTH = 13
 """The width of the names in the live view, columns."""
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
-# Seconds between two plain lines about iterations: enough to see that it lives, few enough for a log.
+# Seconds between two plain lines about iterations: often enough to show progress, rare enough for a log.
 LINE_INTERVAL = 2.0
 
 

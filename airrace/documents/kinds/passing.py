@@ -9,8 +9,8 @@ from airrace.documents.units import interval_deg
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Passing, Pylon, Tolerances
 
-# What a gate has if neither it nor `gate_defaults` says otherwise. Pylons are 25 m high, gates 10-14 m wide, the legal
-# height is about 15-25 m, wings level within 10 degrees (race rules 2014-2019); the other numbers are choices.
+# The values where neither a gate nor `gate_defaults` gives one. By the race rules of 2014 to 2019 pylons are 25 m high,
+# gates 10 to 14 m wide, the legal height is about 15 to 25 m, wings are level within 10 degrees; the rest are choices.
 HEIGHT_M = 20.0
 HEIGHT_BAND_M = 5.0
 WIDTH_M = 13.0
