@@ -36,7 +36,7 @@ def smooth_maximum(a: Scalar, b: Scalar, width: Scalar) -> Scalar:
 def smooth_clip(x: Scalar, lower: Scalar, upper: Scalar, width: Scalar) -> Scalar:
     """Return `x` rounded off at two limits that it never reaches.
 
-    It rises everywhere, with a slope of nearly one between the limits:
+    It rises everywhere, with a slope of nearly one between the limits.
 
     `(lower + upper)/2 + [sqrt((x - lower)^2 + width^2) - sqrt((x - upper)^2 + width^2)]/2`
     """

@@ -204,6 +204,7 @@ def check(
 
     Raises:
         InputError: the inputs are not valid; it carries all findings.
+        UsageError: no course is given.
     """
     named = document_or_path(track)
     if named is None:
