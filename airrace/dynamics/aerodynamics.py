@@ -10,7 +10,7 @@ from airrace.environment.wind import WindField
 from airrace.frames import Matrix, Scalar
 
 STALL_BLEND = 0.05
-"""Width, in C_L, of the transition from the linear lift curve to its limits."""
+"""The width, in C_L, of the transition from the linear lift curve to its limits (1)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What follows from the states and controls of a flight: angles, coefficients, load factors and forces."""
+"""The quantities that follow from the states and controls of a flight: angles, coefficients, load factors, forces."""
 
 from collections.abc import Callable, Mapping
 
@@ -25,7 +25,10 @@ FORCES = (
 def derived_quantities(
     race: Race, settings: Settings, result: StageResult
 ) -> Mapping[Quantity, Callable[[Histories], Array]]:
-    """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
+    """Return the derived quantities of a stage with the functions that compute them.
+
+    Each is a function of the named histories of all states and controls, of shape (n,) -> (n,).
+    """
     model = stage_model(result.stage, race)
     system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}
