@@ -46,7 +46,11 @@ class Functions:
         self._evaluated_at = None
 
     def values(self) -> None:
-        """Evaluate f and g, unless they are already those of the same unknowns."""
+        """Evaluate f and g, unless they are already those of the same unknowns.
+
+        Raises:
+            SolverCrash: they could not be evaluated.
+        """
         if self._evaluated_at is None or not np.array_equal(self._evaluated_at, self.w):
             self._evaluated_at = None
             self._values()
