@@ -11,7 +11,6 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Histories
 from airrace.procedure.flight import stage_model
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
@@ -22,9 +21,7 @@ FORCES = (
 )
 
 
-def derived_quantities(
-    race: Race, settings: Settings, result: StageResult
-) -> Mapping[Quantity, Callable[[Histories], Array]]:
+def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Return the derived quantities of a stage with the functions that compute them.
 
     Each is a function of the named histories of all states and controls, of shape (n,) -> (n,).

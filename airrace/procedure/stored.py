@@ -94,7 +94,7 @@ def _coarser_race_time(flight: Flight, settings: Settings, result: StageResult, 
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
 
 
-def sampler(race: Race, settings: Settings, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:
+def sampler(race: Race, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:
     """Return the function that gives the states at any times: from times in s, shape (n,), to histories by name.
 
     They are integrated from the node before.
