@@ -9,7 +9,10 @@ from airrace.track.course import Rules
 
 @vector
 class BodyPath(Vector[T]):
-    """The quantities that are limited along the path besides states and controls, (16) of the paper."""
+    """The quantities that are limited along the path of a model with angles, (16) of the paper.
+
+    States and controls have bounds of their own.
+    """
 
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
     n_y: T = quantity("1", text="lateral load factor, to the right")

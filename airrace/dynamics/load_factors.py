@@ -17,8 +17,10 @@ from airrace.quantities import T, Vector, quantity, vector
 
 @vector
 class LoadFactorPath(Vector[T]):
-    """The quantities that are limited along the path of a model without angles besides states and controls, (16) of the
-    paper."""
+    """The quantities that are limited along the path of a model without angles, (16) of the paper.
+
+    States and controls have bounds of their own.
+    """
 
     C_L: T = quantity("1", text="lift coefficient")
     beta_A: T = quantity("rad", scale=0.2, text="sideslip")

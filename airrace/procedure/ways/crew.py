@@ -55,8 +55,10 @@ class Crew:
             service.end()
 
     def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
-        """Do all jobs and return their results in the order of the jobs; an error is that of the first job that has
-        one."""
+        """Do all jobs and return their results in the order of the jobs.
+
+        An error is that of the first job that has one.
+        """
         futures = [self._pool.submit(self._one, job, do) for job in jobs]
         return [future.result() for future in futures]
 
