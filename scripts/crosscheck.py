@@ -82,7 +82,7 @@ def in_states(aircraft: Aircraft) -> Iterable[Row]:
 
 def along_optimum(run: Run, planet: Planet) -> Row:
     """The six-dof optimum of a run, second by second."""
-    race, settings = run.inputs.race, run.inputs.settings
+    race = run.inputs.race
     if race.air.wind is not None or race.air.thermals:
         raise UsageError(f"{run.path}: a flight in wind; JSBSim flies in still air here")
     result = run.stage("six-dof").result
@@ -90,7 +90,7 @@ def along_optimum(run: Run, planet: Planet) -> Row:
         flown = flown_by_jsbsim(
             Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet
         )
-        at = procedure.sampler(race, settings, result)
+        at = procedure.sampler(race, result)
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)
     most_turned = max(misses, key=lambda miss: miss.angle)

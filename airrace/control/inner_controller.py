@@ -1,7 +1,7 @@
-"""What every inner controller is made of: the names of a model, and the inverse of one of its equations at a time.
+"""The common parts of inner controllers: the named quantities of a model, and the inverse of one equation.
 
-A model's equations are inverted through their own derivatives, so no controller holds a second copy of them. What a
-quantity `y`, affine in `c`, has to be given for the value `y_des`:
+A model's equations are inverted through their own derivatives, so no controller holds a second copy of them. For a
+quantity `y` that is affine in `c`, the value of `c` that makes it `y_des` is
 
     c_des = c + (y_des - y) / (dy/dc)
 """
@@ -28,18 +28,18 @@ with_values: Callable[..., Any] = ca.substitute  # (expression, symbols, values)
 DM: Callable[..., Any] = ca.DM
 
 FOLLOWER = 50.0
-"""How fast commands and deflections, which are states, follow what the controller wants, 1/s."""
+"""The rate constant with which commands and deflections, which are states, follow their wanted values, 1/s."""
 LEVER = 4.0
-"""How fast an error of the power lever is taken back, 1/s."""
+"""The rate constant with which an error of the power lever is corrected, 1/s."""
 LEAST_AXIAL_EFFECT = 0.05
-"""g per full lever: the engine is taken to pull at least this much."""
+"""The least effect of the power lever that is assumed, g per full lever travel, so that no error is divided by zero."""
 
 Named = dict[str, Scalar]
 
 
 @dataclass(frozen=True)
 class InnerController:
-    """Makes a model do what the outer loop commands.
+    """The functions that make a model follow the commands of the outer loop.
 
     Attributes:
         controls: (x, commands) -> u, shapes (n_x,), (n_c,) -> (n_u,), with `Commands` in the order of its fields;
@@ -53,7 +53,7 @@ class InnerController:
 
 
 InnerLoopInverse = Callable[[FlightModel], InnerController]
-"""Builds the controller of a model, with the numbers of its aircraft and air."""
+"""A function that builds the controller of a model, with the numbers of its aircraft and air."""
 
 
 class Plant:
@@ -76,7 +76,7 @@ class Plant:
         self.path: Named = self._path()
 
     def motion(self, x: Named, u: Named | None = None) -> tuple[Named, LoadFactors[Scalar]]:
-        """Rates, load factors and roll rate in the state `x` with the controls `u`, zero where not given."""
+        """Return rates, load factors and roll rate in the state `x` with the controls `u`, zero where not given."""
         system = self.system
         controls = [(u or {}).get(one.name, 0.0) for one in system.controls]
         values = system.rates(column(x.values()), column(controls), self._numbers)
@@ -87,7 +87,10 @@ class Plant:
         return rates, load_factors_of_motion(state, change)
 
     def lever(self) -> Scalar:
-        """`delta_T_cmd` for the commanded load factor along the velocity: the inverse of n_x, then that of the lag."""
+        """Return `delta_T_cmd` for the commanded load factor along the velocity.
+
+        It is the inverse of the equation of n_x, followed by the inverse of the lever's lag.
+        """
         x, command = self.x, self.commands
         effect = maximum(jacobian(self.load.n_x, x["delta_T"]), LEAST_AXIAL_EFFECT)
         wanted = clip(x["delta_T"] + (command.n_x - self.load.n_x) / effect, 0.0, 1.0)
@@ -97,7 +100,10 @@ class Plant:
         return clip((rate - self.rates["delta_T"]) / jacobian(followed, lever), 0.0, 1.0)
 
     def following(self, wanted: Named) -> Named:
-        """Controls that make states follow what is wanted of them; each state has a control that is its rate."""
+        """Return the controls that make states follow their wanted values.
+
+        Each of these states has a control that is its rate.
+        """
         controls: Named = {}
         for name, value in wanted.items():
             state, control = declared(self.system.states, name), rate_declared(self.system.controls, name)
@@ -106,7 +112,7 @@ class Plant:
         return controls
 
     def controller(self, wanted: Named, settled: Named) -> InnerController:
-        """The controller that drives the states in `wanted`, and settles those in `settled`."""
+        """Return the controller that drives the states in `wanted` to their values, and settles those in `settled`."""
         controls = self.following(wanted) | {"delta_T_cmd": self.lever()}
         u = column(controls.get(one.name, 0.0) for one in self.system.controls)
         arguments = [column(self.x.values()), column(self.commands.join())]
@@ -125,16 +131,16 @@ class Plant:
 
 
 def declared(quantities: Sequence[Quantity], name: str) -> Quantity:
-    """The declaration of one quantity by its name."""
+    """Return the declaration of the quantity `name`."""
     return next(one for one in quantities if one.name == name)
 
 
 def rate_declared(quantities: Sequence[Quantity], name: str) -> Quantity:
-    """The declaration of the quantity that is the rate of the state `name`."""
+    """Return the declaration of the quantity that is the rate of the state `name`."""
     return next(one for one in quantities if one.rate_of == name)
 
 
 def limited(system: System, name: str, value: Scalar) -> Scalar:
-    """`value` within the bounds of the state or path quantity `name`."""
+    """Return `value` within the bounds of the state or path quantity `name`."""
     bounds = declared((*system.states, *system.path), name)
     return clip(value, bounds.lower, bounds.upper)

@@ -1,4 +1,4 @@
-"""The inverse of a model whose body turns: surface -> rate -> angle -> load factor, backwards.
+"""The inverse of a model whose body rotates: the chain surface -> rate -> angle -> load factor, inverted.
 
 The body's rates about the axes of Kbar are `w = (w_x, w_y, w_z)`; their derivatives are affine in what moves the body:
 the deflections `d = (eta, xi, zeta)` or, in a model that carries its own controller, the commands to that. So with
@@ -35,21 +35,25 @@ from airrace.environment.elementary import cos, maximum, minimum, sin
 from airrace.frames import Scalar
 
 K_ALPHA, K_BETA = 8.0, 4.0
+"""The gains of the angles of attack and of sideslip, 1/s."""
 K_P, K_Q, K_R = 12.0, 16.0, 8.0
-"""1/s. With twice the gains in yaw whole races are lost: the surfaces move at a limited rate, and fast reversals of a
-roll at high load factors need all of it."""
+"""The gains of the rates of roll, pitch and yaw, 1/s.
+
+With twice the gains in yaw whole races are lost: the surfaces move at a limited rate, and fast reversals of a roll at
+high load factors need all of it.
+"""
 
 LEAST_LIFT_SLOPE = 2.0
-"""g/rad: beyond the stall the lift curve is taken to rise at least this steeply."""
+"""The least slope of the load factor over the angle of attack that is assumed beyond the stall, g/rad."""
 LEAST_SIDE_SLOPE = 0.2
-"""g/rad: sideslip is taken to make at least this much side force."""
+"""The least slope of the lateral load factor over sideslip that is assumed, g/rad, as a magnitude."""
 
 Triple = tuple[Scalar, Scalar, Scalar]
 
 
 @dataclass(frozen=True)
 class Chain:
-    """How a model turns.
+    """The causal chain through which a model rotates.
 
     Attributes:
         movers: the states that move the body: what pitches, what rolls, what yaws it.
@@ -66,7 +70,7 @@ class Chain:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """Angles (rad), and what `(w_x, w_y, w_z)` lack (rad/s)."""
+    """The wanted angles (rad), and the missing parts of `(w_x, w_y, w_z)` (rad/s)."""
 
     alpha: Scalar
     beta: Scalar
@@ -76,14 +80,14 @@ class _Wanted:
 
 
 def in_body_axes(x: Named) -> Triple:
-    """`(w_x, w_y, w_z)` of a model whose rates are those about the body axes."""
+    """Return `(w_x, w_y, w_z)` (rad/s) of a model whose rates are those about the body axes."""
     alpha, beta, p, q, r = (x[name] for name in ("alpha_K", "beta_K", "p_K", "q_K", "r_K"))
     s = p * cos(alpha) + r * sin(alpha)
     return cos(beta) * s + sin(beta) * q, cos(beta) * q - sin(beta) * s, r * cos(alpha) - p * sin(alpha)
 
 
 def in_stability_axes(x: Named) -> Triple:
-    """`(w_x, w_y, w_z)` of a linear model, whose rates are those about the stability axes."""
+    """Return `(w_x, w_y, w_z)` (rad/s) of a linear model, whose rates are those about the stability axes."""
     return x["p_s"], x["q_K"], x["r_s"]
 
 
@@ -94,7 +98,7 @@ STATE_SPACE_INVERSION = Chain(("n_z_cmd", "p_cmd", "n_y_cmd"), ("p_s", "q_K", "r
 
 
 def invert_body_motion(model: FlightModel, chain: Chain) -> InnerController:
-    """The controller of a model with the states `alpha_K, beta_K`, and those of the chain."""
+    """Return the controller of a model with the states `alpha_K, beta_K` and those of the chain."""
     plant = Plant(model)
     x, command = plant.x, plant.commands
     w = column(chain.body_rates(x))
@@ -121,7 +125,7 @@ def invert_body_motion(model: FlightModel, chain: Chain) -> InnerController:
 
 
 def _wanted(plant: Plant, chain: Chain, movers: Scalar, trim: Scalar) -> _Wanted:
-    """Angles for the commanded load factors in trim, and what the rates lack towards them."""
+    """Return the angles for the commanded load factors in trim, and the missing parts of the rates towards them."""
     x, command, system = plant.x, plant.commands, plant.system
     lift_slope = maximum(jacobian(plant.load.n_z, x["alpha_K"]), LEAST_LIFT_SLOPE)
     side_slope = minimum(jacobian(plant.load.n_y, x["beta_K"]), -LEAST_SIDE_SLOPE)
@@ -145,6 +149,6 @@ def _wanted(plant: Plant, chain: Chain, movers: Scalar, trim: Scalar) -> _Wanted
 
 
 def _within(plant: Plant, name: str, change: Scalar) -> Scalar:
-    """A change of an angle that keeps the path quantity `name`, which changes along with it, within its bounds."""
+    """Return a change of an angle, limited so that the path quantity `name` that changes with it keeps its bounds."""
     bounds, now = declared(plant.system.path, name), plant.path[name]
     return clip(change, bounds.lower - now, bounds.upper - now)

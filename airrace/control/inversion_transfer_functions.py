@@ -1,4 +1,4 @@
-"""The inverse of the transfer functions: commands that make their lags answer like faster ones.
+"""The inverse of the transfer functions: commands that make their lags respond like faster ones.
 
 With the lags `n'' = w^2 (n_cmd - n) - 2 D w n'` and `p' = (p_cmd - p) / tau`, what is wanted is
 
@@ -15,12 +15,16 @@ from airrace.environment.elementary import maximum, minimum, sqrt
 from airrace.frames import Scalar
 
 K_P = 12.0
+"""The gain of the roll rate, 1/s."""
 HEADROOM = 1.1
-"""Times the limits of lift and sideslip that may be used: a reference flown at its limits leaves nothing to correct."""
+"""The factor on the limits of lift and sideslip within which commands are kept (1).
+
+It is above 1 because a reference flown at its limits leaves nothing to correct with.
+"""
 
 
 def invert_transfer_functions(model: FlightModel) -> InnerController:
-    """The controller of a model with the states `n_z, n_z_dot, n_y, n_y_dot, p_Kbar` and commands of these."""
+    """Return the controller of a model with the states `n_z, n_z_dot, n_y, n_y_dot, p_Kbar` and commands of these."""
     plant = Plant(model)
     x, command = plant.x, plant.commands
     n_z = _allowed(plant, "n_z", command.n_z, "C_L")
@@ -45,7 +49,7 @@ def invert_transfer_functions(model: FlightModel) -> InnerController:
 
 
 def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
-    """A load factor within its own bounds and within those of the path quantity `by`, which is proportional to it."""
+    """Return a load factor within its own bounds and those of the path quantity `by`, which is proportional to it."""
     largest = declared(plant.system.path, by).upper
     smallest = declared(plant.system.path, by).lower
     slope = jacobian(plant.path[by], plant.x[name])
@@ -54,13 +58,16 @@ def _allowed(plant: Plant, name: str, value: Scalar, by: str) -> Scalar:
 
 
 def _answer(plant: Plant, name: str, by: str, wanted: Scalar, wanted_dot: Scalar) -> Scalar:
-    """`n''_des` of the load factor `name`, which is commanded by the state `by`."""
+    """Return `n''_des` (g/s2) of the load factor `name`, which is commanded by the state `by`."""
     rate = rate_declared(plant.system.states, name).name
     w = sqrt(jacobian(plant.rates[rate], plant.x[by]))
     return 3.0 * w * (wanted_dot + w * (wanted - plant.x[name]) - plant.x[rate])
 
 
 def _command_for(plant: Plant, name: str, rate: Scalar, by: str) -> Scalar:
-    """The value of the state `by` at which the state `name` changes at `rate`; that rate is affine in it."""
+    """Return the value of the state `by` at which the state `name` changes at `rate`.
+
+    The rate of change is affine in that state.
+    """
     now = plant.rates[name]
     return plant.x[by] + (rate - now) / jacobian(now, plant.x[by])

@@ -1,4 +1,4 @@
-"""The outer loop's error feedback: which load factors and which roll rate lead back to the reference.
+"""The error feedback of the outer loop: the load factors and the roll rate that lead back to the reference.
 
 The reference is followed along its path, not its clock. With `t` the direction of its velocity, `R = R_OKbar`, and
 `q_e` the rotation from the aircraft's attitude to the reference's, its scalar part not negative:
@@ -32,7 +32,7 @@ from airrace.quantities import T, Vector, quantity, vector
 
 @dataclass(frozen=True)
 class PathGains:
-    """How hard errors are fed back.
+    """The gains with which errors are fed back.
 
     `K_p` 1/s2; `K_v`, `K_mu`, `k_t`, `K_V` 1/s; `eps` g; `along` the least and largest path rate; `bank` (by which to
     bank further) and `bank_total` rad; `n_y` g.
@@ -52,7 +52,10 @@ class PathGains:
 
 @vector
 class Commands(Vector[T]):
-    """What the outer loop asks of an inner loop; the rates are those at which the commands will go on."""
+    """The commands of the outer loop to an inner loop.
+
+    The rates are those at which the commands will continue.
+    """
 
     n_x: T = quantity("1", text="load factor along the velocity")
     delta_T_dot: T = quantity("1/s", text="rate of the power lever")
@@ -65,14 +68,14 @@ class Commands(Vector[T]):
 
 @vector
 class Errors(Vector[T]):
-    """How far the flight is off."""
+    """The deviation of the flight from its reference."""
 
     distance: T = quantity("m", text="distance from where the reference is")
     roll: T = quantity("rad", text="roll angle to the reference's attitude")
 
 
 def path_rate(state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gains: PathGains) -> Scalar:
-    """`s'`: how fast the reference's clock runs for the aircraft to stay abreast of it."""
+    """Return `s'` (1), the rate of the reference's clock at which the aircraft stays abreast of the reference."""
     v = [state.V_K * row[0] for row in rotation(state.q)]
     V_ref = sqrt(sum_of_products(here.velocity, here.velocity))
     offset = _difference((state.x, state.y, state.z), here.position)
@@ -82,7 +85,7 @@ def path_rate(state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gain
 
 
 def errors(state: FlightPathState[Scalar], here: ReferencePoint[Scalar]) -> Errors[Scalar]:
-    """Distance and roll angle between aircraft and reference."""
+    """Return distance (m) and roll angle (rad) between aircraft and reference."""
     offset = _difference((state.x, state.y, state.z), here.position)
     return Errors(distance=sqrt(sum_of_products(offset, offset)), roll=_roll_error(state.q, here.q))
 
@@ -90,7 +93,7 @@ def errors(state: FlightPathState[Scalar], here: ReferencePoint[Scalar]) -> Erro
 def path_following(
     state: FlightPathState[Scalar], here: ReferencePoint[Scalar], gains: PathGains
 ) -> tuple[Commands[Scalar], Scalar]:
-    """The commands that lead back to the reference, and the path rate `s'`.
+    """Return the commands that lead back to the reference, and the path rate `s'` (1).
 
     Args:
         state: of the aircraft.
@@ -124,7 +127,7 @@ def path_following(
 def _wanted_force(
     state: FlightPathState[Scalar], here: ReferencePoint[Scalar], rate: Scalar, gains: PathGains
 ) -> list[Scalar]:
-    """`f_O`, g."""
+    """Return the wanted specific force `f_O`, g; three components."""
     beside = _across(_difference(here.position, (state.x, state.y, state.z)), here)
     drifting = _across([-state.V_K * row[0] for row in rotation(state.q)], here)
     wanted = [
@@ -135,14 +138,14 @@ def _wanted_force(
 
 
 def _across(vector: Sequence[Scalar], here: ReferencePoint[Scalar]) -> list[Scalar]:
-    """The part of a vector in O that lies across the reference's path."""
+    """Return the part of a vector in O that lies across the reference's path."""
     v = here.velocity
     along = sum_of_products(vector, v) / sum_of_products(v, v)
     return [one - along * other for one, other in zip(vector, v, strict=True)]
 
 
 def _roll_error(q: Sequence[Scalar], q_ref: Sequence[Scalar]) -> Scalar:
-    """`e_t`: the roll angle in the rotation from one attitude to another, the shorter way round."""
+    """Return `e_t` (rad), the roll angle in the rotation from one attitude to another, the shorter way round."""
     q0, q1, q2, q3 = normalised(q)
     error = product((q0, -q1, -q2, -q3), normalised(q_ref))
     shorter = 2.0 * (error[0] >= 0.0) - 1.0
@@ -154,5 +157,5 @@ def _difference(one: Sequence[Scalar], other: Sequence[Scalar]) -> list[Scalar]:
 
 
 def clip(value: Scalar, lower: Scalar, upper: Scalar) -> Scalar:
-    """`value` within its limits."""
+    """Return `value` within its limits."""
     return minimum(maximum(value, lower), upper)

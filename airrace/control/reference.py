@@ -1,4 +1,4 @@
-"""The flight to be followed: histories over its own clock `s`."""
+"""The reference, a flight to be followed: histories over its own clock `s`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +15,17 @@ from airrace.quantities import T, Vector, quantity, vector
 from airrace.trajectory import Array, Trajectory
 
 SOFTENING = 0.2
-"""s: how long before a corner in load factor or roll rate it begins to be rounded off."""
+"""The time before a corner in load factor or roll rate at which it begins to be rounded off, s."""
 HALF_WINDOW = 20
+"""The number of samples on either side of the centre of the window that rounds corners off."""
 
 
 @vector
 class ReferencePoint(Vector[T]):
-    """What is flown at one instant; also whole histories, one row per quantity. Rates are with respect to `s`."""
+    """The quantities of the reference at one instant, or their whole histories, one row per quantity.
+
+    Rates are with respect to `s`.
+    """
 
     x: T = quantity("m", text="north of the origin")
     y: T = quantity("m", text="east of the origin")
@@ -52,17 +56,17 @@ class ReferencePoint(Vector[T]):
 
     @property
     def position(self) -> tuple[T, T, T]:
-        """In O, m."""
+        """The position in O, m."""
         return self.x, self.y, self.z
 
     @property
     def velocity(self) -> tuple[T, T, T]:
-        """In O, m/s."""
+        """The velocity in O, m/s."""
         return self.v_N, self.v_E, self.v_D
 
     @property
     def acceleration(self) -> tuple[T, T, T]:
-        """In O, m/s2."""
+        """The acceleration in O, m/s2."""
         return self.a_N, self.a_E, self.a_D
 
     @property
@@ -87,12 +91,12 @@ class Reference:
 
     @property
     def duration(self) -> float:
-        """s."""
+        """The duration of the flight, s."""
         return float(self.s[-1])
 
 
 def from_histories(model: FlightModel, s: Array, state: Array, control: Array, boundaries: Array) -> Reference:
-    """A flight of `model` as a reference.
+    """Return a flight of `model` as a reference.
 
     Args:
         model: the model that flew, with the numbers of its aircraft and air.
@@ -135,7 +139,7 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
 
 
 def softened(s: Array, values: Array) -> Array:
-    """A history without its corners: the mean under a triangle `SOFTENING` wide to either side.
+    """Return a history without its corners: its mean under a triangle `SOFTENING` wide to either side.
 
     What happens in between is neither early nor late, and its integral is kept; the ends hold their values.
 
@@ -151,7 +155,7 @@ def softened(s: Array, values: Array) -> Array:
 
 
 def from_optimum(model: FlightModel, problem: Problem, flown: Trajectory) -> Reference:
-    """A stage's optimum as a reference, sampled between its nodes as the certificate samples it.
+    """Return a stage's optimum as a reference, sampled between its nodes as the certificate samples it.
 
     Args:
         model: whose system the problem is about.
@@ -169,5 +173,5 @@ def from_optimum(model: FlightModel, problem: Problem, flown: Trajectory) -> Ref
 
 
 def sum_of_products(one: Sequence[Scalar], other: Sequence[Scalar]) -> Scalar:
-    """`one . other`."""
+    """Return the scalar product of two vectors."""
     return sum(a * b for a, b in zip(one, other, strict=True))

@@ -1,7 +1,7 @@
-"""A model put at every instant into the state in which it does at rest what the reference does there.
+"""The settled states of a model along a reference: at every instant it does at rest what the reference does there.
 
-Nothing is flown: what the inner loop would lag behind is missing, so this is a guess and no flight. It needs no model
-that follows, and begins those that do.
+Nothing is flown. The lag of the inner loop is missing, so the result is a guess and no flight. It needs no model that
+can follow, and it is where the flight of those that can begins.
 """
 
 import numpy as np
@@ -18,13 +18,13 @@ from airrace.system import System
 from airrace.trajectory import Array
 
 SETTLING = 30
-"""Steps of Newton's method towards the settled state."""
+"""The number of steps of Newton's method towards the settled state."""
 SHARED = (*PoweredState.names(), *RollCounter.names())
-"""States that every model has in common."""
+"""The names of the states that all models have in common."""
 
 
 def settle(model: FlightModel, inverse: InnerLoopInverse, reference: Reference, *, nodes: Array) -> tuple[Array, Array]:
-    """States at instants of the reference, and the controls between them.
+    """Return settled states at instants of the reference, and the controls between them.
 
     Args:
         model: with the numbers of its aircraft and air.
@@ -49,7 +49,7 @@ def settle(model: FlightModel, inverse: InnerLoopInverse, reference: Reference, 
 
 
 def at(reference: Reference, nodes: Array) -> ReferencePoint[Array]:
-    """The reference at values of its clock, linear between its samples."""
+    """Return the reference at values of its clock (s), linear between its samples."""
     here = {name: _read(reference, name, nodes) for name in ReferencePoint.names()}
     here |= zip(ATTITUDE, normalised([here[name] for name in ATTITUDE]), strict=True)
     return ReferencePoint[Array](**here)
@@ -60,7 +60,7 @@ def _read(reference: Reference, name: str, nodes: Array) -> Array:
 
 
 def settled_states(system: System, inner: InnerController, here: ReferencePoint[Array]) -> Array:
-    """The states in which a model does what the reference does, shape (n_x, N + 1)."""
+    """Return the states in which a model at rest does what the reference does, shape (n_x, N + 1)."""
     count = len(here.x)
     V_K = np.linalg.norm(np.stack(here.velocity), axis=0)
     known = {name: getattr(here, name) for name in ReferencePoint.names()} | {"V_K": V_K}

@@ -1,4 +1,4 @@
-"""A model flown along the flight of a simpler one, by error feedback.
+"""The simulation of a model along the flight of a simpler one, by error feedback.
 
 The outer loop asks for load factors and a roll rate that lead back to the reference, the inner controller makes the
 model's own controls of them. Everything advances in steps of equal time with the classical Runge-Kutta scheme; the
@@ -29,20 +29,23 @@ _vertcat: Callable[..., Any] = ca.vertcat
 _DM: Callable[..., Any] = ca.DM
 
 STEP = 0.01
-"""s; the fastest that happens are deflections that follow at 50/s."""
+"""The step of the simulation, s.
+
+The fastest motion is that of deflections, which follow with 50/s.
+"""
 SPACING = 0.01
-"""s, at which the reference is tabulated."""
+"""The spacing at which the reference is tabulated, s."""
 CHUNK = 200
-"""Steps in one call."""
+"""The number of steps in one call."""
 LOST = 500.0
-"""m from the reference: a simulation that strays this far has departed."""
+"""The distance from the reference beyond which a simulation has departed and is ended, m."""
 K_COUNTER = 1.0
-"""How fast errors of roll counters are wound back, 1/s."""
+"""The rate constant with which errors of roll counters are wound back, 1/s."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """A flight along a reference.
+    """The flight of a model along a reference.
 
     Attributes:
         finished: whether it reached the end of the reference; what one that departed never reached is not a number.
@@ -93,7 +96,7 @@ def follow(
 
 @dataclass(frozen=True)
 class _Flown:
-    """Samples of a simulation: `state` (n_x, K), `control` (n_u, K), and rows of shape (K,)."""
+    """The samples of a simulation: `state` (n_x, K), `control` (n_u, K), and rows of shape (K,)."""
 
     time: Array
     clock: Array
@@ -127,7 +130,10 @@ def _fly(model: FlightModel, inner: InnerController, reference: Reference, gains
 def _step(
     model: FlightModel, inner: InnerController, reference: Reference, gains: PathGains, step: float
 ) -> ca.Function:
-    """One step: (x, s) -> (x, s) after it, and what is seen at its beginning: controls, distance and roll error."""
+    """Return one step as a function: from (x, s) to (x, s) after it and the observations at its beginning.
+
+    These are controls, distance and roll error.
+    """
     size, width = len(model.system.states) + 1, ReferencePoint.size()
     now, here, ahead = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
     slope: Any = _slope(model, inner, gains)  # Any: the stub does not know of two outputs
@@ -149,7 +155,7 @@ def _step(
 
 
 def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.Function:
-    """((x, s), reference) -> rates of both; controls, distance and roll error."""
+    """Return the function ((x, s), reference) -> rates of both; controls, distance and roll error."""
     system = model.system
     x, s = named_symbols(system.states), ca.SX.sym("s")
     r = ReferencePoint[Any](**named_symbols(ReferencePoint.quantities()))
@@ -164,7 +170,7 @@ def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.F
 
 
 def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate: Any) -> ca.SX:
-    """Controls that wind roll counters as the reference does, and their errors back; zero for all others."""
+    """Return the controls that wind roll counters as the reference does and correct their errors; others are zero."""
     wound = {
         f"{name}_reset": rate * getattr(here, f"{name}_reset") + K_COUNTER * (getattr(here, name) - x[name])
         for name in ("Phi", "gain")
@@ -174,7 +180,7 @@ def _winding(system: System, x: dict[str, Any], here: ReferencePoint[Any], rate:
 
 
 def _lookup(reference: Reference) -> ca.Function:
-    """Clock -> `ReferencePoint`, linear on an even grid."""
+    """Return the function from the clock to `ReferencePoint`, linear on an even grid."""
     points = int(np.ceil(reference.duration / SPACING)) + 1
     grid = np.linspace(0.0, reference.duration, max(points, 2))
     table = np.stack([np.interp(grid, reference.s, row) for row in reference.histories.join()])
@@ -184,12 +190,12 @@ def _lookup(reference: Reference) -> ca.Function:
 
 
 def _beginning(system: System, inner: InnerController, reference: Reference) -> Array:
-    """The state in which the model flies as the reference does at its beginning."""
+    """Return the state in which the model flies as the reference does at its beginning."""
     return settled_states(system, inner, at(reference, np.zeros(1))).ravel()
 
 
 def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown) -> Followed:
-    """The samples read at the wanted values of the clock."""
+    """Return the samples, read at the wanted values of the clock."""
     finished = bool(flown.clock[-1] >= reference.duration)
     time = _at(nodes, flown.clock, flown.time)
     state = np.stack([_at(nodes, flown.clock, row) for row in flown.state])
@@ -214,12 +220,15 @@ def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown)
 
 
 def _at(wanted: Array, clock: Array, row: Array) -> Array:
-    """A history read at values of the clock; not a number beyond its end."""
+    """Return a history read at values of the clock; NaN beyond its end."""
     return np.interp(wanted, clock, row, right=np.nan)
 
 
 def _controls(system: System, flown: _Flown, time: Array, state: Array) -> Array:
-    """From node to node: the mean rate of what a control is the rate of; else its mean."""
+    """Return the controls from node to node, shape (n_u, N).
+
+    They are the mean rate of a state where the control is its rate, and the mean of the recorded control otherwise.
+    """
     rows = {one.name: row for one, row in zip(system.states, state, strict=True)}
     steps = np.diff(time)
     controls: list[Array] = []
@@ -233,7 +242,7 @@ def _controls(system: System, flown: _Flown, time: Array, state: Array) -> Array
 
 
 def _integral(times: Array, values: Array, wanted: Array) -> Array:
-    """The integral of a history from its beginning to the wanted times."""
+    """Return the integral of a history from its beginning to the wanted times."""
     sums = np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(times)))
     return np.where(np.isnan(wanted), np.nan, np.interp(wanted, times, sums))
 

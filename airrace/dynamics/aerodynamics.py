@@ -1,4 +1,4 @@
-"""The air that meets the aircraft, and the coefficients of lift and drag."""
+"""The flow relative to the aircraft, and its lift and drag coefficients."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from airrace.environment.wind import WindField
 from airrace.frames import Matrix, Scalar
 
 STALL_BLEND = 0.05
-"""Width, in C_L, of the transition from the linear lift curve to its limits."""
+"""The width, in C_L, of the transition from the linear lift curve to its limits (1)."""
 
 
 @dataclass(frozen=True)
 class Airflow:
-    """Velocity relative to the air, components in Kbar, m/s: `V_A a = (u, v, w)` with the unit vector `a`.
+    """The velocity relative to the air in Kbar, m/s: `V_A a = (u, v, w)` with the unit vector `a`.
 
     Attributes:
         V_A: airspeed.
@@ -29,12 +29,12 @@ class Airflow:
 
 
 def still_airflow(V_K: Scalar) -> Airflow:
-    """Without wind the air meets the aircraft along the flight path."""
+    """Return the flow without wind: the air meets the aircraft along the flight path at `V_K` (m/s)."""
     return Airflow(V_K, V_K, 0.0, 0.0)
 
 
 def wind_airflow(V_K: Scalar, R: Matrix, V_W: Sequence[Scalar]) -> Airflow:
-    """The wind triangle `V_A a = V_K e_x - R_OKbar^T V_W,O`.
+    """Return the flow of the wind triangle `V_A a = V_K e_x - R_OKbar^T V_W,O`.
 
     Args:
         V_K: kinematic speed, m/s.
@@ -51,18 +51,24 @@ def wind_airflow(V_K: Scalar, R: Matrix, V_W: Sequence[Scalar]) -> Airflow:
 def airflow(
     position: tuple[Scalar, Scalar, Scalar], V_K: Scalar, R: Matrix, field: WindField, wind: Sequence[Scalar]
 ) -> Airflow:
-    """The air that meets an aircraft at `position` (x, y, z in O, m); the wind costs nothing where none blows."""
+    """Return the flow that an aircraft at `position` (x, y, z in O, m) meets.
+
+    A field without wind adds no operation to the equations.
+    """
     if not field.present:
         return still_airflow(V_K)
     return wind_airflow(V_K, R, field.velocity(*position, wind))
 
 
 def drag_coefficient(C_L: Scalar, beta_A: Scalar, aircraft: AircraftParameters[Scalar]) -> Scalar:
-    """`C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`."""
+    """Return the drag coefficient `C_D = C_D0 + k (C_L - C_L_minD)^2 + C_Dbeta2 beta_A^2`."""
     excess = C_L - aircraft.C_L_minD
     return aircraft.C_D0 + aircraft.k * (excess * excess) + aircraft.C_Dbeta2 * (beta_A * beta_A)
 
 
 def lift_curve(alpha_A: Scalar, lift: Lift) -> Scalar:
-    """`C_L(alpha_A)`: linear, rounded off smoothly at `C_L_max` and `C_L_min`; controls neutral, no rates."""
+    """Return the lift coefficient at `alpha_A` (rad) with neutral controls and without rotation.
+
+    It is linear in `alpha_A`, rounded off smoothly at `C_L_max` and `C_L_min`.
+    """
     return smooth_clip(lift.C_L0 + lift.C_Lalpha * alpha_A, lift.C_L_min, lift.C_L_max, STALL_BLEND)

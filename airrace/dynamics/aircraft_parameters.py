@@ -1,4 +1,7 @@
-"""The numbers of an aircraft that enter the point mass's equations; limits are bounds and do not belong here."""
+"""The numbers of an aircraft that enter the point mass's equations.
+
+Limits are not among them, for they are bounds of states, controls and path quantities.
+"""
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.quantities import T, Vector, quantity, vector
@@ -6,7 +9,7 @@ from airrace.quantities import T, Vector, quantity, vector
 
 @vector
 class AircraftParameters(Vector[T]):
-    """Mass, size, drag, side force and propulsion."""
+    """The mass, size, drag, side force and propulsion of an aircraft."""
 
     m: T = quantity("kg", scale=1000.0, text="mass")
     S: T = quantity("m2", scale=10.0, text="wing area")
@@ -21,7 +24,7 @@ class AircraftParameters(Vector[T]):
 
 
 def aircraft_parameters(aircraft: Aircraft) -> AircraftParameters[float]:
-    """The numbers of one aircraft, with `C_Y_trim = C_Ybeta - C_Yzeta C_nbeta / C_nzeta`."""
+    """Return the numbers of one aircraft, with `C_Y_trim = C_Ybeta - C_Yzeta C_nbeta / C_nzeta`."""
     side, yaw, propulsion = aircraft.side_force, aircraft.yaw, aircraft.propulsion
     P = propulsion.eta_p * propulsion.P_max
     return AircraftParameters(

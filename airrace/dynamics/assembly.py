@@ -1,4 +1,4 @@
-"""From the equations of a model, written for named vectors, to a system that can be optimised."""
+"""The assembly of a system that can be optimised from a model's equations, which are written for named vectors."""
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +27,7 @@ Numbers = TypeVar("Numbers", bound=AircraftParameters[Scalar], contravariant=Tru
 
 
 class Equations(Protocol[State, Control, Path, Numbers]):
-    """A model: time derivatives of the state, and the path quantities, as a pure function of named vectors."""
+    """A model: the time derivatives of its state and its path quantities as a pure function of named vectors."""
 
     def __call__(
         self,
@@ -52,7 +52,7 @@ def assemble(
     counting: bool,
     brisk: Mapping[str, float] | None = None,
 ) -> FlightModel:
-    """The model as a system, together with the numbers of one aircraft in one air.
+    """Return a model as a system, together with the numbers of one aircraft in one air.
 
     Args:
         name: of the model; wind and counting are added to it.
@@ -91,7 +91,10 @@ def assemble(
 
 @dataclass(frozen=True)
 class _Structure:
-    """All that the functions of a model depend on; the roll rate is one with the equations."""
+    """Everything that the functions of a model depend on.
+
+    The roll rate is left out of comparisons, for it belongs to the equations.
+    """
 
     equations: Equations[Any, Any, Any, Any]
     vectors: tuple[type[Vector[Any]], type[Vector[Any]]]
@@ -115,7 +118,10 @@ class _Structure:
 
 @functools.lru_cache(maxsize=32)
 def functions(of: _Structure) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """Rates, path quantities and projection: made once, for many a model differs from another in numbers alone."""
+    """Return the rates, the path quantities and the projection of a structure as casadi functions.
+
+    They are made once per structure, for many models differ in numbers alone.
+    """
     x, u, p = named_symbols(of.states), named_symbols(of.controls), named_symbols(of.parameters)
     state = of.vectors[0](**{name: x[name] for name in of.vectors[0].names()})
     rates, path_values = of.equations(

@@ -1,4 +1,4 @@
-"""How the body lies in the flow: from the kinematic angles and the wind to the aerodynamic ones.
+"""The attitude of the body in the flow: from the kinematic angles and the wind to the aerodynamic angles.
 
     R_BKbar = R_y(alpha_K) R_z(-beta_K)        V_A,B = R_BKbar V_A,Kbar = (u, v, w)
     alpha_A = atan2(w, u)                      beta_A = asin(v / V_A)
@@ -17,7 +17,7 @@ IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 @dataclass(frozen=True)
 class Incidence:
-    """Where the air comes from, seen from the body.
+    """The direction of the flow relative to the body.
 
     Attributes:
         alpha_A, beta_A: angle of attack and of sideslip, rad.
@@ -30,13 +30,13 @@ class Incidence:
 
 
 def rotation_to_body(alpha: Scalar, beta: Scalar) -> Matrix:
-    """`R_BKbar` of the kinematic angles, `R_BA` of the aerodynamic ones."""
+    """Return the rotation `R_y(alpha) R_z(-beta)`: `R_BKbar` of kinematic, `R_BA` of aerodynamic angles (rad)."""
     ca, sa, cb, sb = cos(alpha), sin(alpha), cos(beta), sin(beta)
     return [[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]]
 
 
 def incidence(alpha_K: Scalar, beta_K: Scalar, flow: Airflow, *, windy: bool) -> Incidence:
-    """The aerodynamic angles of a body at the kinematic angles `alpha_K, beta_K` (rad) in a flow.
+    """Return the aerodynamic angles of a body at the kinematic angles `alpha_K, beta_K` (rad) in a flow.
 
     Args:
         windy: whether the flow may differ from the path; in still air the angles are the kinematic ones.
@@ -52,10 +52,10 @@ def incidence(alpha_K: Scalar, beta_K: Scalar, flow: Airflow, *, windy: bool) ->
 
 
 def body_axes(alpha: Scalar, p_s: Scalar, r_s: Scalar) -> tuple[Scalar, Scalar]:
-    """`(p, r) = T(alpha) (p_s, r_s)`: roll and yaw rate, from stability axes to body axes."""
+    """Return roll and yaw rate in body axes, `(p, r) = T(alpha) (p_s, r_s)`; `alpha` in rad."""
     return cos(alpha) * p_s - sin(alpha) * r_s, sin(alpha) * p_s + cos(alpha) * r_s
 
 
 def stability_axes(alpha: Scalar, p: Scalar, r: Scalar) -> tuple[Scalar, Scalar]:
-    """`(p_s, r_s) = T(alpha)^T (p, r)`: roll and yaw rate, from body axes to stability axes."""
+    """Return roll and yaw rate in stability axes, `(p_s, r_s) = T(alpha)^T (p, r)`; `alpha` in rad."""
     return cos(alpha) * p + sin(alpha) * r, cos(alpha) * r - sin(alpha) * p

@@ -1,4 +1,4 @@
-"""What is limited along the path of every aircraft that has angles."""
+"""The quantities that are limited along the path of every model with angle of attack and sideslip."""
 
 from airrace.aircraft.aircraft import Aircraft, Lift
 from airrace.dynamics.limits import Limits, symmetric
@@ -9,7 +9,10 @@ from airrace.track.course import Rules
 
 @vector
 class BodyPath(Vector[T]):
-    """What is limited along the path besides states and controls."""
+    """The quantities that are limited along the path of a model with angles, (16) of the paper.
+
+    States and controls have bounds of their own.
+    """
 
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
     n_y: T = quantity("1", text="lateral load factor, to the right")
@@ -19,7 +22,7 @@ class BodyPath(Vector[T]):
 
 
 def body_path_bounds(aircraft: Aircraft, rules: Rules, limits: Limits) -> dict[str, Interval]:
-    """Ranges of `BodyPath`.
+    """Return the ranges of `BodyPath` by name; SI, rad, g.
 
     Args:
         aircraft: whose own limits hold.
@@ -39,7 +42,7 @@ def body_path_bounds(aircraft: Aircraft, rules: Rules, limits: Limits) -> dict[s
 
 
 def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:
-    """What the rules allow of the angles of attack (rad) at which the linear lift curve stays within its limits.
+    """Return the angles of attack (rad) that the rules allow within the linear part of the lift curve.
 
     Raises:
         InputError: the rules allow none of them.
@@ -52,5 +55,5 @@ def angle_of_attack_limits(aircraft: Aircraft, rules: Rules) -> Interval:
 
 
 def linear_range(lift: Lift) -> Interval:
-    """Angles of attack (rad) between which the linear lift curve runs from `C_L_min` to `C_L_max`."""
+    """Return the angles of attack (rad) between which the linear lift curve runs from `C_L_min` to `C_L_max`."""
     return Interval((lift.C_L_min - lift.C_L0) / lift.C_Lalpha, (lift.C_L_max - lift.C_L0) / lift.C_Lalpha)

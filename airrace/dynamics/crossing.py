@@ -1,8 +1,9 @@
-"""What is seen when an aircraft crosses a gate or passes a pylon: position, wing tips, bank, climb and course.
+"""The quantities observed where an aircraft crosses a gate or passes a pylon, (13) and (14) of the paper.
 
-With the path's direction `e` (first column of `R_OKbar`), the right wing `y_B` (second column), the axis `a` and the
-direction `l` to its right (both horizontal), and the horizontal position `d` relative to the centre. Angles appear as
-products of R's entries only, for they have no jumps; `mu_0` is the prescribed bank:
+They are its position, wing tips, bank, climb and course. Let `e` be the path's direction (first column of `R_OKbar`),
+`y_B` the right wing (second column), `a` the axis and `l` the direction to its right (both horizontal), and `d` the
+horizontal position relative to the centre. Angles appear only as products of R's entries, which have no jumps; `mu_0`
+is the prescribed bank:
 
     bank_sine = cos(gamma) sin(mu - mu_0),   bank_cosine = cos(gamma) cos(mu - mu_0)
 
@@ -23,12 +24,12 @@ from airrace.system import Observation
 from airrace.track.element import Sight
 
 LEVEL_BLEND = 1e-6
-"""Keeps the horizontal normal of the path defined where the path is vertical."""
+"""A small number (1) that keeps the horizontal normal of the path defined where the path is vertical."""
 
 
 @vector
 class CrossingParameters(Vector[T]):
-    """Where the crossing takes place and what it is measured against."""
+    """The place of a crossing, and the attitude and course that it is measured against."""
 
     centre_north: T = quantity("m", scale=100.0, text="centre of the gate, or the pylon, north of the origin")
     centre_east: T = quantity("m", scale=100.0, text="centre of the gate, or the pylon, east of the origin")
@@ -43,7 +44,7 @@ class CrossingParameters(Vector[T]):
 
 @vector
 class CrossingValues(Vector[T]):
-    """What is seen."""
+    """The quantities observed at a crossing."""
 
     along: T = quantity("m", scale=100.0, text="position along the axis")
     right: T = quantity("m", scale=100.0, text="position to the right of the axis")
@@ -66,7 +67,7 @@ class CrossingValues(Vector[T]):
 
 
 def crossing_observation(states: Sequence[Quantity]) -> Observation:
-    """The crossing as seen from any model.
+    """Return the observation of a crossing for a model.
 
     Args:
         states: declarations that include `x, y, z, V_K, q0, q1, q2, q3`.
@@ -89,8 +90,10 @@ def crossing_observation(states: Sequence[Quantity]) -> Observation:
 
 @functools.lru_cache(maxsize=64)
 def with_sight(crossing: Observation, sight: Sight | None) -> Observation:
-    """The crossing together with what a kind of element sees besides; one object for one sight, so that all elements of
-    a kind share it. Quantities and parameters of the sight come last.
+    """Return the crossing together with what a kind of element observes besides.
+
+    Equal arguments give one and the same object, so that all elements of a kind share it. Quantities and parameters of
+    the sight come last.
 
     Raises:
         ValueError: a quantity of the sight has the name of one of the crossing.
@@ -115,7 +118,7 @@ def with_sight(crossing: Observation, sight: Sight | None) -> Observation:
 def crossing_values(
     *, position: tuple[Scalar, Scalar, Scalar], V_K: Scalar, q: Sequence[Scalar], place: CrossingParameters[Scalar]
 ) -> CrossingValues[Scalar]:
-    """What is seen at one instant.
+    """Return the quantities observed at one instant.
 
     Args:
         position: `(x, y, z)` in O, m.

@@ -1,4 +1,4 @@
-"""The distance to a crowd: exact, and smooth for a solver.
+"""The distance to a crowd: the exact one, and a smooth one for the solver.
 
 The exact distance has edges and corners that a solver cannot digest. Its stand-in takes, for the nearest edge and for
 the foot of the perpendicular on it,
@@ -27,20 +27,24 @@ from airrace.system import Observation
 from airrace.track.limits import Crowd, CrowdShape
 from airrace.track.polygons import area
 
-CLIP_WIDTH = 0.02  # of the distance to be kept
-MINIMUM_WIDTH = 0.002  # of it
-LEAST_DISTANCE = 0.1  # m; the widths of a crowd that may be touched
-TINY = 1e-6  # m; keeps the distance from an edge differentiable on the edge
+CLIP_WIDTH = 0.02
+"""The width of the smooth clip, as a part of the distance to be kept (1)."""
+MINIMUM_WIDTH = 0.002
+"""The width of the smooth minimum, as a part of the distance to be kept (1)."""
+LEAST_DISTANCE = 0.1
+"""The distance (m) that the widths are relative to where a crowd may be approached more closely than that."""
+TINY = 1e-6
+"""A length (m) that keeps the distance from an edge differentiable on the edge."""
 
 DISTANCE = Quantity("distance", "m", scale=100.0, text="distance from the crowd")
 
 Place = tuple[Scalar, Scalar]
-"""North and east, m."""
+"""A position over ground: north and east, m."""
 
 
 @dataclass(frozen=True)
 class CrowdKind:
-    """What distinguishes the equations of one crowd from those of another: all but numbers."""
+    """The structure of a crowd's distance: everything that shapes its equations but the numbers."""
 
     shape: CrowdShape
     corners: int
@@ -48,21 +52,23 @@ class CrowdKind:
 
     @classmethod
     def of(cls, crowd: Crowd) -> "CrowdKind":
+        """Return the kind of a crowd."""
         return cls(crowd.shape, len(crowd.corners), crowd.slant)
 
     @property
     def name(self) -> str:
+        """The name of the observation."""
         return f"crowd {self.shape.value} {self.corners} {'slant' if self.slant else 'ground'}"
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:
-        """Height, distance to be kept (what smoothing is measured by), then north and east of every corner."""
+        """The height, the distance to be kept (which smoothing is relative to), then north and east of each corner."""
         corners = [Quantity(f"{axis}_{number}", "m") for number in range(self.corners) for axis in ("north", "east")]
         return (Quantity("height", "m"), Quantity("keep", "m"), *corners)
 
 
 def crowd_values(crowd: Crowd) -> tuple[float, ...]:
-    """Values of `CrowdKind.parameters`; the corners of an area run clockwise."""
+    """Return the values of `CrowdKind.parameters`; the corners of an area run clockwise."""
     corners = list(crowd.corners)
     if crowd.shape is CrowdShape.AREA and area(corners) < 0.0:
         corners.reverse()
@@ -74,7 +80,7 @@ def crowd_values(crowd: Crowd) -> tuple[float, ...]:
 
 
 def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: bool) -> Observation:
-    """The distance from a crowd as seen from any model whose states include `x, y, z`."""
+    """Return the observation of the distance from a crowd for a model whose states include `x, y, z`."""
     x, b = named_symbols(states), named_symbols(kind.parameters)
     height, keep, *rest = b.values()
     corners = list(zip(rest[::2], rest[1::2], strict=True))
@@ -92,7 +98,7 @@ def crowd_observation(states: Sequence[Quantity], kind: CrowdKind, *, exact: boo
 
 
 class _Exact:
-    """The operations that have edges, as they are."""
+    """The operations of the exact distance, which have edges."""
 
     def least(self, distances: Sequence[Scalar]) -> Scalar:
         return functools.reduce(minimum, distances)
@@ -108,7 +114,7 @@ class _Exact:
 
 
 class _Smooth:
-    """The same, rounded off."""
+    """The operations of the smooth distance, which round those edges off."""
 
     def __init__(self, keep: Scalar) -> None:
         self._keep = keep
@@ -130,7 +136,7 @@ class _Smooth:
 
 
 def _ground_distance(shape: CrowdShape, place: Place, corners: Sequence[Place], geometry: _Exact | _Smooth) -> Scalar:
-    """Distance over ground, m; within an area that from its border, negative."""
+    """Return the distance over ground, m; within an area it is the distance from its border, negative."""
     if shape is CrowdShape.POINT:
         return geometry.length(place[0] - corners[0][0], place[1] - corners[0][1])
     following = [*corners[1:], corners[0]] if shape is CrowdShape.AREA else corners[1:]
@@ -150,7 +156,7 @@ def _edge_distance(place: Place, a: Place, b: Place, geometry: _Exact | _Smooth)
 
 
 def _winding(place: Place, sides: Sequence[tuple[Place, Place]]) -> Scalar:
-    """How often a border that runs clockwise winds around a place: 1 within, 0 outside.
+    """Return how often a border that runs clockwise winds around a place: 1 within, 0 outside.
 
     The angles under which the sides are seen add up to a full turn or to nothing; so do their derivatives, to nothing.
     """

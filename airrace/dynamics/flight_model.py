@@ -17,7 +17,7 @@ ATTITUDE = ("q0", "q1", "q2", "q3")
 
 @dataclass(frozen=True)
 class FlightModel:
-    """A model ready to fly.
+    """A model ready to fly: a system and the numbers of one aircraft in one air.
 
     Attributes:
         system: states, controls and equations; the same equations serve every aircraft and air of equal structure.
@@ -34,17 +34,17 @@ class FlightModel:
 
 
 def named_symbols(declared: Sequence[Quantity]) -> dict[str, Scalar]:
-    """One scalar symbol per quantity, by name and in order."""
+    """Return one scalar symbol per quantity, by name and in order."""
     return {one.name: ca.SX.sym(one.name) for one in declared}
 
 
 def column(entries: Iterable[Scalar]) -> ca.SX:
-    """The entries stacked into one column."""
+    """Return the entries stacked into one column."""
     return _vertcat(*entries)
 
 
 def attitude_projection(states: Sequence[Quantity]) -> ca.Function:
-    """`x -> x` with the quaternion `q0 ... q3` brought back to unit length."""
+    """Return the function `x -> x` that brings the quaternion `q0 ... q3` back to unit length."""
     x = named_symbols(states)
     unit = dict(zip(ATTITUDE, normalised([x[name] for name in ATTITUDE]), strict=True))
     return ca.Function("projection", [column(x.values())], [column((x | unit).values())], {"cse": True})

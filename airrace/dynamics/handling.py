@@ -1,6 +1,7 @@
-"""How an aircraft handles, in the words of those who build and fly it.
+"""The handling of an aircraft, in the words of those who build and fly it.
 
-A fault is what no controller can help: commands would have no solution. A remark is a weakness that a race may show.
+A fault leaves a command without a solution, so no controller can help it. A remark is a weakness that may show in a
+race.
 """
 
 import math
@@ -17,19 +18,22 @@ from airrace.dynamics.state_space_inverse import GAINS, solve
 from airrace.environment.atmosphere import RHO_ISA, g0
 
 LEAST_INDEPENDENCE = 1e-3
-"""Below this part of their own moments, ailerons and rudder do the same."""
+"""The least determinant of the moments due to ailerons and rudder, as a part of the product of their own moments (1).
+
+Below it their effects cannot be told apart.
+"""
 
 Fault = tuple[str, str, str]
-"""Group and key of the aircraft file that is to blame, and what is wrong."""
+"""A fault: group and key of the aircraft file that is to blame, and what is wrong."""
 
 
 def faults(aircraft: Aircraft) -> tuple[Fault, ...]:
-    """Why commands could have no solution in the models with an inner loop; empty if they always have."""
+    """Return why commands could have no solution in the models with an inner loop; empty if they always have one."""
     return (*_elevator_faults(aircraft), *_lateral_faults(aircraft), *_correction_faults(aircraft))
 
 
 def remarks(aircraft: Aircraft) -> tuple[str, ...]:
-    """Weaknesses of an aircraft without faults, one sentence each; empty if it has none."""
+    """Return the weaknesses of an aircraft without faults, one sentence each; empty if it has none."""
     return (
         *_pitch_stability(aircraft),
         *_elevator_power(aircraft),
@@ -40,7 +44,7 @@ def remarks(aircraft: Aircraft) -> tuple[str, ...]:
 
 
 def corner_speed(aircraft: Aircraft) -> float:
-    """The speed (m/s) at which `C_L_max` makes the greatest load factor at sea level, within the envelope."""
+    """Return the speed (m/s) at which `C_L_max` makes the greatest load factor at sea level, within the envelope."""
     airframe, V = aircraft.airframe, aircraft.envelope.V
     load = aircraft.envelope.n_z.upper * airframe.m * g0
     return min(max(math.sqrt(2.0 * load / (RHO_ISA * airframe.S * aircraft.lift.C_L_max)), V.lower), V.upper)
@@ -98,13 +102,13 @@ def _correction_faults(aircraft: Aircraft) -> Iterator[Fault]:
 
 
 def trimmed_side_force(aircraft: InnerLoopParameters[float]) -> float:
-    """`C_Y` per rad of sideslip with ailerons and rudder holding roll and yaw."""
+    """Return `C_Y` per rad of sideslip with ailerons and rudder balancing the rolling and the yawing moment."""
     xi, zeta = sideslip_trim(aircraft)
     return aircraft.C_Ybeta + aircraft.C_Yxi * xi + aircraft.C_Yzeta * zeta
 
 
 def sideslip_trim(aircraft: InnerLoopParameters[float]) -> tuple[float, float]:
-    """`(xi, zeta)` per rad of sideslip held without rolling or yawing."""
+    """Return the deflections `(xi, zeta)` per rad of sideslip that is held without rolling or yawing."""
     return solve(
         (aircraft.C_lxi, aircraft.C_nxi), (aircraft.C_lzeta, aircraft.C_nzeta), (-aircraft.C_lbeta, -aircraft.C_nbeta)
     )
@@ -162,7 +166,7 @@ def _rudder_power(aircraft: Aircraft) -> Iterator[str]:
 
 
 def _lateral_stability(aircraft: Aircraft) -> Iterator[str]:
-    """Judged in level flight, at the first of three speeds that shows something."""
+    """Judge stability in level flight, at the first of three speeds that shows an instability."""
     V = aircraft.envelope.V
     for speed in (V.lower, corner_speed(aircraft), V.upper):
         modes = lateral_modes(aircraft, speed)
@@ -183,7 +187,10 @@ def _lateral_stability(aircraft: Aircraft) -> Iterator[str]:
 
 
 def lateral_modes(aircraft: Aircraft, V: float) -> NDArray[np.complex128]:
-    """Eigenvalues (1/s) of sideslip, roll and yaw rate in level flight at `V` (m/s) at sea level, controls fixed."""
+    """Return the eigenvalues (1/s) of the lateral motion in level flight at `V` (m/s) at sea level; shape (3,).
+
+    The motion is that of sideslip, roll rate and yaw rate with controls fixed.
+    """
     numbers = inner_loop_parameters(aircraft)
     load = 0.5 * RHO_ISA * V * V * numbers.S / (numbers.m * g0)
     C_L = 1.0 / load

@@ -1,4 +1,4 @@
-"""What moves an aircraft that rotates: its control surfaces or the commands to a controller, and their rates."""
+"""The inputs of an aircraft that rotates: control surfaces, or commands to a controller, and the rates of either."""
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.limits import symmetric
@@ -16,7 +16,7 @@ class Deflected(Vector[T]):
 
 @vector
 class Commanded(Vector[T]):
-    """What is commanded to a controller."""
+    """The commands to a controller."""
 
     n_z_cmd: T = quantity("1", scale=5.0, text="commanded load factor")
     n_y_cmd: T = quantity("1", text="commanded lateral load factor")
@@ -25,7 +25,7 @@ class Commanded(Vector[T]):
 
 @vector
 class SurfaceControl(Vector[T]):
-    """Rates of the deflections, and the commanded lever."""
+    """The rates of the deflections, and the commanded lever; (12) of the paper with rates instead of deflections."""
 
     eta_dot: T = quantity("rad/s", text="rate of the elevator", rate_of="eta")
     xi_dot: T = quantity("rad/s", text="rate of the ailerons", rate_of="xi")
@@ -35,7 +35,7 @@ class SurfaceControl(Vector[T]):
 
 @vector
 class CommandControl(Vector[T]):
-    """Rates of the commands, and the commanded lever."""
+    """The rates of the commands, and the commanded lever."""
 
     n_z_cmd_dot: T = quantity("1/s", scale=20.0, text="rate of the commanded load factor", rate_of="n_z_cmd")
     n_y_cmd_dot: T = quantity("1/s", scale=5.0, text="rate of the commanded lateral load factor", rate_of="n_y_cmd")
@@ -44,26 +44,26 @@ class CommandControl(Vector[T]):
 
 
 BRISK_COMMANDS = {"n_y_cmd_dot": 0.4}
-"""g/s: the rate of the commanded lateral load factor for which a controller moves the rudder at half of its rate.
+"""The control rates, by name, that count as brisk where their cost is weighed: `n_y_cmd_dot` in g/s.
 
-The bound of that rate is no measure, for what is commanded may jump. With half of the bound as the measure the optimum
-wags the rudder wherever the angle of attack is at its limit, because side force in step with the bank turns the path at
-no cost.
+At 0.4 g/s a controller moves the rudder at half of the rudder's greatest rate. The bound of the commanded rate is no
+measure, for commands may jump. With half of the bound as the measure the optimum wags the rudder wherever the angle of
+attack is at its limit, because side force in step with the bank turns the path at no cost.
 """
 
 
 def deflection_bounds(aircraft: Aircraft) -> dict[str, Interval]:
-    """How far the surfaces go."""
+    """Return the travel of the control surfaces by name, rad."""
     return {"eta": aircraft.surfaces.eta, "xi": aircraft.surfaces.xi, "zeta": aircraft.surfaces.zeta}
 
 
 def deflection_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
-    """How fast they go."""
+    """Return the allowed rates of the control surfaces by name, rad/s."""
     return dict.fromkeys(("eta_dot", "xi_dot", "zeta_dot"), symmetric(aircraft.surfaces.rate))
 
 
 def command_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
-    """How fast a pilot moves the stick."""
+    """Return the rates at which a pilot moves the stick, by name: g/s and rad/s2."""
     pilot = aircraft.point_mass
     return {
         "n_z_cmd_dot": symmetric(pilot.n_z_dot),
@@ -73,6 +73,10 @@ def command_rate_bounds(aircraft: Aircraft) -> dict[str, Interval]:
 
 
 def command_bounds(aircraft: Aircraft) -> dict[str, Interval]:
-    """How far the stick goes: to what the aircraft is built for, also where the rules allow less of the answer."""
+    """Return the ranges of the commands by name: g and rad/s.
+
+    They reach to what the aircraft is built for, even where the rules limit the resulting load factor or roll rate to
+    less.
+    """
     pilot = aircraft.point_mass
     return {"n_z_cmd": aircraft.envelope.n_z, "n_y_cmd": symmetric(pilot.n_y), "p_cmd": symmetric(pilot.p)}

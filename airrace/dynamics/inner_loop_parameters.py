@@ -1,4 +1,4 @@
-"""The numbers of an aircraft that enter its rotation: on top of the point mass's, size, inertia and derivatives."""
+"""The numbers of an aircraft that enter its rotation: size, inertia and derivatives in addition to the point mass's."""
 
 from dataclasses import asdict
 
@@ -9,7 +9,7 @@ from airrace.quantities import T, quantity, vector
 
 @vector
 class InnerLoopParameters(AircraftParameters[T]):
-    """Everything that the models with an inner loop need; derivatives per radian."""
+    """The numbers that the models with an inner loop need; derivatives are per radian."""
 
     b: T = quantity("m", scale=10.0, text="span, the reference length of rolling and yawing moments")
     cbar: T = quantity("m", text="mean chord, the reference length of the pitching moment")
@@ -50,7 +50,7 @@ class InnerLoopParameters(AircraftParameters[T]):
 
 
 def inner_loop_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
-    """The numbers of one aircraft."""
+    """Return the numbers of one aircraft."""
     body, lift, side = aircraft.airframe, aircraft.lift, aircraft.side_force
     roll, pitch, yaw, propeller = aircraft.roll, aircraft.pitch, aircraft.yaw, aircraft.propeller
     return InnerLoopParameters(

@@ -1,4 +1,4 @@
-"""What the aircraft and the rules allow together."""
+"""The limits that the aircraft and the rules of a course set together."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from airrace.track.course import Rules
 
 @dataclass(frozen=True)
 class Limits:
-    """Allowed ranges along the whole flight; SI, rad, g.
+    """The allowed ranges along the whole flight, (16) of the paper; SI, rad, g.
 
     Attributes:
         z: position below the origin.
@@ -34,7 +34,7 @@ class Limits:
 
 
 def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
-    """The limits common to aircraft and rules.
+    """Return the limits common to aircraft and rules.
 
     Raises:
         InputError: some quantity has no value that both allow.
@@ -60,7 +60,7 @@ def flight_limits(aircraft: Aircraft, rules: Rules) -> Limits:
 
 
 def lift_range(alpha_A: Interval, lift: Lift) -> Interval:
-    """The lift coefficients on the lift curve between two angles of attack (rad); an infinite angle sets no limit."""
+    """Return the lift coefficients between two angles of attack (rad); an infinite angle sets no limit."""
     return Interval(
         lift_curve(alpha_A.lower, lift) if math.isfinite(alpha_A.lower) else -math.inf,
         lift_curve(alpha_A.upper, lift) if math.isfinite(alpha_A.upper) else math.inf,
@@ -68,12 +68,12 @@ def lift_range(alpha_A: Interval, lift: Lift) -> Interval:
 
 
 def symmetric(magnitude: float) -> Interval:
-    """`[-magnitude, magnitude]`."""
+    """Return the interval `[-magnitude, magnitude]`."""
     return Interval(-magnitude, magnitude)
 
 
 def bounded(quantities: Sequence[Quantity], bounds: Mapping[str, Interval]) -> tuple[Quantity, ...]:
-    """The declarations with the bounds given by name; the others keep their own.
+    """Return the declarations with the bounds given by name; the others keep their own.
 
     Raises:
         KeyError: a bound names no quantity.

@@ -1,6 +1,6 @@
-"""The aircraft's rotation, linear: derivatives in dimensional form, and what the modes of motion make of them.
+"""The linear rotation of the aircraft: derivatives in dimensional form, and the constants of its modes of motion.
 
-Per rad and rad/s, at airspeed and density of the moment:
+They are per rad and rad/s, at the airspeed and density of the moment:
 
     M_x = qbar S cbar C_mx / I_y         Z_alpha = -qbar S (C_Lalpha + C_D) / m         Y_beta = qbar S C_Ybeta / m
     omega_z^2 = M_q Z_alpha / V - M_alpha,    2 D_z omega_z = -(M_q + M_alphadot + Z_alpha / V)      short period
@@ -26,7 +26,7 @@ Pair = tuple[Scalar, Scalar]
 
 @dataclass(frozen=True)
 class Lags:
-    """Constants of the three modes: `stiffness` omega^2 (1/s2), `damping` 2 D omega (1/s), `roll` 1/tau_p (1/s)."""
+    """The constants of the three modes: `stiffness` omega^2 (1/s2), `damping` 2 D omega (1/s), `roll` 1/tau_p (1/s)."""
 
     stiffness_z: Scalar
     damping_z: Scalar
@@ -37,7 +37,10 @@ class Lags:
 
 @dataclass(frozen=True)
 class Pitching:
-    """`q' = zero + alpha alpha_A + q q_K + alphadot alpha_K' + eta eta`, in rad/s2 per rad and rad/s."""
+    """The pitch derivatives, rad/s2 per rad and rad/s.
+
+    `q' = zero + alpha alpha_A + q q_K + alphadot alpha_K' + eta eta`
+    """
 
     zero: Scalar
     alpha: Scalar
@@ -48,7 +51,10 @@ class Pitching:
 
 @dataclass(frozen=True)
 class LateralMotion:
-    """`(p_s', r_s')` per unit of each cause, in stability axes, rad/s2 per rad and rad/s: columns of `A` and `B`."""
+    """The lateral derivatives: `(p_s', r_s')` per unit of each cause, in stability axes.
+
+    They are the columns of the matrices `A` and `B`, in rad/s2 per rad and rad/s.
+    """
 
     beta: Pair
     p: Pair
@@ -58,7 +64,7 @@ class LateralMotion:
 
 
 def lags(V_A: Scalar, rho: Scalar, C_D: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Lags:
-    """The constants of the modes at airspeed `V_A` (m/s), density `rho` (kg/m3) and drag coefficient `C_D`."""
+    """Return the constants of the modes at airspeed `V_A` (m/s), density `rho` (kg/m3) and drag coefficient `C_D`."""
     qS = 0.5 * rho * V_A * V_A * aircraft.S
     M = pitching(V_A, rho, aircraft)
     Z_alpha, Y_beta = -qS * (aircraft.C_Lalpha + C_D) / aircraft.m, qS * aircraft.C_Ybeta / aircraft.m
@@ -74,7 +80,7 @@ def lags(V_A: Scalar, rho: Scalar, C_D: Scalar, aircraft: InnerLoopParameters[Sc
 
 
 def pitching(V_A: Scalar, rho: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Pitching:
-    """The derivatives of the pitching moment over the moment of inertia."""
+    """Return the pitch derivatives, over the moment of inertia, at airspeed `V_A` (m/s) and density `rho` (kg/m3)."""
     M = 0.5 * rho * V_A * V_A * aircraft.S * aircraft.cbar / aircraft.I_y
     dimensionless = aircraft.cbar / (2.0 * V_A)
     return Pitching(
@@ -89,7 +95,10 @@ def pitching(V_A: Scalar, rho: Scalar, aircraft: InnerLoopParameters[Scalar]) ->
 def lateral_motion(
     V_A: Scalar, rho: Scalar, alpha_K: Scalar, C_L: Scalar, aircraft: InnerLoopParameters[Scalar]
 ) -> LateralMotion:
-    """The lateral matrices `T^T A_b T` and `T^T B_b` at angle of attack `alpha_K` (rad) and lift coefficient `C_L`."""
+    """Return the lateral matrices `T^T A_b T` and `T^T B_b`, column by column.
+
+    They hold at angle of attack `alpha_K` (rad) and lift coefficient `C_L`; `V_A` in m/s, `rho` in kg/m3.
+    """
     moment = 0.5 * rho * V_A * V_A * aircraft.S * aircraft.b
     dimensionless = aircraft.b / (2.0 * V_A)
 
@@ -113,7 +122,10 @@ def lateral_motion(
 
 
 def linear_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
-    """The numbers of one aircraft for the models with a linear inner loop, the aircraft file's corrections applied."""
+    """Return the numbers of an aircraft for the models with a linear inner loop.
+
+    The corrections of the aircraft file are applied.
+    """
     numbers, given = inner_loop_parameters(aircraft), aircraft.linear
     if given is None:
         return numbers
@@ -127,15 +139,16 @@ def linear_parameters(aircraft: Aircraft) -> InnerLoopParameters[float]:
 
 
 def level_lags(aircraft: InnerLoopParameters[float], V: float) -> Lags:
-    """The constants of the modes in level flight at the speed `V` (m/s) at sea level."""
+    """Return the constants of the modes in level flight at the speed `V` (m/s) at sea level."""
     C_L = aircraft.m * g0 / (0.5 * RHO_ISA * V * V * aircraft.S)
     return lags(V, RHO_ISA, drag_coefficient(C_L, 0.0, aircraft), aircraft)
 
 
 def with_short_period(aircraft: InnerLoopParameters[float], V: float, wanted: Mode) -> InnerLoopParameters[float]:
-    """With the short period wanted at `V` (m/s): both pitch dampings by one factor, then `C_malpha`.
+    """Return the numbers of an aircraft that has the wanted short period at `V` (m/s).
 
-    The factor is not positive where the lift alone damps more than is wanted.
+    Both pitch dampings are multiplied by one factor, then `C_malpha` is set. The factor is not positive where the lift
+    alone damps more than is wanted.
     """
     M = pitching(V, RHO_ISA, aircraft)
     lift = level_lags(aircraft, V).damping_z + M.q + M.alphadot  # -Z_alpha / V
@@ -151,7 +164,10 @@ def with_short_period(aircraft: InnerLoopParameters[float], V: float, wanted: Mo
 
 
 def with_dutch_roll(aircraft: InnerLoopParameters[float], V: float, wanted: Mode) -> InnerLoopParameters[float]:
-    """With the Dutch roll wanted at `V` (m/s): `C_nr`, then `C_nbeta`."""
+    """Return the numbers of an aircraft that has the wanted Dutch roll at `V` (m/s).
+
+    `C_nr` is set first, then `C_nbeta`.
+    """
     side = 0.5 * RHO_ISA * V * aircraft.S * aircraft.C_Ybeta / aircraft.m  # Y_beta / V
     N_r = -2.0 * wanted.D * wanted.omega - side
     N_beta = wanted.omega * wanted.omega - N_r * side

@@ -1,4 +1,4 @@
-"""Flight with a linear inner loop: longitudinal and lateral motion of their own, lateral rates in stability axes.
+"""Flight with a linear inner loop: separate longitudinal and lateral motion, lateral rates in stability axes.
 
     alpha_K' = q_K - q_Kbar
     q_K'     = M_0 + M_alpha alpha_A + M_q q_K + M_alphadot alpha_K' + M_eta eta
@@ -36,7 +36,7 @@ from airrace.quantities import T, quantity, vector
 
 @vector
 class LinearFlightState(PoweredState[T]):
-    """The flight path, the power lever, how the body lies in it and turns."""
+    """The flight path, the power lever, and the attitude and rotation of the body in the flight path."""
 
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
@@ -46,12 +46,12 @@ class LinearFlightState(PoweredState[T]):
 
 
 BODY_MOTION = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
-"""The states of the inner loop: how the body lies in the flight path and turns."""
+"""The states of the inner loop: the attitude and rotation of the body in the flight path."""
 
 
 @dataclass(frozen=True)
 class Deflections:
-    """Elevator, ailerons, rudder; rad."""
+    """The deflections of elevator, ailerons and rudder, rad."""
 
     eta: Scalar
     xi: Scalar
@@ -60,7 +60,7 @@ class Deflections:
 
 @dataclass(frozen=True)
 class Surrounding:
-    """What the inner loop is scheduled with.
+    """The conditions that the inner loop is scheduled with.
 
     Attributes:
         R: `R_OKbar`.
@@ -81,7 +81,7 @@ class Surrounding:
 
 @dataclass(frozen=True)
 class LinearMotion:
-    """Load factors (g), total lift coefficient, and the rates of the angles (rad/s) and of the body rates (rad/s2)."""
+    """The load factors (g), the total lift coefficient, and the rates of angles (rad/s) and body rates (rad/s2)."""
 
     n_z: Scalar
     n_y: Scalar
@@ -99,7 +99,7 @@ def surrounding(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> Surrounding:
-    """What surrounds the aircraft; arguments as of the models."""
+    """Return the conditions that an aircraft in a given state meets; arguments as of the models."""
     R, rho = rotation(state.q), density(state.z, weather.atmosphere)
     flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
     weight = aircraft.m * g0
@@ -116,7 +116,7 @@ def surrounding(
 def normal_load_factor(
     state: LinearFlightState[Scalar], eta: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
 ) -> tuple[Scalar, Scalar]:
-    """`(n_z, C_L)` of the present angle of attack and pitch rate with the elevator at `eta` (rad)."""
+    """Return `(n_z, C_L)` at the present angle of attack and pitch rate with the elevator at `eta` (rad)."""
     q = state.q_K * aircraft.cbar / (2.0 * here.flow.V_A)
     C_L = lift_coefficient(here.seen.alpha_A, q, eta, aircraft, stalling=False)
     return here.load * C_L + here.pull * here.seen.alpha_A, C_L
@@ -129,7 +129,7 @@ def sideways(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> Sideways:
-    """What the lateral coefficients depend on.
+    """Return the arguments of the lateral coefficients.
 
     Args:
         state: its angle of attack turns the axes.
@@ -145,7 +145,7 @@ def sideways(
 
 
 def lateral_load_factor(motion: Sideways, here: Surrounding, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """`n_y`, linear in all that it depends on."""
+    """Return `n_y` (g), which is linear in all arguments of the lateral coefficients."""
     return here.load * side_force_coefficient(motion, aircraft) - here.pull * motion.beta_A
 
 
@@ -156,7 +156,7 @@ def lateral_accelerations(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> tuple[Scalar, Scalar]:
-    """`(p_s', r_s')`, rad/s2, linear in sideslip, rates and deflections."""
+    """Return `(p_s', r_s')`, rad/s2, which are linear in sideslip, rates and deflections."""
     moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
     roll = moment * rolling_moment_coefficient(motion, C_L, aircraft)
     yaw = moment * yawing_moment_coefficient(motion, C_L, aircraft)
@@ -169,7 +169,7 @@ def linear_motion(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> LinearMotion:
-    """The inner loop's answer to the deflections."""
+    """Return the response of the inner loop to the deflections."""
     alpha_A, causes = here.seen.alpha_A, (here.seen.beta_A, state.p_s, state.r_s)
     aside = sideways(state, causes, (surfaces.xi, surfaces.zeta), here, aircraft)
     n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
@@ -197,7 +197,7 @@ def linear_flight_rates(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> LinearFlightState[Scalar]:
-    """Time derivatives of flight path, lever and body motion."""
+    """Return the time derivatives of flight path, lever and body motion."""
     n_x = axial_load_factor(
         motion.n_z,
         motion.n_y,

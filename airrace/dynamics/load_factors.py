@@ -1,4 +1,4 @@
-"""Load factors of models without angles: lift and sideslip follow from them, and so does what acts along the path.
+"""The lift, the sideslip and the axial load factor that belong to the load factors of models without angles.
 
 With `a` the direction of `V_A` in Kbar, force balance gives the axial load factor; in wind, lift has a part along V_K:
 
@@ -17,7 +17,10 @@ from airrace.quantities import T, Vector, quantity, vector
 
 @vector
 class LoadFactorPath(Vector[T]):
-    """What is limited along the path of a model without angles, besides states and controls."""
+    """The quantities that are limited along the path of a model without angles, (16) of the paper.
+
+    States and controls have bounds of their own.
+    """
 
     C_L: T = quantity("1", text="lift coefficient")
     beta_A: T = quantity("rad", scale=0.2, text="sideslip")
@@ -26,7 +29,7 @@ class LoadFactorPath(Vector[T]):
 def load_factor_coefficients(
     n_z: Scalar, n_y: Scalar, *, flow: Airflow, rho: Scalar, aircraft: AircraftParameters[Scalar]
 ) -> tuple[Scalar, Scalar]:
-    """`(C_L, beta_A)`: the lift coefficient and the sideslip (rad) that make the load factors (g)."""
+    """Return `(C_L, beta_A)`: the lift coefficient and the sideslip (rad) that make the load factors (g)."""
     V_A2 = flow.V_A * flow.V_A
     load = aircraft.m * g0 / (0.5 * rho * V_A2 * aircraft.S)
     across = flow.u * flow.u + flow.v * flow.v  # V_A^2 (1 - a_z^2)
@@ -44,7 +47,7 @@ def axial_load_factor(
     rho: Scalar,
     aircraft: AircraftParameters[Scalar],
 ) -> Scalar:
-    """`n_x` (g) from the balance of thrust, drag, lift and side force along V_K."""
+    """Return `n_x` (g) from the balance of thrust, drag, lift and side force along V_K."""
     D = 0.5 * rho * (flow.V_A * flow.V_A) * aircraft.S * drag_coefficient(C_L, beta_A, aircraft)
     T_minus_D = thrust(delta_T, flow.V_A, rho, aircraft) - D
     # the equation above, numerator and denominator times V_A

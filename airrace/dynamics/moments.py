@@ -20,7 +20,7 @@ from airrace.frames import Scalar
 
 @dataclass(frozen=True)
 class Sideways:
-    """What the lateral coefficients depend on: sideslip, dimensionless rates, ailerons and rudder (rad)."""
+    """The arguments of the lateral coefficients: sideslip, dimensionless rates, ailerons and rudder (rad)."""
 
     beta_A: Scalar
     p: Scalar
@@ -32,7 +32,7 @@ class Sideways:
 def lift_coefficient(
     alpha_A: Scalar, q: Scalar, eta: Scalar, aircraft: InnerLoopParameters[Scalar], *, stalling: bool
 ) -> Scalar:
-    """`C_L` of wing, pitch rate and elevator.
+    """Return `C_L` of wing, pitch rate and elevator.
 
     Args:
         alpha_A: angle of attack, rad.
@@ -47,7 +47,7 @@ def lift_coefficient(
 
 
 def side_force_coefficient(motion: Sideways, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """`C_Y`, positive to the right."""
+    """Return `C_Y`, positive to the right."""
     return (
         aircraft.C_Ybeta * motion.beta_A
         + aircraft.C_Yp * motion.p
@@ -58,7 +58,7 @@ def side_force_coefficient(motion: Sideways, aircraft: InnerLoopParameters[Scala
 
 
 def rolling_moment_coefficient(motion: Sideways, C_L: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """`C_l`, positive right wing down."""
+    """Return `C_l`, positive right wing down."""
     return (
         aircraft.C_lbeta * motion.beta_A
         + aircraft.C_lp * motion.p
@@ -71,7 +71,7 @@ def rolling_moment_coefficient(motion: Sideways, C_L: Scalar, aircraft: InnerLoo
 def pitching_moment_coefficient(
     alpha_A: Scalar, q: Scalar, alpha_dot: Scalar, eta: Scalar, aircraft: InnerLoopParameters[Scalar]
 ) -> Scalar:
-    """`C_m`, positive nose up; `q` and `alpha_dot` dimensionless."""
+    """Return `C_m`, positive nose up; `q` and `alpha_dot` are dimensionless."""
     return (
         aircraft.C_m0
         + aircraft.C_malpha * alpha_A
@@ -82,7 +82,7 @@ def pitching_moment_coefficient(
 
 
 def yawing_moment_coefficient(motion: Sideways, C_L: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """`C_n`, positive nose right."""
+    """Return `C_n`, positive nose right."""
     return (
         aircraft.C_nbeta * motion.beta_A
         + (aircraft.C_np + aircraft.C_np_per_C_L * C_L) * motion.p

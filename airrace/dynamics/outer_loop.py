@@ -1,4 +1,4 @@
-"""The outer loop: from load factors and roll rate to the flight path. All fidelities share it.
+"""The outer loop, from load factors and roll rate to the flight path, which all fidelities share.
 
 With `R = R_OKbar`, the specific force `g0 (n_x, n_y, -n_z)` and the rates of Kbar, all in Kbar:
 
@@ -14,7 +14,7 @@ from airrace.quantities import T, Vector, quantity, vector
 
 @vector
 class FlightPathState(Vector[T]):
-    """Where the aircraft is and how it moves over the ground."""
+    """The position, velocity and attitude of the flight path: the first eight states of (11) of the paper."""
 
     x: T = quantity("m", scale=100.0, text="north of the origin")
     y: T = quantity("m", scale=100.0, text="east of the origin")
@@ -33,20 +33,20 @@ class FlightPathState(Vector[T]):
 
 @vector
 class PoweredState(FlightPathState[T]):
-    """The flight path and the power lever: what every model has."""
+    """The flight path and the power lever, which every model has."""
 
     delta_T: T = quantity("1", lower=0.0, upper=1.0, text="power lever")
 
 
 def turn_rates(V_K: Scalar, R: Matrix, *, n_y: Scalar, n_z: Scalar) -> tuple[Scalar, Scalar]:
-    """`(q_Kbar, r_Kbar)`, rad/s: how fast the load factors (g) turn the flight path at the speed `V_K` (m/s)."""
+    """Return `(q_Kbar, r_Kbar)`, rad/s: how fast load factors (g) turn the flight path at the speed `V_K` (m/s)."""
     return g0 * (n_z - R[2][2]) / V_K, g0 * (n_y + R[2][1]) / V_K
 
 
 def flight_path_rates(
     state: FlightPathState[Scalar], R: Matrix, *, n_x: Scalar, n_y: Scalar, n_z: Scalar, p_Kbar: Scalar
 ) -> FlightPathState[Scalar]:
-    """Time derivatives of the flight path.
+    """Return the time derivatives of the flight path.
 
     Args:
         state: position, speed and attitude.

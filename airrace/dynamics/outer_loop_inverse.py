@@ -1,4 +1,4 @@
-"""What an inner loop hands to the outer loop, read back from the motion it makes: the outer loop's inverse.
+"""The inverse of the outer loop: load factors and roll rate from the motion that they make.
 
 All models share the outer loop, so their rates tell load factors and roll rate of any of them. With `R = R_OKbar`:
 
@@ -18,7 +18,7 @@ from airrace.system import System
 
 @vector
 class LoadFactors(Vector[T]):
-    """Specific force `g0 (n_x, n_y, -n_z)` and roll rate, in Kbar."""
+    """The specific force `g0 (n_x, n_y, -n_z)`, as load factors in g, and the roll rate, in Kbar."""
 
     n_x: T = quantity("1", text="load factor along the velocity")
     n_y: T = quantity("1", text="lateral load factor, to the right")
@@ -27,7 +27,7 @@ class LoadFactors(Vector[T]):
 
 
 def load_factors_of_motion(state: FlightPathState[Scalar], rates: FlightPathState[Scalar]) -> LoadFactors[Scalar]:
-    """The load factors and the roll rate that make the flight path change at `rates`."""
+    """Return the load factors and the roll rate that make the flight path change at `rates`."""
     R = rotation(state.q)
     q0, q1, q2, q3 = state.q
     twice = 2.0 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
@@ -41,7 +41,9 @@ def load_factors_of_motion(state: FlightPathState[Scalar], rates: FlightPathStat
 
 
 def load_factors(system: System) -> ca.Function:
-    """SX function (x, u, p) -> (n_x, n_y, n_z, p_Kbar) of a flight model's system, shapes (n_x,), (n_u,), (n_p,).
+    """Return the SX function (x, u, p) -> (n_x, n_y, n_z, p_Kbar) of a flight model's system.
+
+    The arguments have the shapes (n_x,), (n_u,), (n_p,); load factors are in g, the roll rate in rad/s.
 
     Args:
         system: its states begin with those of the flight path.

@@ -1,4 +1,4 @@
-"""The point mass: no inner loop; load factors and roll rate follow the commanded rates exactly."""
+"""The point mass, a model without an inner loop: load factors and roll rate follow the commanded rates exactly."""
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow
@@ -19,7 +19,10 @@ from airrace.track.course import Rules
 
 @vector
 class PointMassState(PoweredState[T]):
-    """The flight path, the power lever and what the pilot commands; the latter are states to be piecewise linear."""
+    """The flight path, the power lever and the pilot's commands.
+
+    The commands are states so that they are continuous and piecewise linear.
+    """
 
     n_z: T = quantity("1", scale=5.0, text="load factor, 1 in level flight")
     n_y: T = quantity("1", text="lateral load factor, to the right")
@@ -28,7 +31,7 @@ class PointMassState(PoweredState[T]):
 
 @vector
 class PointMassControl(Vector[T]):
-    """Rates of the pilot's commands, and the commanded lever."""
+    """The rates of the pilot's commands, and the commanded lever."""
 
     n_z_dot: T = quantity("1/s", scale=20.0, text="rate of the load factor", rate_of="n_z")
     n_y_dot: T = quantity("1/s", scale=5.0, text="rate of the lateral load factor", rate_of="n_y")
@@ -43,7 +46,7 @@ def point_mass(
     aircraft: AircraftParameters[Scalar],
     weather: Weather,
 ) -> tuple[PointMassState[Scalar], LoadFactorPath[Scalar]]:
-    """Time derivatives of the state, and the path quantities.
+    """Return the time derivatives of the state, and the path quantities.
 
     Args:
         state: see `PointMassState`.
@@ -69,7 +72,7 @@ def point_mass(
 
 
 def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
-    """The point mass of an aircraft under the rules of a course in the air of the day.
+    """Return the point mass of an aircraft under the rules of a course in the air of the day.
 
     The equations depend only on the structure of the wind and on `counting`, whether rolls are counted; numbers are
     parameters, limits are bounds.
@@ -93,7 +96,7 @@ def build_point_mass(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bo
 def _declarations(
     aircraft: Aircraft, rules: Rules
 ) -> tuple[tuple[Quantity, ...], tuple[Quantity, ...], tuple[Quantity, ...]]:
-    """States, controls and path quantities with the bounds of aircraft and rules."""
+    """Return states, controls and path quantities with the bounds of aircraft and rules."""
     limits, pilot = flight_limits(aircraft, rules), aircraft.point_mass
     states = bounded(
         PointMassState.quantities(),

@@ -1,4 +1,4 @@
-"""Rotation of a rigid body with a plane of symmetry, and how it turns the body in the flight-path frame.
+"""The rotation of a rigid body with a plane of symmetry, and of that body relative to the flight-path frame.
 
     I omega' = M - omega x (I omega + h_P e_x),     I = [[I_x, 0, -I_xz], [0, I_y, 0], [-I_xz, 0, I_z]]
 
@@ -18,7 +18,7 @@ Triple = tuple[Scalar, Scalar, Scalar]
 
 
 def angular_accelerations(rates: Triple, moments: Triple, aircraft: InnerLoopParameters[Scalar]) -> Triple:
-    """`(p', q', r')`, rad/s2.
+    """Return the angular accelerations `(p', q', r')`, rad/s2.
 
     Args:
         rates: `(p, q, r)` in body axes, rad/s.
@@ -37,7 +37,10 @@ def angular_accelerations(rates: Triple, moments: Triple, aircraft: InnerLoopPar
 
 
 def uncoupled(roll: Scalar, yaw: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
-    """`(p', r')` (rad/s2) of moments about x_B and z_B (N m): what the product of inertia mixes, taken apart."""
+    """Return the accelerations `(p', r')` (rad/s2) that moments about x_B and z_B (N m) make.
+
+    The product of inertia couples the two axes, so each moment makes both.
+    """
     determinant = aircraft.I_x * aircraft.I_z - aircraft.I_xz * aircraft.I_xz
     return (
         (aircraft.I_z * roll + aircraft.I_xz * yaw) / determinant,
@@ -46,14 +49,14 @@ def uncoupled(roll: Scalar, yaw: Scalar, aircraft: InnerLoopParameters[Scalar]) 
 
 
 def coupled(p_dot: Scalar, r_dot: Scalar, aircraft: InnerLoopParameters[Scalar]) -> tuple[Scalar, Scalar]:
-    """Moments about x_B and z_B (N m) that make the accelerations (rad/s2): the inverse of `uncoupled`."""
+    """Return the moments about x_B and z_B (N m) that make the accelerations (rad/s2): the inverse of `uncoupled`."""
     return aircraft.I_x * p_dot - aircraft.I_xz * r_dot, aircraft.I_z * r_dot - aircraft.I_xz * p_dot
 
 
 def angle_rates(
     angles: tuple[Scalar, Scalar], rates: Triple, q_Kbar: Scalar, r_Kbar: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """`(alpha_K', beta_K', p_Kbar)`, rad/s.
+    """Return the rates of the angles and the roll rate about the velocity, `(alpha_K', beta_K', p_Kbar)`, rad/s.
 
     Args:
         angles: `(alpha_K, beta_K)`, rad; the sideslip off 90 degrees.

@@ -1,4 +1,4 @@
-"""How far the aircraft has rolled, and risen, since a roll began.
+"""The counters of a roll: the angle rolled and the height gained since it began.
 
 Two states count along with the flight; two controls wind them back to zero before a roll begins, and rest during it:
 
@@ -13,7 +13,7 @@ from airrace.quantities import Interval, T, Vector, quantity, vector
 
 @vector
 class RollCounter(Vector[T]):
-    """What has been counted."""
+    """The counted angle and height."""
 
     Phi: T = quantity("rad", scale=3.0, text="angle rolled since the roll began")
     gain: T = quantity("m", scale=100.0, text="height gained since the roll began")
@@ -21,21 +21,21 @@ class RollCounter(Vector[T]):
 
 @vector
 class RollReset(Vector[T]):
-    """How fast the counters are wound back."""
+    """The rates at which the counters are wound back."""
 
     Phi_reset: T = quantity("rad/s", scale=10.0, text="winding back of the angle rolled")
     gain_reset: T = quantity("m/s", scale=100.0, text="winding back of the height gained")
 
 
 COUNTING = {name: Interval.exactly(0.0) for name in RollReset.names()}
-"""Bounds of the phase in which a roll is flown: nothing is wound back."""
+"""The bounds of the controls in the phase in which a roll is flown: nothing is wound back."""
 
 FROM_ZERO = {name: Interval.exactly(0.0) for name in RollCounter.names()}
-"""Bounds where it begins."""
+"""The bounds of the counters where that phase begins: both are zero."""
 
 
 def counter_rates(p_Kbar: Scalar, z_dot: Scalar, reset: RollReset[Scalar]) -> RollCounter[Scalar]:
-    """Time derivatives of the counters.
+    """Return the time derivatives of the counters.
 
     Args:
         p_Kbar: roll rate about the velocity, rad/s.

@@ -1,4 +1,4 @@
-"""A settled inner loop, as seen at one instant: everything that it could still be on its way to is at rest.
+"""The conditions of a settled inner loop at one instant: all its states are at rest.
 
 At that instant the aircraft flies as in a steady flight with the load factor and the roll rate that it has: no side
 force (the ball of the slip indicator stands in the middle), and the rates of the states that a model calls `at_rest`
@@ -25,9 +25,10 @@ SIDE_ACCELERATION = Quantity("side_acceleration", "m/s2", text="side force on th
 
 
 def settled_observation(model: FlightModel) -> Observation:
-    """The quantities that are zero in a settled flight, as seen from the states of a model; its numbers are parameters.
+    """Return the observation of the quantities that are zero in a settled flight of a model.
 
-    Rates are those with all controls at zero, which drive none of the states at rest directly.
+    The numbers of the model are its parameters. Rates are those with all controls at zero, which drive none of the
+    states at rest directly.
     """
     system = model.system
     x, p = named_symbols(system.states), named_symbols(system.parameters)
@@ -46,7 +47,7 @@ def settled_observation(model: FlightModel) -> Observation:
 
 
 def _side_load_factor(model: FlightModel, x: dict[str, Scalar], p: dict[str, Scalar]) -> Scalar:
-    """`n_y` (g): a state of models without angles, a path quantity of the others."""
+    """Return `n_y` (g): a state of models without angles, a path quantity of the others."""
     system = model.system
     if "n_y" in x:
         return x["n_y"]
@@ -57,7 +58,10 @@ def _side_load_factor(model: FlightModel, x: dict[str, Scalar], p: dict[str, Sca
 
 
 def _rate(state: Quantity) -> Quantity:
-    """The declaration of a state's rate; its scale is at most 1, for the solver's tolerance is in units of it."""
+    """Return the declaration of a state's rate.
+
+    Its scale is at most 1, for the solver's tolerance is in units of the scale.
+    """
     before, per, seconds = state.unit.partition("/s")
     return dataclasses.replace(
         Quantity(f"{state.name}_rate", f"{before}/s{int(seconds or 1) + 1 if per else ''}"),

@@ -1,4 +1,4 @@
-"""Six degrees of freedom: the body turns by moments, and the load factors are all forces but the weight.
+"""Six degrees of freedom: moments turn the body, and the load factors are the sum of all forces but the weight.
 
 With `s = p cos(alpha) + r sin(alpha)` and aerodynamic force `qbar S (-C_D, C_Y, -C_L)` in A, thrust along x_B:
 
@@ -45,7 +45,7 @@ from airrace.track.course import Rules
 
 @vector
 class BodyState(PoweredState[T]):
-    """The flight path, the power lever, how the body lies in it and turns."""
+    """The flight path, the power lever, and the attitude and rotation of the body in it: (11) of the paper."""
 
     alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
     beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
@@ -56,19 +56,19 @@ class BodyState(PoweredState[T]):
 
 @vector
 class SixDofState(Deflected[T], BodyState[T]):
-    """The flight path, the power lever, how the body lies in it and turns, and the control surfaces."""
+    """The state (11) of the paper, and the control surfaces, which are states so that they are continuous."""
 
 
 @vector
 class SixDofPath(BodyPath[T]):
-    """The roll rate about the velocity is none of the states."""
+    """The path quantities of six degrees of freedom: `BodyPath`, and the roll rate about the velocity."""
 
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
 
 
 @dataclass(frozen=True)
 class Forces:
-    """Load factors in Kbar (g) and the lift coefficient they come with."""
+    """The load factors in Kbar (g) and the lift coefficient that they come with."""
 
     n_x: Scalar
     n_y: Scalar
@@ -79,7 +79,7 @@ class Forces:
 def forces(
     state: SixDofState[Scalar], seen: Incidence, V_A: Scalar, rho: Scalar, aircraft: InnerLoopParameters[Scalar]
 ) -> Forces:
-    """Aerodynamic force and thrust, over the weight.
+    """Return aerodynamic force and thrust over the weight.
 
     Args:
         state: see `SixDofState`.
@@ -110,7 +110,7 @@ def moments(
     rho: Scalar,
     aircraft: InnerLoopParameters[Scalar],
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Moments of the air and of the engine about the body axes, N m; `alpha_dot` is `alpha_K'`, rad/s."""
+    """Return the moments of air and engine about the body axes, N m; `alpha_dot` is `alpha_K'`, rad/s."""
     qS = 0.5 * rho * V_A * V_A * aircraft.S
     motion = _sideways(state, seen, V_A, aircraft)
     q, rate = _pitch(state.q_K, V_A, aircraft), _pitch(alpha_dot, V_A, aircraft)
@@ -129,7 +129,7 @@ def six_dof(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[SixDofState[Scalar], SixDofPath[Scalar]]:
-    """Time derivatives of the state, and the path quantities.
+    """Return the time derivatives of the state, and the path quantities.
 
     Args:
         state: see `SixDofState`.
@@ -164,7 +164,7 @@ def six_dof(
 
 
 def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
-    """The whole aircraft under the rules of a course in the air of the day.
+    """Return the aircraft with six degrees of freedom under the rules of a course in the air of the day.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
@@ -189,7 +189,7 @@ def build_six_dof(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool 
 
 
 def _pitch(rate: Scalar, V_A: Scalar, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
-    """A rate in pitch (rad/s) made dimensionless."""
+    """Return a rate in pitch (rad/s) made dimensionless."""
     return rate * aircraft.cbar / (2.0 * V_A)
 
 

@@ -1,4 +1,4 @@
-"""The model `state-space`: linear flight whose control surfaces are moved by hand.
+"""The model `state-space`: linear flight whose controls are the rates of the control surfaces.
 
 Its equations are those of `linear_flight.py`. The model that moves the same surfaces by commands is in
 `state_space_inversion.py`, and the algebra that turns commands into deflections in `state_space_inverse.py`.
@@ -34,7 +34,7 @@ from airrace.track.course import Rules
 
 @vector
 class StateSpaceState(Deflected[T], LinearFlightState[T]):
-    """Flight path, lever, body motion and the control surfaces."""
+    """The flight path, the lever, the body motion and the control surfaces."""
 
 
 def state_space(
@@ -44,7 +44,7 @@ def state_space(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[StateSpaceState[Scalar], BodyPath[Scalar]]:
-    """Time derivatives of the state, and the path quantities.
+    """Return the time derivatives of the state, and the path quantities.
 
     Args:
         state: see `StateSpaceState`.
@@ -63,7 +63,7 @@ def state_space(
 
 
 def build_state_space(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
-    """The linear state space of an aircraft under the rules of a course in the air of the day.
+    """Return the linear state space of an aircraft under the rules of a course in the air of the day.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.

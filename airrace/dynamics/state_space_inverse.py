@@ -1,6 +1,7 @@
-"""The algebra of the controller of linear flight: from commanded load factors and roll rate to deflections.
+"""The algebra of the controller of linear flight, which turns commanded load factors and roll rate into deflections.
 
-It is no model of its own: `state_space_inversion.py` flies it.
+It is no model of its own: the model `state-space-inversion` in `state_space_inversion.py` flies it, while the model
+`state-space` in `state_space.py` has no controller.
 
 The causal chain deflection -> rate -> angle -> load factor, backwards. With the trim of a steady, not rolling flight,
 
@@ -34,7 +35,7 @@ from airrace.frames import Scalar
 
 @dataclass(frozen=True)
 class Gains:
-    """Bandwidths of the chain's links, 1/s."""
+    """The bandwidths of the links of the causal chain, 1/s."""
 
     alpha: float = 6.0
     q: float = 12.0
@@ -48,7 +49,7 @@ GAINS = Gains()
 
 @dataclass(frozen=True)
 class Commands:
-    """Load factors (g) and roll rate (rad/s) to be flown."""
+    """The load factors (g) and the roll rate (rad/s) to be flown."""
 
     n_z: Scalar
     n_y: Scalar
@@ -62,7 +63,7 @@ def deflections(
     aircraft: InnerLoopParameters[Scalar],
     gains: Gains = GAINS,
 ) -> Deflections:
-    """The deflections (rad) that bring the load factors and the roll rate to what is commanded."""
+    """Return the deflections (rad) that bring load factors and roll rate to the commands."""
     eta = elevator(state, commands.n_z, here, aircraft, gains)
     C_L = normal_load_factor(state, eta, here, aircraft)[1]
     xi, zeta = ailerons_and_rudder(state, commands, C_L, here, aircraft, gains)
@@ -72,7 +73,10 @@ def deflections(
 def angle_of_attack(
     n_z: Scalar, state: LinearFlightState[Scalar], here: Surrounding, aircraft: InnerLoopParameters[Scalar]
 ) -> Scalar:
-    """`alpha_A` (rad) at which a steady pull makes the load factor, its pitch rate and elevator included."""
+    """Return `alpha_A` (rad) at which a steady pull makes the load factor `n_z` (g).
+
+    The pitch rate of the pull and the elevator that trims it are included.
+    """
     q_trim = turn_rates(state.V_K, here.R, n_y=0.0, n_z=n_z)[0] * aircraft.cbar / (2.0 * here.flow.V_A)
     # the elevator that trims: eta = -(C_m0 + C_malpha alpha + C_mq q*) / C_meta
     lift_per_moment = aircraft.C_Leta / aircraft.C_meta
@@ -88,7 +92,7 @@ def elevator(
     aircraft: InnerLoopParameters[Scalar],
     gains: Gains = GAINS,
 ) -> Scalar:
-    """`eta` (rad) for the commanded load factor."""
+    """Return the elevator `eta` (rad) for the commanded load factor (g)."""
     M = pitching(here.flow.V_A, here.rho, aircraft)
     n_z_neutral = normal_load_factor(state, 0.0, here, aircraft)[0]
     q_Kbar = turn_rates(state.V_K, here.R, n_y=0.0, n_z=n_z_neutral)[0]
@@ -106,7 +110,7 @@ def sideslip(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> Scalar:
-    """`beta_A` (rad) at which a steady flight that does not roll makes the lateral load factor, trimmed."""
+    """Return `beta_A` (rad) at which trimmed, steady flight without rolling makes the load factor `n_y` (g)."""
     r_trim = turn_rates(state.V_K, here.R, n_y=n_y, n_z=0.0)[1]
 
     def trimmed(beta_A: float, r_s: Scalar) -> Scalar:
@@ -125,10 +129,10 @@ def ailerons_and_rudder(
     aircraft: InnerLoopParameters[Scalar],
     gains: Gains = GAINS,
 ) -> Pair:
-    """`(xi, zeta)` (rad) for the commanded lateral load factor and roll rate.
+    """Return `(xi, zeta)` (rad) for the commanded lateral load factor and roll rate.
 
-    The side force of the surfaces themselves turns the path, and more yaw is wanted: `f = f_0 + s f`, with `f_0` of the
-    deflections that leave it out of account and `s` of those that one unit more of yaw acceleration takes.
+    The side force of the surfaces themselves turns the path, which takes more yaw acceleration: `f = f_0 + s f`. Here
+    `f_0` belongs to the deflections that neglect this, and `s` to those that one more unit of yaw acceleration takes.
     """
     beta_A = here.seen.beta_A
     causes, neutral = (beta_A, state.p_s, state.r_s), (0.0, 0.0)
@@ -153,7 +157,7 @@ def surfaces_for(
     here: Surrounding,
     aircraft: InnerLoopParameters[Scalar],
 ) -> Pair:
-    """`(xi, zeta)` (rad) that make `(p_s', r_s')` (rad/s2) at `(beta_A, p_s, r_s)`: the moments' balance backwards."""
+    """Return `(xi, zeta)` (rad) that make `(p_s', r_s')` (rad/s2) at `(beta_A, p_s, r_s)`, in rad and rad/s."""
     roll, yaw = coupled(*body_axes(state.alpha_K, *accelerations), aircraft)
     moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
     present = sideways(state, causes, (0.0, 0.0), here, aircraft)
@@ -165,7 +169,7 @@ def surfaces_for(
 
 
 def solve(one: Pair, other: Pair, right: Pair) -> Pair:
-    """`(a, b)` with `a one + b other = right`."""
+    """Return `(a, b)` with `a one + b other = right`."""
     determinant = one[0] * other[1] - other[0] * one[1]
     return (
         (right[0] * other[1] - other[0] * right[1]) / determinant,

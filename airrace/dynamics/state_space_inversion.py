@@ -1,7 +1,7 @@
 """The model `state-space-inversion`: linear flight whose control surfaces are moved by a controller.
 
-Commands are its states. The deflections follow from state and commands at every instant, by the algebra of
-`state_space_inverse.py`; their travels are limits along the path.
+Its states include the commands. The deflections follow from state and commands at every instant, by the algebra of
+`state_space_inverse.py`; their travels are limits along the path. The model without a controller is `state_space.py`.
 """
 
 from airrace.aircraft.aircraft import Aircraft
@@ -37,12 +37,12 @@ from airrace.track.course import Rules
 
 @vector
 class StateSpaceInversionState(Commanded[T], LinearFlightState[T]):
-    """Flight path, lever, body motion and the commands."""
+    """The flight path, the lever, the body motion and the commands."""
 
 
 @vector
 class StateSpaceInversionPath(Deflected[T], BodyPath[T]):
-    """The deflections are limited along the path, too."""
+    """The path quantities of linear flight with a controller: `BodyPath` and the deflections."""
 
 
 def state_space_inversion(
@@ -52,7 +52,7 @@ def state_space_inversion(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[StateSpaceInversionState[Scalar], StateSpaceInversionPath[Scalar]]:
-    """Time derivatives of the state, and the path quantities.
+    """Return the time derivatives of the state, and the path quantities.
 
     Args:
         state: see `StateSpaceInversionState`.
@@ -79,7 +79,7 @@ def state_space_inversion(
 
 
 def build_state_space_inversion(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
-    """The linear state space with its inversion controller, for an aircraft under the rules of a course.
+    """Return the linear state space with its inversion controller, under the rules of a course.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.

@@ -1,4 +1,4 @@
-"""What is seen all along a leg: the distance from a straight line on the ground, and the climb angle."""
+"""The quantities observed all along a leg: the distance from a straight line on the ground, and the climb angle."""
 
 import math
 from collections.abc import Sequence
@@ -14,12 +14,15 @@ from airrace.track.limits import SafetyLine
 from airrace.track.polygons import Point
 
 VERTICAL = 1e-3
-"""Closer to the vertical than this (rad) the climb angle is rounded off, for it has an edge there."""
+"""The angle from the vertical (rad) within which the climb angle is rounded off, for it has an edge there."""
 
 
 @vector
 class LineParameters(Vector[T]):
-    """A straight line on the ground: `normal . position - offset` is the distance to one side of it."""
+    """The parameters of a straight line on the ground.
+
+    `normal . position - offset` is the distance to one side of it.
+    """
 
     normal_north: T = quantity("1", text="direction to the side that counts as positive")
     normal_east: T = quantity("1", text="direction to the side that counts as positive")
@@ -28,20 +31,20 @@ class LineParameters(Vector[T]):
 
 @vector
 class LineValues(Vector[T]):
-    """Where the aircraft is as seen from the line."""
+    """The distance of the aircraft from the line."""
 
     beside: T = quantity("m", scale=100.0, text="distance from the line, to the allowed side")
 
 
 @vector
 class ClimbValues(Vector[T]):
-    """How steep the path is."""
+    """The steepness of the path."""
 
     climb: T = quantity("rad", text="climb angle")
 
 
 def line_observation(states: Sequence[Quantity]) -> Observation:
-    """The distance from a line as seen from any model whose states include `x, y`."""
+    """Return the observation of the distance from a line for a model whose states include `x, y`."""
     x, b = named_symbols(states), named_symbols(LineParameters.quantities())
     beside = b["normal_north"] * x["x"] + b["normal_east"] * x["y"] - b["offset"]
     return Observation(
@@ -53,7 +56,7 @@ def line_observation(states: Sequence[Quantity]) -> Observation:
 
 
 def line_values(start: Point, end: Point, *, right: bool) -> tuple[float, ...]:
-    """Parameters of the line through two points; positive to its right or left, seen from start to end."""
+    """Return the parameters of the line through two points; positive to its right or left, seen from start to end."""
     along = (end.north - start.north, end.east - start.east)
     length = math.hypot(*along)
     sign = 1.0 if right else -1.0
@@ -63,12 +66,12 @@ def line_values(start: Point, end: Point, *, right: bool) -> tuple[float, ...]:
 
 
 def safety_line_values(line: SafetyLine) -> tuple[float, ...]:
-    """Parameters of a safety line; its allowed side is positive."""
+    """Return the parameters of a safety line; its allowed side is positive."""
     return line_values(line.start, line.end, right=line.keep_right)
 
 
 def climb_observation(states: Sequence[Quantity], *, exact: bool) -> Observation:
-    """The climb angle as seen from any model whose states include the attitude `q0 ... q3`."""
+    """Return the observation of the climb angle for a model whose states include the attitude `q0 ... q3`."""
     x = named_symbols(states)
     R = rotation([x[name] for name in ATTITUDE])
     level = R[0][0] * R[0][0] + R[1][0] * R[1][0]

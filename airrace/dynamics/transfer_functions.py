@@ -1,4 +1,4 @@
-"""Transfer functions: load factors follow their commands as second-order lags do, the roll rate as a first-order one.
+"""Transfer functions: load factors follow their commands with second-order lags, the roll rate with a first-order one.
 
     n_z'' = omega_z^2 (n_z_cmd - n_z) - 2 D_z omega_z n_z'        (n_y likewise)
     p_Kbar' = (p_cmd - p_Kbar) / tau_p
@@ -45,7 +45,7 @@ class LaggingState(PoweredState[T]):
 
 @vector
 class TransferFunctionState(Commanded[T], LaggingState[T]):
-    """The flight path, the power lever, the lags and what is commanded to them."""
+    """The flight path, the power lever, the lags and their commands."""
 
 
 def transfer_functions(
@@ -55,7 +55,7 @@ def transfer_functions(
     aircraft: InnerLoopParameters[Scalar],
     weather: Weather,
 ) -> tuple[TransferFunctionState[Scalar], LoadFactorPath[Scalar]]:
-    """Time derivatives of the state, and the path quantities.
+    """Return the time derivatives of the state, and the path quantities.
 
     Args:
         state: see `TransferFunctionState`.
@@ -87,7 +87,7 @@ def transfer_functions(
 
 
 def build_transfer_functions(aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel:
-    """Transfer functions of an aircraft under the rules of a course in the air of the day.
+    """Return the transfer functions of an aircraft under the rules of a course in the air of the day.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.

@@ -1,4 +1,4 @@
-"""Measuring a solution: does it fly, does it keep every limit between the nodes, does it pass every gate.
+"""The audit of a solution: whether it flies, keeps every limit between the nodes and passes every gate.
 
 The numbers come from the replay and from the problem's own bounds, not from what the solver enforced at its nodes.
 """
@@ -18,7 +18,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How far quantities of some units may leave their bounds between nodes (`path`) and at boundaries (`boundary`).
+    """The excess allowed to quantities of some units between nodes (`path`) and at boundaries (`boundary`).
 
     The items are called `path_NAME` and `gate_NAME`, the latter with `boundary_name` where that is given.
     """
@@ -32,7 +32,7 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Audit:
-    """Items of a certificate, and what is wrong between the nodes.
+    """The items of a certificate, and the errors and excesses within the intervals.
 
     Attributes:
         items: of the certificate.
@@ -84,7 +84,7 @@ def audit(
 
 @dataclass(frozen=True)
 class _Excess:
-    """How far a quantity leaves its range in every interval, at worst; `largest` has shape (N,)."""
+    """The largest excess of a quantity over its range in each interval; `largest` has shape (N,)."""
 
     name: str
     quantity: Quantity
@@ -92,7 +92,7 @@ class _Excess:
 
 
 def _path_excesses(problem: Problem, flown: Replay) -> list[_Excess]:
-    """Of states and path quantities."""
+    """Return the excesses of states and path quantities."""
     declared = [*problem.system.states, *problem.system.path]
     histories = np.concatenate([flown.state, flown.path])
     return [
@@ -102,7 +102,7 @@ def _path_excesses(problem: Problem, flown: Replay) -> list[_Excess]:
 
 
 def _watch_excesses(problem: Problem, flown: Replay) -> list[_Excess]:
-    """Of what the phases watch, by its exact measure."""
+    """Return the excesses of the quantities that the phases watch, by their exact measure."""
     excesses: list[_Excess] = []
     for phase, first, last in zip(problem.phases, problem.first_node, problem.first_node[1:], strict=False):
         for watch in phase.watches:
@@ -118,7 +118,10 @@ def _watch_excesses(problem: Problem, flown: Replay) -> list[_Excess]:
 
 
 def _watched(watch: Watch, state: Array) -> Array:
-    """What a watch sees along intervals, shape (n_v, intervals, samples), from states (n_x, intervals, samples)."""
+    """Return the values of a watch along intervals, shape (n_v, intervals, samples).
+
+    The states have the shape (n_x, intervals, samples).
+    """
     observation = watch.exact or watch.observation
     n_x, intervals, samples = state.shape
     parameters = np.repeat(np.asarray(watch.values)[:, None], intervals * samples, axis=1)
@@ -127,7 +130,7 @@ def _watched(watch: Watch, state: Array) -> Array:
 
 
 def _require_tolerances(declared: Sequence[Quantity], tolerances: Sequence[Tolerance]) -> None:
-    """Refuse to pass over a bounded quantity in silence."""
+    """Refuse a bounded quantity whose unit has no tolerance, rather than pass over it in silence."""
     known = {unit for tolerance in tolerances for unit in tolerance.units}
     for quantity in declared:
         if Interval(quantity.lower, quantity.upper).bounded and quantity.unit not in known:
@@ -135,7 +138,7 @@ def _require_tolerances(declared: Sequence[Quantity], tolerances: Sequence[Toler
 
 
 def _bounded_at_boundaries(problem: Problem) -> list[Quantity]:
-    """What is bounded at the start and at the ends of phases, with these bounds."""
+    """Return the quantities that are bounded at the start and at the ends of phases, with these bounds."""
     found: list[Quantity] = []
     for boundary in (problem.start, *(phase.end for phase in problem.phases)):
         seen = () if boundary.observation is None else boundary.observation.quantities
@@ -146,7 +149,7 @@ def _bounded_at_boundaries(problem: Problem) -> list[Quantity]:
 
 
 def _violation(problem: Problem, quantity: Quantity, history: Array) -> Array:
-    """How far a history, shape (N, samples), leaves its bounds; zero where it keeps them."""
+    """Compute how far a history, shape (N, samples), leaves its bounds; zero where it keeps them."""
     lower, upper = np.empty(len(history)), np.empty(len(history))
     for phase, first, last in zip(problem.phases, problem.first_node, problem.first_node[1:], strict=False):
         bounds = narrowed(quantity, phase.bounds)

@@ -1,4 +1,4 @@
-"""Kernels compiled in the background, by processes of low priority, while this one has other things to do."""
+"""The compilation of kernels in the background, by processes of low priority, while this one does other things."""
 
 import pickle
 import subprocess
@@ -13,7 +13,10 @@ _under_way: dict[Path, "subprocess.Popen[bytes]"] = {}
 
 
 def start(library: Path, system: System, scheme: RungeKutta) -> None:
-    """Start a process that makes this library, unless one is at it; it ends with the process that started it."""
+    """Start a process that makes this library, unless one is doing so already.
+
+    The process ends with the process that started it.
+    """
     if under_way(library):
         return
     with tempfile.TemporaryFile() as order:  # a pipe would fill up before the other side has loaded
@@ -29,11 +32,14 @@ def start(library: Path, system: System, scheme: RungeKutta) -> None:
 
 
 def under_way(library: Path) -> bool:
-    """Whether a process of ours is making this library."""
+    """Return whether a process started here is making this library."""
     return library in _under_way and _under_way[library].poll() is None
 
 
 def finish(library: Path) -> None:
-    """Wait for the process that makes this library, if there is one. Whether it succeeded, the library shows."""
+    """Wait for the process that makes this library, if there is one.
+
+    Whether it succeeded is seen from the library.
+    """
     if (process := _under_way.pop(library, None)) is not None:
         process.wait()

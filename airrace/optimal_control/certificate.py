@@ -1,11 +1,14 @@
-"""A certificate: measured items, each with its limit. A result is certified only if every item holds."""
+"""The certificate of a result: measured items, each with its limit.
+
+A result is certified only if every item holds.
+"""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Item:
-    """One measured value with the largest one that still holds.
+    """A measured value with the largest one that still holds.
 
     Attributes:
         name: stable identifier, e.g. `kkt_error`.
@@ -23,21 +26,23 @@ class Item:
 
     @property
     def holds(self) -> bool:
-        """Whether the value keeps the limit, which NaN never does."""
+        """Whether the value keeps the limit; NaN never does."""
         return self.value <= self.limit
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """All items measured of one result, and the solver's own words."""
+    """All measured items of one result, and the solver's own words."""
 
     solver_status: str
     items: tuple[Item, ...]
 
     @property
     def certified(self) -> bool:
+        """Whether there are items and all of them hold."""
         return bool(self.items) and all(item.holds for item in self.items)
 
     @property
     def failed(self) -> tuple[Item, ...]:
+        """The items that do not hold."""
         return tuple(item for item in self.items if not item.holds)

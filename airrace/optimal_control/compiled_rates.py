@@ -1,4 +1,4 @@
-"""Rates and path quantities of a system at many points, called as often as an integrator asks.
+"""The rates and path quantities of a system at many points, called as often as an integrator asks.
 
 They come from the system's compiled kernels if the cache holds them, for several points at once and without casadi;
 else casadi's virtual machine evaluates the same functions. Both work on arrays that stay where they are, without the
@@ -23,11 +23,14 @@ from airrace.trajectory import Array
 logger = logging.getLogger(__name__)
 
 AtPoints = Callable[[Array], Array]
-"""From states (n_x, n) to values (n_v, n), a new array."""
+"""A function from states (n_x, n) to values (n_v, n), a new array."""
 
 
 class PointFunctions:
-    """The functions of a problem's system and parameters; what they take from the cache is looked up here, once."""
+    """The functions of a problem's system with the problem's parameters.
+
+    What they take from the cache is looked up once, when they are made.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self._system = problem.system
@@ -35,7 +38,7 @@ class PointFunctions:
         self._library = _loaded(cached_rows(problem.system, problem.scheme))
 
     def rates(self, control: Array) -> AtPoints:
-        """The rates under the controls (n_u, n), one column per point.
+        """Return the rates under the controls (n_u, n) as a function of the states, one column per point.
 
         Raises:
             KernelError: on a call, if the compiled functions report a failure.
@@ -43,7 +46,10 @@ class PointFunctions:
         return self._at(self._system.rates, "rates", control)
 
     def path(self, control: Array) -> AtPoints:
-        """The path quantities under the controls (n_u, n), of which there must be some; as `rates`."""
+        """Return the path quantities under the controls (n_u, n) as a function of the states.
+
+        The system must have some.
+        """
         assert self._system.path_values is not None
         return self._at(self._system.path_values, "path", control)
 
@@ -54,7 +60,7 @@ class PointFunctions:
 
 
 def _loaded(library: Path | None) -> ctypes.CDLL | None:
-    """A library, unless the system refuses to load it, as from a folder whose files may not be executed."""
+    """Return a library; None if the system refuses to load it, as from a folder whose files may not be executed."""
     try:
         return None if library is None else ctypes.CDLL(str(library))
     except OSError as error:
@@ -63,7 +69,7 @@ def _loaded(library: Path | None) -> ctypes.CDLL | None:
 
 
 def compiled_rows(library: ctypes.CDLL, name: str, values: int, control: Array, p: Array) -> AtPoints:
-    """A function of a compiled library that holds several lanes, see `lane_interface.c`.
+    """Return a function of a compiled library that holds several lanes, see `lane_interface.c`.
 
     Args:
         library: of a system's kernels, with lanes.
@@ -73,6 +79,7 @@ def compiled_rows(library: ctypes.CDLL, name: str, values: int, control: Array, 
 
     Raises:
         KernelError: on a call, if the function reports a failure.
+        ValueError: on a call, if the states are not those of as many points as the controls.
     """
     function: Any = library[f"{name}_rows"]  # Any: ctypes makes it up
     function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_longlong]
@@ -90,7 +97,7 @@ def compiled_rows(library: ctypes.CDLL, name: str, values: int, control: Array, 
 
 
 def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
-    """A function (x, u, p) -> values in casadi's virtual machine; shapes as in `compiled_rows`.
+    """Return a function (x, u, p) -> values in casadi's virtual machine; shapes as in `compiled_rows`.
 
     Raises:
         KernelError: on a call, if the function reports a failure.

@@ -15,7 +15,7 @@ from airrace.errors import KernelError
 from airrace.optimal_control.kernels import compile_kernels
 
 PRIORITY = 10
-"""By how much the process gives way, as of `nice`, from 0 to 19: compiling takes what the solver leaves."""
+"""The decrement of the process's priority, as of `nice`, from 0 to 19: compiling takes what the solver leaves."""
 
 _PR_SET_PDEATHSIG = 1
 
@@ -25,7 +25,7 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 
 def main() -> int:
-    """Compile what standard input asks for; 1 if that is impossible."""
+    """Compile the kernels that standard input asks for; return 1 if that is impossible, else 0."""
     signal.signal(signal.SIGTERM, _leave)
     if sys.platform == "linux":  # elsewhere it finishes the few seconds of its work
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,4 +1,4 @@
-"""A cost of the final state (a Mayer term): weighted quantities of an observation, and their derivatives."""
+"""The cost of the final state (a Mayer term): weighted quantities of an observation, and their derivatives."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
 
 @dataclass(frozen=True)
 class FinalCost:
-    """`sum_i weights_i c_i(y)` at the final state y.
+    """The cost `sum_i weights_i c_i(y)` of the final state y.
 
     Attributes:
         kernel: what is observed, c.
@@ -29,23 +29,23 @@ class FinalCost:
     own: ca.MX
 
     def value(self) -> ca.MX:
-        """The cost, a scalar."""
+        """Return the cost, a scalar."""
         seen: ca.MX = self.kernel.value(self.y, self.own, _NOTHING)
         return ca.dot(ca.DM(self.weights), seen)
 
     def gradient(self) -> ca.MX:
-        """Its gradient in y, dense; shape (n_x,)."""
+        """Return the gradient of the cost in y, dense; shape (n_x,)."""
         gradient: ca.MX = self.kernel.hessian(self.y, self.own, _NOTHING, ca.DM(self.weights))[0]
         return gradient
 
     def hessian(self, factor: ca.MX) -> ca.MX:
-        """The upper triangle of its Hessian in y times a factor, sparse; shape (n_x, n_x)."""
+        """Return the upper triangle of the Hessian of the cost in y times a factor, sparse; shape (n_x, n_x)."""
         hessian: ca.MX = self.kernel.hessian(self.y, self.own, _NOTHING, factor * ca.DM(self.weights))[1]
         return hessian
 
 
 def final_cost(problem: Problem, y: ca.MX, own: ca.MX) -> FinalCost | None:
-    """The cost of the final state that a problem's objective observes; None if it observes nothing."""
+    """Return the cost of the final state that a problem's objective observes; None if it observes nothing."""
     observation = problem.objective.observation
     if observation is None:
         return None

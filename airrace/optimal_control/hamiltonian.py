@@ -1,4 +1,4 @@
-"""Costates and the Hamiltonian, from the multipliers of the gaps between the intervals.
+"""The costates and the Hamiltonian, from the multipliers of the gaps between the intervals.
 
 The multiplier of a gap says how the optimum changes when the flight is shifted there, which is the costate p. With the
 control held and the equations free of time, the Hamiltonian

@@ -1,4 +1,4 @@
-"""Libraries of compiled kernels: where they are kept, whether they are whole, how they are made."""
+"""The libraries of compiled kernels: where they are kept, whether they are intact, how they are made."""
 
 import hashlib
 import logging
@@ -17,19 +17,24 @@ from airrace.errors import KernelError
 logger = logging.getLogger(__name__)
 
 COMPILE_FLAGS = ("-fPIC", "-ffp-contract=off")
-"""Flags for all sources; no product is fused with a sum, so that single numbers and vectors have the same bits."""
+"""The compiler flags for all sources.
+
+No product is fused with a sum, so that single numbers and vectors have the same bits.
+"""
 
 LINK_FLAGS = ("-shared",)
 GENERATED_FLAGS = ("-O1",)
-"""Flags for what casadi generates: straight lines of scalar arithmetic, of which -O2 makes nothing faster in twice the
-time."""
+"""The compiler flags for code that casadi generates.
+
+It is straight-line scalar arithmetic, which -O2 makes no faster in twice the compile time.
+"""
 
 HIDDEN_FLAGS = (*GENERATED_FLAGS, '-DCASADI_SYMBOL_EXPORT=__attribute__((visibility("hidden")))')
 
 
 @dataclass(frozen=True)
 class Source:
-    """One C file to be.
+    """The content of a C file that is to be compiled.
 
     Attributes:
         name: of the file, without suffix.
@@ -43,14 +48,14 @@ class Source:
 
 
 def generated_source(function: ca.Function, *, hidden: bool = False) -> Source:
-    """A casadi function in C; `hidden` if only other functions of the same library call it."""
+    """Return a casadi function in C; `hidden` if only other functions of the same library call it."""
     generator = ca.CodeGenerator(f"{function.name()}.c", {"with_header": False})
     generator.add(function)
     return Source(function.name(), generator.dump(), HIDDEN_FLAGS if hidden else GENERATED_FLAGS)
 
 
 def cache_folder() -> Path:
-    """Where compiled kernels are kept: `AIRRACE_CACHE_DIR`, else the user's cache folder."""
+    """Return the folder of compiled kernels: `AIRRACE_CACHE_DIR`, else one in the user's cache folder."""
     if explicit := os.environ.get("AIRRACE_CACHE_DIR"):
         return Path(explicit)
     base = os.environ.get("XDG_CACHE_HOME")
@@ -58,7 +63,7 @@ def cache_folder() -> Path:
 
 
 def is_intact(library: Path) -> bool:
-    """Whether a library is what was compiled: loading a truncated one would kill the process."""
+    """Return whether a library is what was compiled; loading a truncated one would kill the process."""
     try:
         return _checksum_file(library).read_bytes() == _checksum(library)
     except OSError:
@@ -66,7 +71,7 @@ def is_intact(library: Path) -> bool:
 
 
 def find_compiler() -> str:
-    """The C compiler: `CC` if set (empty: none), else the first found on the path.
+    """Return the C compiler: `CC` if set (empty: none), else the first found on the path.
 
     Raises:
         KernelError: there is none.
@@ -83,7 +88,7 @@ def find_compiler() -> str:
 
 
 def compile_library(sources: Sequence[Source], target: Path) -> None:
-    """Compile all sources side by side, place the library under its final name in one step, then its checksum.
+    """Compile all sources side by side, and put the library in place in one step, then its checksum.
 
     Raises:
         KernelError: there is no compiler, it fails, or the folder cannot be written to.
@@ -114,14 +119,14 @@ def _checksum_file(library: Path) -> Path:
 
 
 def _compilation(compiler: str, source: Source, folder: Path) -> list[str]:
-    """Write a C source; the command that compiles it, the object file last."""
+    """Write a C source, and return the command that compiles it, the object file last."""
     path = folder / f"{source.name}.c"
     path.write_text(source.text, encoding="utf-8")
     return [compiler, *COMPILE_FLAGS, *source.flags, "-c", str(path), "-o", str(path.with_suffix(".o"))]
 
 
 def _run(commands: Sequence[Sequence[str]]) -> None:
-    """Run commands side by side; none goes on when this is left before they end."""
+    """Run commands side by side; none continues after this function is left."""
     running: list[subprocess.Popen[bytes]] = []
     try:
         for command in commands:

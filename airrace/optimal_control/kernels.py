@@ -34,19 +34,26 @@ from airrace.system import Observation, System
 logger = logging.getLogger(__name__)
 
 DRIVER_FLAGS = ("-O3",)
-"""Flags for the driver's loops over sensitivities, which then run a third faster than with -O2."""
+"""The compiler flags for the driver's loops over sensitivities, which run a third faster than with -O2."""
 
 VECTOR_FLAGS = ("-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
-"""Flags for code on vectors, whose parts call one another only.
+"""The compiler flags for code on vectors, whose parts call only each other.
 
-The last belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls the
-C library, and everything took three times as long."""
+The last flag belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls
+the C library, and everything took three times as long.
+"""
 
 INTERFACE_FLAGS = ("-O2",)
-"""Flags for what carries numbers to the lanes and back; -O3 makes it no faster in three times the time."""
+"""The compiler flags for the code that carries numbers to the lanes and back.
+
+-O3 makes it no faster in three times the compile time.
+"""
 
 FORMAT = 4
-"""Number of the form of the generated code; it changes with that, so that no cached library of another form is used."""
+"""The number of the form of the generated code.
+
+It is raised with every change of the form, so that no cached library of another form is used.
+"""
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class Kernels:
 
 
 def differentiate(name: str, y: ca.SX, own: ca.SX, shared: ca.SX, c: ca.SX) -> dict[str, ca.Function]:
-    """The functions of a kernel by their names `name`, `name_jacobian`, `name_hessian`."""
+    """Return the functions of a kernel by their names `name`, `name_jacobian`, `name_hessian`."""
     lam = ca.SX.sym("lam", c.numel())
     hessian, gradient = ca.hessian(ca.dot(lam, c), y)
     arguments = [y, own, shared]
@@ -92,7 +99,7 @@ def differentiate(name: str, y: ca.SX, own: ca.SX, shared: ca.SX, c: ca.SX) -> d
 
 
 def observation_kernel(observation: Observation, states: int) -> Kernel:
-    """Kernel of what is observed at a boundary: y = x, own = the boundary's values, nothing shared."""
+    """Return the kernel of a boundary's observation: y = x, own = the boundary's values, nothing shared."""
     x, values, nothing = ca.SX.sym("x", states), ca.SX.sym("b", len(observation.parameters)), ca.SX.sym("none", 0)
     functions = differentiate("observe", x, values, nothing, observation.values(x, values))
     return _kernel("observe", functions.__getitem__)
@@ -101,7 +108,7 @@ def observation_kernel(observation: Observation, states: int) -> Kernel:
 def build_kernels(
     system: System, scheme: RungeKutta, *, compiled: bool, instructions: InstructionSet | None = None
 ) -> Kernels:
-    """Kernels of a system; compiled if wanted and possible, from the cache where it has them.
+    """Return the kernels of a system; compiled if wanted and possible, from the cache where it has them.
 
     Args:
         instructions: for which they are compiled; None for the widest that this machine has.
@@ -116,7 +123,7 @@ def build_kernels(
 
 
 def _compiled(system: System, scheme: RungeKutta, instructions: InstructionSet) -> Kernels:
-    """The kernels compiled; for one interval at a time where the compiler knows no vectors.
+    """Return the kernels compiled; for one interval at a time where the compiler knows no vectors.
 
     Raises:
         KernelError: they cannot be compiled.
@@ -133,7 +140,7 @@ def _compiled(system: System, scheme: RungeKutta, instructions: InstructionSet) 
 
 
 def compile_kernels(system: System, scheme: RungeKutta, instructions: InstructionSet | None = None) -> Path:
-    """The compiled library of a system, built unless the cache has it whole.
+    """Return the compiled library of a system, built unless the cache has it intact.
 
     Raises:
         KernelError: it cannot be built.
@@ -148,14 +155,14 @@ def compile_kernels(system: System, scheme: RungeKutta, instructions: Instructio
 
 
 def cached_rows(system: System, scheme: RungeKutta) -> Path | None:
-    """The library in the cache that evaluates rates and path quantities at many points; None if it is not there."""
+    """Return the cached library that evaluates rates and path quantities at many points; None if there is none."""
     instructions = _instructions(system)
     library = _library(system, scheme, instructions)
     return library if instructions.lanes > 1 and kernel_library.is_intact(library) else None
 
 
 def needs_compiling(system: System, scheme: RungeKutta) -> bool:
-    """Whether the kernels have yet to be compiled, by a compiler that is there."""
+    """Return whether the kernels have yet to be compiled, by a compiler that exists."""
     try:
         kernel_library.find_compiler()
     except KernelError:
@@ -164,7 +171,10 @@ def needs_compiling(system: System, scheme: RungeKutta) -> bool:
 
 
 def prepare(system: System, scheme: RungeKutta) -> bool:
-    """Compile the kernels in the background if they need it, and tell whether; `build_kernels` waits where it must."""
+    """Compile the kernels in the background if they need it, and return whether they do.
+
+    `build_kernels` waits for the compilation where it must.
+    """
     needed = needs_compiling(system, scheme)
     if needed:
         background_compilation.start(_library(system, scheme, _instructions(system)), system, scheme)
@@ -172,7 +182,7 @@ def prepare(system: System, scheme: RungeKutta) -> bool:
 
 
 def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], None]) -> None:
-    """Let what this process compiles in the background for a system be done, for another process to load.
+    """Wait for what this process compiles in the background for a system, so that another process can load it.
 
     Args:
         on_wait: called if it takes a while.
@@ -184,13 +194,13 @@ def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], N
 
 
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:
-    """All kernel functions as SX graphs, by name."""
+    """Return all kernel functions as SX graphs, by name."""
     y, fraction, p = _arguments(system)
     return differentiate("step", y, fraction, p, _end(system, scheme, y, fraction, p)) | _path_functions(system)
 
 
 def _sources(system: System, scheme: RungeKutta) -> list[Source]:
-    """What is compiled: the functions of `symbolic_kernels`, the derivatives of the step composed."""
+    """Return the sources of `symbolic_kernels`, with composed derivatives of the step."""
     arguments = _arguments(system)
     step = ca.Function("step", [*arguments], [ca.densify(_end(system, scheme, *arguments))], {"cse": True})
     composed = step_sources(system, scheme)
@@ -202,7 +212,7 @@ def _sources(system: System, scheme: RungeKutta) -> list[Source]:
 
 
 def _lane_sources(system: System, scheme: RungeKutta, instructions: InstructionSet) -> list[Source]:
-    """What is compiled for several intervals at once; the rates and path quantities serve the replay, too."""
+    """Return the sources for several intervals at once; rates and path quantities serve the replay, too."""
     lanes, arguments = instructions.lanes, _arguments(system)
     step = ca.Function("step", [*arguments], [ca.densify(_end(system, scheme, *arguments))], {"cse": True})
     composed = step_sources(system, scheme, lanes=lanes)
@@ -235,20 +245,20 @@ def _rates(system: System) -> ca.Function:
 
 
 def _instructions(system: System) -> InstructionSet:
-    """Those of the machine, unless the system has operations that are known for single numbers only."""
+    """Return the machine's instruction set, or single numbers for a system with operations unknown to lanes."""
     functions = (system.rates, system.path_values, system.projection)
     known = all(function is None or has_lanes(function) for function in functions)
     return instruction_set() if known else SINGLE
 
 
 def _arguments(system: System) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Symbols of y = (x, u, T), the interval's share of T, and p."""
+    """Return symbols of y = (x, u, T), of the interval's share of T, and of p."""
     y = ca.SX.sym("y", len(system.states) + len(system.controls) + 1)
     return y, ca.SX.sym("fraction"), ca.SX.sym("p", len(system.parameters))
 
 
 def _end(system: System, scheme: RungeKutta, y: ca.SX, fraction: ca.SX, p: ca.SX) -> ca.SX:
-    """The state at the interval's end."""
+    """Return the state at the interval's end."""
     n_x = len(system.states)
     x_next: ca.SX = scheme.advance(system.rates, y[:n_x], y[n_x:-1], p, y[-1] * fraction)
     return x_next if system.projection is None else system.projection(x_next)
@@ -276,7 +286,7 @@ def _assemble(function: Callable[[str], ca.Function], *, with_path: bool, compil
 
 
 def _of_one(several: Kernel, lanes: int) -> Kernel:
-    """The kernel of one interval, which stands in every lane."""
+    """Return the kernel of one interval, which stands in every lane."""
     value, jacobian, hessian = (
         _first_of_lanes(function, lanes) for function in (several.value, several.jacobian, several.hessian)
     )
@@ -306,7 +316,7 @@ def _library(system: System, scheme: RungeKutta, instructions: InstructionSet) -
 
 
 def _fingerprint(system: System, scheme: RungeKutta, instructions: InstructionSet) -> str:
-    """Hash of everything the machine code depends on."""
+    """Return a hash of everything that the machine code depends on."""
     digest = hashlib.sha256()
     functions = [system.rates, system.path_values, system.projection]
     parts = [function.serialize() if function is not None else "none" for function in functions]

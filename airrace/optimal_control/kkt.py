@@ -1,4 +1,4 @@
-"""The first-order optimality conditions, measured from the program's functions alone."""
+"""The errors of the first-order optimality conditions, measured from the program's functions alone."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,15 @@ from airrace.optimal_control.transcription import NonlinearProgram
 from airrace.trajectory import Array
 
 MULTIPLIER_SCALE = 100.0
-"""Mean size of the scaled multipliers beyond which the dual conditions are relaxed in proportion.
+"""The mean size of the scaled multipliers beyond which the dual conditions are relaxed in proportion (1).
 
-It is IPOPT's `s_max` [Wächter & Biegler 2006, (6)], so that the error means the same here as there."""
+It is IPOPT's `s_max` [Wächter & Biegler 2006, (6)], so that the error means the same here as there.
+"""
 
 
 @dataclass(frozen=True)
 class KktError:
-    """Largest violations in scaled units: `primal` feasibility, `dual` stationarity, `complementarity`."""
+    """The largest violations in scaled units: `primal` feasibility, `dual` stationarity, `complementarity`."""
 
     primal: float
     dual: float
@@ -24,6 +25,7 @@ class KktError:
 
     @property
     def largest(self) -> float:
+        """The largest of the three; NaN if any is."""
         return _largest(self.primal, self.dual, self.complementarity)
 
 
@@ -51,15 +53,15 @@ def kkt_error(
 
 
 def _largest(*errors: float) -> float:
-    """The largest; NaN if any is, which Python's own `max` would lose."""
+    """Return the largest error; NaN if any is, which Python's own `max` would lose."""
     return float(np.max(errors))
 
 
 def _balance(multiplier: Array, value: Array, lower: Array, upper: Array) -> tuple[float, float]:
-    """Largest dual and complementarity error of `lower <= value <= upper`; positive multipliers press on `upper`.
+    """Return the largest dual and complementarity error of `lower <= value <= upper`.
 
-    A multiplier is either carried by its bound (error: multiplier times slack) or left over (error: its size),
-    whichever is the smaller.
+    Positive multipliers press on `upper`. A multiplier is either carried by its bound (error: multiplier times slack)
+    or left over (error: its size), whichever is the smaller.
     """
     slack = np.where(multiplier > 0, upper - value, value - lower)
     size = np.abs(multiplier)

@@ -1,4 +1,4 @@
-"""Straight-line functions in C, on vectors that hold one number of each of several intervals.
+"""The C code of straight-line functions on vectors that hold one number of each of several intervals.
 
 casadi writes C for single numbers. Its SX functions are lists of elementary operations, which are written here once
 more: sums and products as the compiler's operators on vectors, all others as loops over the lanes, see `lanes.h`.
@@ -23,7 +23,7 @@ OPERATORS = {
     ca.OP_TWICE: "2.0 * {x}",
     ca.OP_INV: "1.0 / {x}",
 }
-"""Operations that are operators on vectors."""
+"""The operations that are operators on vectors."""
 
 LANE_BY_LANE = {
     ca.OP_EXP: ("exp", "exp(a)"),
@@ -64,23 +64,23 @@ LANE_BY_LANE = {
     ca.OP_EXPM1: ("expm1", "expm1(a)"),
     ca.OP_HYPOT: ("hypot", "hypot(a, b)"),
 }
-"""Operations that are loops over the lanes: name and expression in the numbers a and b of one lane."""
+"""The operations that are loops over the lanes: name, and expression in the numbers a and b of one lane."""
 
 _KNOWN = {*OPERATORS, *LANE_BY_LANE, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
 
 
 def has_lanes(function: ca.Function) -> bool:
-    """Whether all operations of an SX function are known here."""
+    """Return whether all operations of an SX function are known here."""
     return all(function.instruction_id(number) in _KNOWN for number in range(function.n_instructions()))
 
 
 def header(lanes: int) -> str:
-    """What stands before all code on vectors."""
+    """Return the text that stands before all code on vectors."""
     return f"#define LANES {lanes}\n{Path(__file__).with_name('lanes.h').read_text(encoding='utf-8')}\n"
 
 
 def lane_function(function: ca.Function, name: str) -> str:
-    """An SX function as the C function `name(arg, res, iw, w, mem)` on vectors, to stand after the header.
+    """Return an SX function as the C function `name(arg, res, iw, w, mem)` on vectors, to follow the header.
 
     Raises:
         KernelError: it contains an operation that is not known here.

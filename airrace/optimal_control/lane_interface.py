@@ -1,4 +1,4 @@
-"""The C source through which others call the functions of several intervals at once.
+"""The C source through which the functions of several intervals at once are called.
 
 casadi loads them as functions of matrices, one column per interval: (y, own, shared[, lam]) with one `shared` for all.
 The replay calls them row by row, see `compiled_rates.py`.
@@ -17,14 +17,14 @@ from airrace.system import System
 
 @dataclass(frozen=True)
 class Shape:
-    """Patterns of a function of one interval; its third argument is shared."""
+    """The patterns of a function of one interval, whose third argument is shared."""
 
     inputs: Sequence[ca.Sparsity]
     outputs: Sequence[ca.Sparsity]
 
 
 def shape_of(function: ca.Function) -> Shape:
-    """The patterns of a casadi function."""
+    """Return the patterns of a casadi function."""
     return Shape(
         [function.sparsity_in(place) for place in range(function.n_in())],
         [function.sparsity_out(place) for place in range(function.n_out())],
@@ -32,12 +32,15 @@ def shape_of(function: ca.Function) -> Shape:
 
 
 def interface_text() -> str:
-    """The part of the source that is the same for all models."""
+    """Return the part of the source that is the same for all models."""
     return Path(__file__).with_name("lane_interface.c").read_text(encoding="utf-8")
 
 
 def interface_source(shapes: Mapping[str, Shape], rows: Mapping[str, int], system: System, lanes: int) -> str:
-    """The source for the functions `name`, which call `name_of_lanes`, and `name_rows`, of so many rows of values."""
+    """Return the source of the functions `name` and `name_rows`.
+
+    The former call `name_of_lanes`, the latter have so many rows of values.
+    """
     n_x, n_u = len(system.states), len(system.controls)
     return "\n".join(
         [

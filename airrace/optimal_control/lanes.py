@@ -1,4 +1,4 @@
-"""How many intervals this machine's processor evaluates at once, one per lane of its vector registers."""
+"""The number of intervals that this machine's processor evaluates at once, one per lane of its vector registers."""
 
 import platform
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class InstructionSet:
-    """Vector instructions.
+    """A set of vector instructions.
 
     Attributes:
         lanes: numbers of double precision in a vector.
@@ -20,10 +20,13 @@ class InstructionSet:
 
 
 SINGLE = InstructionSet(1, ())
-"""No vectors: one interval at a time."""
+"""The instruction set without vectors: one interval at a time."""
 
 _FIRST_CORE = 8192
-"""Bytes of the processor's description that are read: they hold the first core's, and the others are alike."""
+"""The number of bytes that are read of the processor's description.
+
+They hold the first core's, and the others are alike.
+"""
 
 
 _VECTORS = (
@@ -34,13 +37,13 @@ _VECTORS = (
 
 
 def instruction_set() -> InstructionSet:
-    """The widest that the processor knows; kernels for it run on no lesser one."""
+    """Return the widest instruction set of the processor; kernels for it run on no lesser one."""
     return instruction_sets()[-1]
 
 
 @cache
 def instruction_sets() -> tuple[InstructionSet, ...]:
-    """All that the processor knows, from single numbers to the widest."""
+    """Return all instruction sets of the processor, from single numbers to the widest."""
     if platform.machine() in ("x86_64", "AMD64"):
         known = {f"-m{flag}" for flag in _processor_flags()}
         return (SINGLE, *(one for one in _VECTORS if known.issuperset(one.flags)))
@@ -50,7 +53,7 @@ def instruction_sets() -> tuple[InstructionSet, ...]:
 
 
 def _processor_flags() -> set[str]:
-    """Names of the instruction sets as Linux tells them; empty where it does not run."""
+    """Return the names of the instruction sets as Linux tells them; empty on other systems."""
     try:
         with Path("/proc/cpuinfo").open("rb") as description:
             text = description.read(_FIRST_CORE).decode(errors="replace")

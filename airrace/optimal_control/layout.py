@@ -1,4 +1,4 @@
-"""Where every unknown and every constraint of a problem sits in the nonlinear program.
+"""The layout of the nonlinear program: where every unknown and every constraint of a problem sits in it.
 
 The order keeps the stage structure that a Riccati-based solver needs: unknowns `x_0 u_0 x_1 u_1 ... x_N`, constraints
 per stage first the gap to the next, then the stage's own. The stage's x are the states and the phase's duration T (a
@@ -25,7 +25,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint that is not a gap: its node, what it limits, its range and scale (SI).
+    """A constraint that is not a gap: its node, what it limits, its range and scale (SI).
 
     `source` tells the path (-1) from the sighting with that number; `component` is the place within its quantities.
     """
@@ -39,7 +39,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Layout:
-    """Index arrays of one problem (N intervals, n_x states, n_u controls, n phases)."""
+    """The index arrays of one problem (N intervals, n_x states, n_u controls, n phases)."""
 
     problem: Problem
 
@@ -53,40 +53,44 @@ class Layout:
 
     @cached_property
     def n_x(self) -> int:
+        """The number of states."""
         return len(self.problem.system.states)
 
     @cached_property
     def n_u(self) -> int:
+        """The number of controls."""
         return len(self.problem.system.controls)
 
     @cached_property
     def first_node(self) -> Indices:
+        """The node at which each phase begins and, last, the final node; shape (n + 1,)."""
         return np.array(self.problem.first_node, dtype=np.int64)
 
     @cached_property
     def intervals(self) -> int:
+        """The number of intervals N."""
         return self.problem.intervals
 
     @cached_property
     def phase_of_interval(self) -> Indices:
-        """Phase of each interval, shape (N,)."""
+        """The phase of each interval, shape (N,)."""
         return np.repeat(np.arange(len(self.problem.phases)), np.diff(self.first_node))
 
     @cached_property
     def fractions(self) -> Array:
-        """Share of its phase's duration that each interval takes, shape (N,)."""
+        """The share of its phase's duration that each interval takes, shape (N,)."""
         return np.concatenate([np.asarray(phase.fractions) for phase in self.problem.phases])
 
     # unknowns
 
     @cached_property
     def stage_states(self) -> Indices:
-        """Number of stage states per stage, shape (N + 1,)."""
+        """The number of stage states per stage, shape (N + 1,)."""
         return np.full(self.intervals + 1, self.n_x + 1)
 
     @cached_property
     def stage_controls(self) -> Indices:
-        """Number of stage controls per stage, shape (N + 1,)."""
+        """The number of stage controls per stage, shape (N + 1,)."""
         count = np.full(self.intervals + 1, self.n_u)
         count[self.first_node[1:-1] - 1] += 1
         count[-1] = 0
@@ -98,32 +102,33 @@ class Layout:
 
     @cached_property
     def stage_of_unknown(self) -> Indices:
-        """Shape (n_w,)."""
+        """The stage of each unknown, shape (n_w,)."""
         sizes = np.diff(self._stage_offset)
         return np.repeat(np.arange(len(sizes)), sizes)
 
     @property
     def unknowns(self) -> int:
+        """The number of unknowns n_w."""
         return int(self._stage_offset[-1])
 
     @cached_property
     def state_index(self) -> Indices:
-        """Places of the states, shape (N + 1, n_x)."""
+        """The places of the states, shape (N + 1, n_x)."""
         return self._stage_offset[:-1, None] + np.arange(self.n_x)
 
     @cached_property
     def duration_index(self) -> Indices:
-        """Place of the phase's duration at each node, shape (N + 1,)."""
+        """The place of the phase's duration at each node, shape (N + 1,)."""
         return self._stage_offset[:-1] + self.n_x
 
     @cached_property
     def control_index(self) -> Indices:
-        """Places of the controls, shape (N, n_u)."""
+        """The places of the controls, shape (N, n_u)."""
         return self._stage_offset[:-2, None] + self.n_x + 1 + np.arange(self.n_u)
 
     @cached_property
     def duration_source(self) -> Indices:
-        """Place of the value that each interval hands on as duration to the next node, shape (N,)."""
+        """The place of the value that each interval hands on as duration to the next node, shape (N,)."""
         source = self.duration_index[:-1].copy()
         last = self.first_node[1:-1] - 1
         source[last] = self.control_index[last, -1] + 1 if self.n_u else self.duration_index[last] + 1
@@ -131,12 +136,12 @@ class Layout:
 
     @cached_property
     def interval_index(self) -> Indices:
-        """Places of (x, u, T) of each interval, shape (N, n_x + n_u + 1)."""
+        """The places of (x, u, T) of each interval, shape (N, n_x + n_u + 1)."""
         return np.hstack([self.state_index[:-1], self.control_index, self.duration_index[:-1, None]])
 
     @cached_property
     def scale(self) -> Array:
-        """Scale of every unknown, shape (n_w,)."""
+        """The scale of every unknown, shape (n_w,)."""
         system = self.problem.system
         scale = np.full(self.unknowns, self.problem.time_scale)
         scale[self.state_index] = [quantity.scale for quantity in system.states]
@@ -147,7 +152,7 @@ class Layout:
 
     @cached_property
     def jump_at(self) -> dict[int, int]:
-        """Number of the jump at each node that has one."""
+        """The number of the jump at each node that has one."""
         nodes = [int(node) for node, phase in zip(self.first_node[1:], self.problem.phases, strict=True) if phase.jump]
         return {node: number for number, node in enumerate(nodes)}
 
@@ -157,7 +162,7 @@ class Layout:
 
     @property
     def sightings(self) -> list[Sighting]:
-        """What is observed: at the boundaries in order, then along the phases, watch by watch and node by node."""
+        """The observations: at the boundaries in order, then along the phases, watch by watch and node by node."""
         return self._sightings[0]
 
     @cached_property
@@ -176,9 +181,10 @@ class Layout:
         return rows
 
     def _path_limits(self) -> list[list[tuple[Quantity, Interval]]]:
-        """Ranges of the path quantities per node; those that depend on u have none at the last node.
+        """Return the ranges of the path quantities per node.
 
-        Where phases meet, those of both hold; after a jump, those of the phase that begins.
+        Those that depend on u have none at the last node. Where phases meet, those of both hold; after a jump, those of
+        the phase that begins.
         """
         system = self.problem.system
         per_phase = [
@@ -207,7 +213,7 @@ class Layout:
 
     @cached_property
     def stage_rows(self) -> Indices:
-        """Number of constraints besides the gap per stage, shape (N + 1,)."""
+        """The number of constraints besides the gap per stage, shape (N + 1,)."""
         return np.array([len(rows) for rows in self.rows], dtype=np.int64)
 
     @cached_property
@@ -218,16 +224,17 @@ class Layout:
 
     @property
     def constraints(self) -> int:
+        """The number of constraints n_g."""
         return int(self._constraint_offset[-1])
 
     @cached_property
     def gap_index(self) -> Indices:
-        """Places of the gaps of (x, T), shape (N, n_x + 1)."""
+        """The places of the gaps of (x, T), shape (N, n_x + 1)."""
         return self._constraint_offset[:-2, None] + np.arange(self.n_x + 1)
 
     @cached_property
     def row_index(self) -> Indices:
-        """Places of all rows besides the gaps, in the order of `flat_rows`."""
+        """The places of all rows besides the gaps, in the order of `flat_rows`."""
         ends: list[int] = self._constraint_offset[1:].tolist()
         counts: list[int] = self.stage_rows.tolist()
         places: list[Indices] = [np.arange(end - count, end) for end, count in zip(ends, counts, strict=True)]
@@ -235,6 +242,7 @@ class Layout:
 
     @cached_property
     def flat_rows(self) -> list[Row]:
+        """All rows besides the gaps, stage by stage."""
         return [row for rows in self.rows for row in rows]
 
     # values
@@ -255,7 +263,7 @@ class Layout:
         return w / self.scale
 
     def _require_shapes(self, iterate: Iterate) -> None:
-        """Refuse what numpy would repeat as often as needed."""
+        """Refuse arrays that numpy would silently repeat to the shape that is needed."""
         expected = {
             "durations": (len(self.problem.phases),),
             "state": (self.n_x, self.intervals + 1),
@@ -267,13 +275,13 @@ class Layout:
                 raise ValueError(f"the iterate's {name} has the shape {found}, the problem's {shape}")
 
     def unpack(self, w: Array) -> Iterate:
-        """The iterate of scaled unknowns."""
+        """Return the iterate of scaled unknowns."""
         values = w * self.scale
         durations = values[self.duration_index[self.first_node[:-1]]]
         return Iterate(durations, values[self.state_index].T.copy(), values[self.control_index].T.copy())
 
     def unknown_bounds(self) -> tuple[Array, Array]:
-        """Scaled lower and upper bounds of the unknowns, each (n_w,)."""
+        """Return the scaled lower and upper bounds of the unknowns, each (n_w,)."""
         lower = np.full(self.unknowns, -np.inf)
         upper = np.full(self.unknowns, np.inf)
 
@@ -303,7 +311,10 @@ class Layout:
         return lower / self.scale, upper / self.scale
 
     def constraint_bounds(self) -> tuple[Array, Array]:
-        """Scaled lower and upper bounds of the constraints, each (n_g,); gaps are zero, or the jump between phases."""
+        """Return the scaled lower and upper bounds of the constraints, each (n_g,).
+
+        Gaps are zero, or the jump between phases.
+        """
         lower, upper = np.zeros(self.constraints), np.zeros(self.constraints)
         ends, states = self.gap_index[self.first_node[1:] - 1, :-1], self.problem.system.states
         lower[ends] = upper[ends] = (self.problem.jumps / np.array([[one.scale] for one in states])).T
@@ -313,7 +324,7 @@ class Layout:
         return lower, upper
 
     def parameter_values(self) -> Array:
-        """Parameters of the nonlinear program.
+        """Return the parameters of the nonlinear program.
 
         They are the system's, the fractions, those of all sightings, the jumps, those of the objective's observation.
         """
@@ -323,16 +334,16 @@ class Layout:
 
     @property
     def jump_offset(self) -> int:
-        """Place of the first jump among the parameters of the nonlinear program."""
+        """The place of the first jump among the parameters of the nonlinear program."""
         jumps = self.n_x * len(self.jump_at)
         return len(self.parameter_values()) - len(self.problem.objective.values) - jumps
 
     def _phase_before(self, node: int) -> int:
-        """The phase that ends at a node or goes on through it; not for the first node."""
+        """Return the phase that ends at a node or continues through it; not for the first node."""
         return int(self.phase_of_interval[node - 1])
 
     def describe(self, constraint: int) -> str:
-        """What a constraint is, for people."""
+        """Return a description of a constraint, for people."""
         stage = int(np.searchsorted(self._constraint_offset, constraint, side="right")) - 1
         phase = self.problem.phases[int(self.phase_of_interval[min(stage, self.intervals - 1)])]
         within = constraint - int(self._constraint_offset[stage])
@@ -345,10 +356,10 @@ class Layout:
 
 
 def moved(bounds: Interval, change: float) -> Interval:
-    """The range of `x + change` where `bounds` is that of x."""
+    """Return the range of `x + change` where `bounds` is that of x."""
     return Interval(bounds.lower + change, bounds.upper + change) if change else bounds
 
 
 def narrowed(quantity: Quantity, bounds: Mapping[str, Interval]) -> Interval:
-    """A quantity's own range, narrowed by the entry of that name, if there is one."""
+    """Return a quantity's own range, narrowed by the entry of that name, if there is one."""
     return Interval(quantity.lower, quantity.upper).intersect(bounds.get(quantity.name, Interval()))

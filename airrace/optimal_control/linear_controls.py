@@ -1,4 +1,4 @@
-"""Controls that are continuous and linear over every interval, instead of held.
+"""A transformation to controls that are continuous and linear over every interval, instead of held.
 
 A control of a `System` is held over an interval. With the control's value as a state and its rate as the control that
 is held instead, the value is continuous and piecewise linear:

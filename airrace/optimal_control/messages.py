@@ -1,4 +1,4 @@
-"""What the solver process is asked and what it answers, and how both travel.
+"""The messages between a process and its solver process, and how they travel.
 
 Systems and observations are large and few: they are sent once and then named, by `Sender` and `Receiver`.
 """
@@ -14,12 +14,12 @@ from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.system import Observation, System
 
 COMPILING = "compiling the equations (once per model and machine)"
-"""The notice of what may take a while."""
+"""The notice that the equations are being compiled, which may take a while."""
 
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """Solve `problem` from `guess`."""
+    """A request to solve `problem` from `guess`."""
 
     problem: Problem
     guess: Iterate
@@ -32,7 +32,7 @@ class SolveRequest:
 
 @dataclass(frozen=True)
 class IterationReport:
-    """One line of a solver's progress: iteration, objective, largest scaled infeasibility."""
+    """A line of a solver's progress: iteration, objective, largest scaled infeasibility."""
 
     number: int
     objective: float
@@ -41,14 +41,14 @@ class IterationReport:
 
 @dataclass(frozen=True)
 class Notice:
-    """What the worker does besides solving, for people."""
+    """A text for people on what the worker does besides solving."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class WorkerFailure:
-    """A request that could not be worked on; a bug, not a failed solve."""
+    """An answer that a request could not be worked on; a bug, not a failed solve."""
 
     text: str
 
@@ -83,7 +83,7 @@ class _Unpickler(pickle.Unpickler):
 
 
 class Sender:
-    """Writes requests; every System and Observation once."""
+    """A writer of requests, which sends every System and Observation once."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
@@ -122,14 +122,14 @@ class Sender:
 
 
 class Receiver:
-    """Reads requests; equal Systems and Observations arrive as the same object."""
+    """A reader of requests, in which equal Systems and Observations arrive as the same object."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._shared: dict[str, System | Observation] = {}
 
     def receive(self) -> SolveRequest | None:
-        """The next request; None at the end of the stream."""
+        """Return the next request; None at the end of the stream."""
         while True:
             try:
                 message = _Unpickler(self._stream, self._shared).load()

@@ -1,4 +1,4 @@
-"""The problem language: what is to be optimised, with no word of how.
+"""The problem language: it says what is to be optimised, and nothing about how.
 
 A problem is a `System` flown through phases. Each phase has a mesh, limits along its path, a range for its duration and
 conditions at its end; the first also has conditions at its start. States are continuous from phase to phase, unless a
@@ -23,7 +23,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Boundary:
-    """Conditions at one instant, the start of the first phase or the end of a phase.
+    """A set of conditions at one instant, the start of the first phase or the end of a phase.
 
     Attributes:
         name: for messages, e.g. the gate's name.
@@ -40,7 +40,7 @@ class Boundary:
 
 @dataclass(frozen=True)
 class Watch:
-    """Conditions on what is observed all along a phase: at every node of it, both ends included.
+    """A set of conditions on an observation all along a phase: at every node of it, both ends included.
 
     Attributes:
         name: for messages, e.g. of a safety line.
@@ -58,14 +58,14 @@ class Watch:
     exact: Observation | None = None
 
     def same_conditions(self, other: "Watch") -> bool:
-        """Whether two watches ask for the very same."""
+        """Return whether two watches ask for the very same."""
         alike = self.observation is other.observation and self.exact is other.exact
         return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
 
 
 @dataclass(frozen=True)
 class Phase:
-    """One of the stretches that a flight is made of.
+    """A stretch of a flight, with its mesh, duration and conditions.
 
     Attributes:
         name: for messages.
@@ -91,7 +91,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class Objective:
-    """What is minimised: the time, a cost of the final state, and what it takes to move the controls.
+    """The minimised functional: the time, a cost of the final state, and a cost of moving the controls.
 
         time * t_f + sum_i terminal_i c_i(x(t_f)) + integral of sum_j regularisation_j (u_j / scale_j)^2 dt
 
@@ -137,16 +137,17 @@ class Problem:
 
     @property
     def intervals(self) -> int:
+        """The number of intervals of all phases together."""
         return sum(len(phase.fractions) for phase in self.phases)
 
     @property
     def mesh(self) -> list[tuple[float, ...]]:
-        """Fractions of every phase."""
+        """The fractions of every phase."""
         return [phase.fractions for phase in self.phases]
 
     @property
     def first_node(self) -> list[int]:
-        """Node at which each phase begins and, last, the final node."""
+        """The node at which each phase begins and, last, the final node."""
         nodes = [0]
         for phase in self.phases:
             nodes.append(nodes[-1] + len(phase.fractions))
@@ -154,14 +155,14 @@ class Problem:
 
     @property
     def jumps(self) -> Array:
-        """What is added to every state at the end of every phase; shape (n_x, n)."""
+        """The changes of every state at the end of every phase; shape (n_x, n)."""
         names = [quantity.name for quantity in self.system.states]
         return np.array([[phase.jump.get(name, 0.0) for phase in self.phases] for name in names]).reshape(
             len(names), len(self.phases)
         )
 
     def arrivals(self, state: Array) -> Array:
-        """The states in which the intervals end, before any jump; shape (n_x, N).
+        """Return the states in which the intervals end, before any jump; shape (n_x, N).
 
         Args:
             state: at the nodes, as an `Iterate` has them: after the jump, where a phase ends in one; (n_x, N + 1).
@@ -173,7 +174,7 @@ class Problem:
         return before
 
     def phase_of(self, interval: int) -> Phase:
-        """The phase that an interval belongs to."""
+        """Return the phase that an interval belongs to."""
         return self.phases[bisect.bisect_right(self.first_node, interval) - 1]
 
     @property
@@ -187,7 +188,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Values of all unknowns of a problem: a guess, or a solution.
+    """The values of all unknowns of a problem: a guess, or a solution.
 
     Attributes:
         durations: of the phases, s; shape (n,).

@@ -1,4 +1,4 @@
-"""Finer and coarser meshes, and a solution carried over to them."""
+"""The refinement of meshes: finer and coarser ones, and a solution carried over to them."""
 
 import itertools
 from collections.abc import Sequence
@@ -38,6 +38,9 @@ def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[
 
     Args:
         kept: which nodes remain, shape (N + 1,); those between phases have to.
+
+    Raises:
+        ValueError: a node between phases is to be dropped.
     """
     first_node = np.cumsum([0, *(len(phase) for phase in mesh)])
     if not kept[first_node].all():
@@ -101,13 +104,13 @@ def widened(marked: Marks) -> Marks:
 
 
 def _numbers_within(parts: Indices) -> Indices:
-    """0, 1, ... within each of the parts, shape (parts.sum(),)."""
+    """Return 0, 1, ... within each of the parts, shape (parts.sum(),)."""
     first = np.repeat(np.cumsum(parts) - parts, parts)
     return np.arange(len(first)) - first
 
 
 def _between(flown: Replay, interval: Indices, share: Array) -> Array:
-    """States at shares of intervals, straight between the samples of a replay; shape (n_x, n)."""
+    """Return states at shares of intervals, straight between the samples of a replay; shape (n_x, n)."""
     place = share * SAMPLES
     before = np.minimum(place.astype(np.int64), SAMPLES - 1)
     weight = place - before
@@ -115,5 +118,5 @@ def _between(flown: Replay, interval: Indices, share: Array) -> Array:
 
 
 def _straight(iterate: Iterate, interval: Indices, share: Array) -> Array:
-    """States at shares of intervals, straight between their nodes; shape (n_x, n)."""
+    """Return states at shares of intervals, straight between their nodes; shape (n_x, n)."""
     return iterate.state[:, interval] * (1.0 - share) + iterate.state[:, interval + 1] * share

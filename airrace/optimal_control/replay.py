@@ -1,4 +1,4 @@
-"""Flying an optimum again: its controls integrated by an independent integrator, restarted at every node or phase.
+"""The replay of an optimum: its controls integrated by an independent integrator, restarted at every node or phase.
 
 scipy's DOP853 shares no code with the shooting scheme. It integrates the model's rates, compiled where they are, see
 `compiled_rates.py`; a test holds the compiled ones against casadi's. Restarted at every node, all intervals are
@@ -17,28 +17,34 @@ from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
 
 SAMPLES = 10
-"""Number of equal parts into which a replayed interval is sampled.
+"""The number of equal parts into which a replayed interval is sampled.
 
 Of what a quantity exceeds its values at the nodes by between them, samples at tenths miss 1.2 % at most, at fifths 7 %
 and at twentieths 0.3 %. This was measured against 200 samples on the optima of the hang glider and the heated
-shuttle."""
+shuttle.
+"""
 
 RELATIVE_TOLERANCE = 1e-10
-"""Tolerance of the replay from node to node, as a fraction of a state or of its scale.
+"""The tolerance of the replay from node to node, as a fraction of a state or of its scale.
 
 On the same optima the defects of all intervals are then known to 1e-10 of the scales, four orders below what a
-certificate allows; a tolerance of 1e-8 leaves errors of 6e-9 and takes hardly less time."""
+certificate allows; a tolerance of 1e-8 leaves errors of 6e-9 and takes hardly less time.
+"""
 
 SHORTER = 4
-"""Number of steps in the place of one with which the shooting scheme estimates its own defect.
+"""The number of steps that replace one when the shooting scheme estimates its own defect.
 
-On the same optima the estimate is right within 0.1 % of the largest defect; with two steps it is right within 2.5 %."""
+On the same optima the estimate is right within 0.1 % of the largest defect; with two steps it is right within 2.5 %.
+"""
 
 PHASE_TOLERANCE = 1e-7
-"""Tolerance of the replay from phase to phase, for each of the intervals that follow each other, as the one above.
+"""The tolerance of the replay from phase to phase, for each of the intervals that follow one another.
+
+It is a fraction of a state or of its scale, as the one above.
 
 The shuttle's 120 intervals end within 5e-8 of the states' scales of where a tolerance of 1e-11 leads, which is 5 mm at
-a scale of 100 km; 1e-6 leaves eight times as much and takes little less time."""
+a scale of 100 km; 1e-6 leaves eight times as much and takes little less time.
+"""
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,7 @@ def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
 
 
 def estimated_error(problem: Problem, iterate: Iterate) -> Array:
-    """About the scheme's own error in every interval, even if the nodes do not join; scaled, shape (n_x, N)."""
+    """Estimate the scheme's own error in every interval, even if the nodes do not join; scaled, shape (n_x, N)."""
     return (_stepped(problem, iterate, SHORTER) - _stepped(problem, iterate, 1)) / _scale(problem)
 
 
@@ -116,7 +122,7 @@ def replay_phases(problem: Problem, iterate: Iterate) -> Array:
 
 
 def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
-    """The ends of all intervals by the shooting scheme, with so many steps in the place of one; shape (n_x, N)."""
+    """Return the ends of all intervals by the shooting scheme, with so many steps in place of one; shape (n_x, N)."""
     at = PointFunctions(problem).rates(iterate.control)
     scheme = dataclasses.replace(problem.scheme, steps=shorter * problem.scheme.steps)
     steps = interval_durations(problem, iterate.durations)
@@ -128,12 +134,12 @@ def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
 
 
 def _scale(problem: Problem) -> Array:
-    """Of the states, shape (n_x, 1)."""
+    """Return the scales of the states, shape (n_x, 1)."""
     return np.array([quantity.scale for quantity in problem.system.states])[:, None]
 
 
 def _across(problem: Problem, functions: PointFunctions, x: Array, control: Array, steps: Array) -> Array:
-    """Scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
+    """Return scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
     scale = _scale(problem)
     rates = functions.rates(control)
 
@@ -147,7 +153,7 @@ def _across(problem: Problem, functions: PointFunctions, x: Array, control: Arra
 
 
 def _path_values(problem: Problem, functions: PointFunctions, state: Array, control: Array) -> Array:
-    """Path quantities along the replay, shape (n_c, N, SAMPLES + 1)."""
+    """Return the path quantities along the replay, shape (n_c, N, SAMPLES + 1)."""
     system = problem.system
     n_x, intervals, samples = state.shape
     if system.path_values is None:

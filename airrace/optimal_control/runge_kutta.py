@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta schemes for one shooting interval."""
+"""The explicit Runge-Kutta schemes for one shooting interval."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,7 +25,10 @@ class RungeKutta:
     steps: int = 1
 
     def advance(self, rates: Callable[..., Column], x: Column, u: Column, p: Column, duration: Column) -> Column:
-        """The state after `duration` seconds with the control held. Shapes (n_x,), (n_u,), (n_p,), or as columns."""
+        """Return the state after `duration` seconds with the control held.
+
+        Shapes are (n_x,), (n_u,), (n_p,), or these as columns.
+        """
         h = duration / self.steps
         for _ in range(self.steps):
             slopes: list[Column] = []
@@ -42,7 +45,9 @@ class RungeKutta:
 
 
 RK4 = RungeKutta("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+"""The classical scheme of order 4."""
 RK4_TWICE = RungeKutta("rk4x2", 4, RK4.a, RK4.b, steps=2)
+"""The classical scheme with two steps per interval."""
 
 # Dormand & Prince (1980): the fifth-order weights; the seventh stage serves only their error estimate.
 DORMAND_PRINCE_5 = RungeKutta(

@@ -1,4 +1,4 @@
-"""States between the nodes: one independent integration from the node before each wanted time."""
+"""The states between the nodes, each by one independent integration from the node before the wanted time."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Sparse matrices whose nonzeros are weighted sums of entries of casadi expressions."""
+"""The construction of sparse matrices whose nonzeros are weighted sums of entries of casadi expressions."""
 
 import casadi as ca
 import numpy as np
@@ -8,9 +8,9 @@ Indices = NDArray[np.int64]
 
 
 class Scatter:
-    """Collects contributions `weight * expression[source]` at (row, column), then builds the matrix at once.
+    """A collection of contributions `weight * expression[source]` at (row, column) that make a matrix at once.
 
-    Of a `symmetric` matrix each pair (i, j), (j, i) is contributed to once and both are kept.
+    In a `symmetric` matrix each pair (i, j), (j, i) is contributed to once and both are kept.
     """
 
     def __init__(self, rows: int, columns: int, *, symmetric: bool = False) -> None:
@@ -21,19 +21,22 @@ class Scatter:
         self._entries: list[tuple[Indices, Indices, NDArray[np.float64], Indices]] = []
 
     def draw_from(self, expression: ca.MX) -> None:
-        """The dense column that the following contributions take their sources from."""
+        """Set the dense column that the following contributions take their sources from."""
         self._offset = sum(one.numel() for one in self._expressions)
         self._expressions.append(ca.densify(expression))
 
     def add(self, rows: Indices, columns: Indices, weights: NDArray[np.float64], sources: Indices) -> None:
-        """Add contributions; those that meet at one place add up. All shapes (n,)."""
+        """Add contributions; those that meet at one place add up. All shapes are (n,)."""
         self._entries.append((rows, columns, weights, sources + self._offset))
         if self._symmetric:
             off = rows != columns
             self._entries.append((columns[off], rows[off], weights[off], sources[off] + self._offset))
 
     def matrix(self) -> ca.MX:
-        """As a sparse expression: every contribution is picked from its source, those that meet are added."""
+        """Return the matrix as a sparse expression.
+
+        Every contribution is picked from its source, and those that meet are added.
+        """
         rows, columns, weights, sources = (np.concatenate(parts) for parts in zip(*self._entries, strict=True))
         places = columns * self._shape[0] + rows
         order = np.argsort(places, kind="stable")

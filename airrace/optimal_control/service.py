@@ -1,4 +1,4 @@
-"""The other end of the solver process: starts it, hands it problems, watches it, stops it.
+"""The service of a solver process: it starts the process, hands it problems, watches it and stops it.
 
 A solver may spend minutes in one call, or never come back from a bad guess, so it lives in a process that can be killed
 at any moment. One process serves a whole run.
@@ -30,19 +30,20 @@ from airrace.optimal_control.spawn import take
 from airrace.system import System
 
 STALL_SECONDS = 120.0
-"""How long a solver may be at one iteration before it is taken to hang, s.
+"""The longest time that a solver may spend on one iteration before it is considered to hang, s.
 
 An iteration that hangs never ends. Of those that end, the slowest of the problems with known answers takes 0.5 s (that
 of the soaring glider on 800 intervals, without compiled kernels), and those of a whole six-dof race with compiled ones
-less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration."""
+less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration.
+"""
 
 
 class Stalled(Exception):
-    """The solver has not finished an iteration for too long and was stopped."""
+    """The error of a solver that has finished no iteration for too long and was stopped."""
 
 
 class SolverEnded(SolverCrash):
-    """The solver process was ended on purpose."""
+    """The error of a solver process that was ended on purpose."""
 
     def __init__(self) -> None:
         super().__init__("the solver process was ended")
@@ -86,7 +87,7 @@ class SolverService:
         self.stop()
 
     def prepare(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Have the kernels of a system that will be flown compiled meanwhile, at low priority."""
+        """Compile the kernels of a system that will be flown in the background, at low priority."""
         if self._compiled and kernels.prepare(system, scheme):
             self._preparing.append((system, scheme))
 
@@ -144,7 +145,7 @@ class SolverService:
             raise
 
     def _finish_preparing(self, system: System, scheme: RungeKutta) -> None:
-        """Let what is compiled for a system get ready before the solver process asks for it."""
+        """Wait for what is compiled for a system before the solver process asks for it."""
         if not any(one is system and how == scheme for one, how in self._preparing):
             return
         self._preparing = [(one, how) for one, how in self._preparing if one is not system or how != scheme]
@@ -189,7 +190,7 @@ class SolverService:
             raise SolverEnded
 
     def _receive(self, patience: float | None) -> Reply:
-        """The next reply, waited for `patience` seconds at most."""
+        """Return the next reply, waited for `patience` seconds at most."""
         if not self._replies.poll(patience):
             raise Stalled(f"no iteration finished within {patience:g} s")
         reply: Reply = self._replies.recv()

@@ -1,4 +1,4 @@
-"""What is observed where: every look that a problem takes at an observation, at boundaries and along watched phases."""
+"""The sightings of a problem: every look that it takes at an observation, at boundaries and along watched phases."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from airrace.system import Observation
 
 @dataclass(frozen=True)
 class Sighting:
-    """One look at an observation.
+    """A look at an observation at one node.
 
     Attributes:
         node: where.
@@ -30,13 +30,13 @@ class Sighting:
 
 
 def boundaries_of(problem: Problem) -> list[tuple[int, Boundary]]:
-    """(node, boundary) of the start and of every phase's end."""
+    """Return (node, boundary) of the start and of every phase's end."""
     ends = [(node, phase.end) for node, phase in zip(problem.first_node[1:], problem.phases, strict=True)]
     return [(0, problem.start), *ends]
 
 
 def sightings_of(problem: Problem, jump_at: Mapping[int, int]) -> tuple[list[Sighting], list[tuple[float, ...]]]:
-    """All sightings, and the parameters that they share: at the boundaries in order, then watch by watch.
+    """Return all sightings, and the parameters that they share: at the boundaries in order, then watch by watch.
 
     Args:
         problem: whose boundaries and watches observe.

@@ -1,4 +1,4 @@
-"""Solving one problem with one call, in a process that can be ended.
+"""The solution of one problem with one call, in a process that can be ended.
 
 An interior point method may never come back from a guess that is bad enough: where derivatives are huge, fatrop adds to
 the diagonal of its matrices for ever, without a callback in which it could be told to stop. So the solve happens in a
@@ -104,7 +104,11 @@ _SERVICES = _Services()
 
 
 def _service(compiled: bool) -> SolverService:
-    """The solver process of this process; another thread's would end with that thread, and a parent's is its own."""
+    """Return the solver process of this process.
+
+    One that another thread has started would end with that thread, and one that a parent process has started belongs to
+    the parent.
+    """
     if _SERVICES.owner != os.getpid():
         _SERVICES.owner, _SERVICES.running = os.getpid(), {}
         atexit.register(_stop)

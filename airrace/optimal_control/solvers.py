@@ -1,4 +1,4 @@
-"""Solving a transcribed problem: one nonlinear program, two solvers, one form of answer.
+"""The solution of a transcribed problem: one nonlinear program, two solvers, one form of answer.
 
 A solve that fails is a value: `Solution.success` is False and `status` holds the solver's own words.
 """
@@ -24,7 +24,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """The tolerance, the number of iterations and the barrier that a solver is told.
+    """The tolerance, the number of iterations and the barrier that a solver is given.
 
     Attributes:
         tolerance: on the scaled conditions of optimality, without unit; a tenth of what a race's certificate allows.
@@ -40,7 +40,7 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of the scaled program: of its constraints (n_g,) and of its simple bounds (n_w,)."""
+    """The multipliers of the scaled program: of its constraints (n_g,) and of its simple bounds (n_w,)."""
 
     constraints: Array
     bounds: Array
@@ -81,7 +81,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver says: the last unknowns w (n_w,), the multipliers of the constraints (n_g,), and how it went."""
+    """The result of a solver: the last unknowns w (n_w,), the multipliers of the constraints (n_g,), how it went."""
 
     w: Array
     lam_g: Array
@@ -96,7 +96,7 @@ class ReadySolver(Protocol):
     """A solver set up for one program."""
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
-        """Solve for these numbers; multipliers are a guess too."""
+        """Solve for these numbers; the multipliers are a guess too."""
         ...
 
 
@@ -107,15 +107,15 @@ class Solver(ABC):
 
     @abstractmethod
     def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
-        """Set up for a program."""
+        """Set up the solver for a program."""
 
     def infeasible(self, status: str) -> bool:
-        """Whether a status claims local infeasibility."""
+        """Return whether a status claims local infeasibility."""
         return "infeasible" in status.lower()
 
 
 class Fatrop(Solver):
-    """Riccati-structured interior point method (Vanroye et al.)."""
+    """The Riccati-structured interior point method fatrop (Vanroye et al.)."""
 
     name = "fatrop"
 
@@ -141,7 +141,7 @@ class _ReadyFatrop:
 
 
 class FatropByCasadi(Solver):
-    """The same through casadi's interface, set up in quadratic time: what `Fatrop` is compared with."""
+    """The solver fatrop through casadi's interface, set up in quadratic time; `Fatrop` is compared with it."""
 
     name = "fatrop-casadi"
 
@@ -169,7 +169,7 @@ def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
 
 
 class Ipopt(Solver):
-    """IPOPT with MUMPS on the same program."""
+    """The solver IPOPT with MUMPS on the same program."""
 
     name = "ipopt"
 
@@ -192,7 +192,7 @@ class Ipopt(Solver):
 
 
 class _ReadyCasadi:
-    """One of casadi's solvers."""
+    """A solver of casadi's, set up for one program."""
 
     def __init__(self, plugin: str, nlp: ca.Function, settings: Mapping[str, Any]) -> None:  # Any: as casadi's own
         self._plugin = plugin
@@ -219,7 +219,7 @@ class _ReadyCasadi:
         )
 
     def _nlpsol(self, bounds: Bounds) -> ca.Function:
-        """The solver for bounds of these kinds.
+        """Return the solver for bounds of these kinds.
 
         Where an equality turns into a range, or a range is left away, casadi 3.8.2 sets fatrop up anew without its
         options: default tolerance, iterations and barrier from then on.
@@ -273,7 +273,10 @@ class PreparedProblem:
         )
 
     def _refusal(self, start: Array, bounds: Bounds, p: Array) -> str:
-        """Why no solver is to be asked, empty if there is no reason: crossed bounds, or a guess without numbers."""
+        """Return why no solver is to be asked; empty if there is no reason.
+
+        Reasons are crossed bounds, and a guess without finite values.
+        """
         if (bounds.lower > bounds.upper).any() or (bounds.g_lower > bounds.g_upper).any():
             return "infeasible: bounds contradict one another"
         values = self._program.nlp(start, p)

@@ -1,4 +1,7 @@
-"""Starting the solver process. Nothing heavy is imported here, so that it can start before all else is loaded."""
+"""The start of the solver process.
+
+Nothing heavy is imported here, so that it can start before everything else is loaded.
+"""
 
 import atexit
 import os
@@ -19,7 +22,10 @@ class WorkerProcess:
 
 
 def start() -> WorkerProcess:
-    """Start a solver process, in a session of its own: a terminal's Ctrl-C reaches this process, which stops it."""
+    """Start a solver process in a session of its own.
+
+    A terminal's Ctrl-C reaches this process alone, which stops the solver process.
+    """
     reading, writing = os.pipe()
     process = subprocess.Popen(
         [sys.executable, "-m", "airrace.optimal_control.worker", str(writing)],
@@ -43,7 +49,7 @@ def start_early() -> None:
 
 
 def take() -> WorkerProcess:
-    """The process that was started early, else a new one."""
+    """Return the process that was started early, else a new one."""
     global _spare
     taken, _spare = _spare, None
     return taken if taken is not None and taken.process.poll() is None else start()

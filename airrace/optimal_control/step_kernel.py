@@ -18,13 +18,16 @@ from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatt
 from airrace.system import System
 
 GROUP = 4
-"""Rows of a single interval's sensitivities are padded to a multiple of so many numbers, of which the compiler makes
-vectors: four doubles fill a register of AVX2. Where every number is a vector already, nothing is padded."""
+"""The multiple of numbers to which rows of a single interval's sensitivities are padded.
+
+The compiler makes vectors of them: four doubles fill a register of AVX2. Where every number is a vector already,
+nothing is padded.
+"""
 
 
 @dataclass(frozen=True)
 class StepSources:
-    """What makes the library's functions `step_jacobian` and `step_hessian`.
+    """The sources of the library's functions `step_jacobian` and `step_hessian`.
 
     Attributes:
         generated: casadi functions that the driver calls, to be translated each into a file of its own.
@@ -39,12 +42,12 @@ class StepSources:
 
 
 def driver_text() -> str:
-    """The driver without tables: the same for all models."""
+    """Return the driver without tables, which is the same for all models."""
     return Path(__file__).with_name("step_kernel.c").read_text(encoding="utf-8")
 
 
 def step_sources(system: System, scheme: RungeKutta, *, lanes: int = 1) -> StepSources:
-    """The derivatives of one step of a system, for so many intervals at once."""
+    """Return the sources of the derivatives of one step of a system, for so many intervals at once."""
     x, u = ca.SX.sym("x", len(system.states)), ca.SX.sym("u", len(system.controls))
     p = ca.SX.sym("p", len(system.parameters))
     rates = derivatives("rates", [x, u, p], ca.vertcat(x, u), system.rates(x, u, p))
@@ -108,7 +111,7 @@ def _scheme(scheme: RungeKutta) -> list[str]:
 
 
 def _places(rates: Derivatives, patterns: StepPatterns) -> list[str]:
-    """Where an entry of y has its column, -1 for none; and the states that f depends on."""
+    """Return the tables of the column of each entry of y, -1 for none, and of the states that f depends on."""
     place = {entry: number for number, entry in enumerate(patterns.active)}
     return [
         integers("COLUMN_OF", [place.get(entry, -1) for entry in range(len(patterns.hessian))]),
@@ -117,7 +120,10 @@ def _places(rates: Derivatives, patterns: StepPatterns) -> list[str]:
 
 
 def _derivative_tables(part: Derivatives, sensitivity: Pattern) -> list[str]:
-    """Tables of a function's Jacobian and Hessian, and by column on which of them its curved arguments depend."""
+    """Return the tables of a function's Jacobian and Hessian.
+
+    They include, by column, the curved arguments that depend on it.
+    """
     variables, prefix = _variables(part), part.name.upper()
     number = {variable: place for place, variable in enumerate(variables)}
     jacobian = [(row, column, source) for source, (row, column) in enumerate(_entries(part.linear.sparsity_out(1)))]
@@ -140,7 +146,7 @@ def _derivative_tables(part: Derivatives, sensitivity: Pattern) -> list[str]:
 
 
 def _results(n_x: int, n_p: int, patterns: StepPatterns, padded: int) -> list[str]:
-    """Where the nonzeros of the results come from, and the patterns of arguments and results."""
+    """Return the tables of the sources of the results' nonzeros, and the patterns of arguments and results."""
     n_y = len(patterns.hessian)
     place = {entry: number for number, entry in enumerate(patterns.active)}
     jacobian, hessian = _sparsity(patterns.jacobian), _sparsity(patterns.hessian)
@@ -166,18 +172,18 @@ def _padded(patterns: StepPatterns, lanes: int) -> int:
 
 
 def _acting(rates: Derivatives) -> list[int]:
-    """The states that f depends on."""
+    """Return the states that f depends on."""
     n_x = len(rates.jacobian)
     return np.flatnonzero(np.any(rates.jacobian[:, :n_x], axis=0)).tolist()
 
 
 def _variables(part: Derivatives) -> list[int]:
-    """The arguments in which a function is not linear."""
+    """Return the arguments in which a function is not linear."""
     return np.flatnonzero(np.any(part.hessian, axis=0)).tolist()
 
 
 def _entries(sparsity: ca.Sparsity) -> list[tuple[int, int]]:
-    """Rows and columns of the nonzeros in casadi's order."""
+    """Return the rows and columns of the nonzeros in casadi's order."""
     rows, columns = sparsity.get_triplet()
     return list(zip(rows, columns, strict=True))
 
@@ -188,7 +194,7 @@ def _sparsity(pattern: Pattern) -> ca.Sparsity:
 
 
 def _compressed(name: str, rows: int, entries: Iterable[tuple[int, int, int]]) -> list[str]:
-    """Row-compressed tables of (row, column, source)."""
+    """Return row-compressed tables of (row, column, source)."""
     ordered = sorted(entries)
     starts = np.searchsorted([row for row, _, _ in ordered], np.arange(rows + 1))
     return [

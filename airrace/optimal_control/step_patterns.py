@@ -1,4 +1,4 @@
-"""Where the derivatives of a Runge-Kutta step may differ from zero, found stage by stage as they are computed.
+"""The patterns of a Runge-Kutta step's derivatives: where they may differ from zero, found stage by stage.
 
 The step is a function of y = (x, u, T), its stages evaluate f at z = (x, u). Patterns are boolean matrices; a product
 of two is true where some path leads through both.
@@ -41,7 +41,7 @@ class Derivatives:
 
 @dataclass(frozen=True)
 class StepPatterns:
-    """The patterns of a step.
+    """The patterns of the derivatives of a step.
 
     Attributes:
         active: the entries of y on which anything but the same entry of x depends; the last of them is T.
@@ -59,7 +59,7 @@ class StepPatterns:
 
 
 def derivatives(name: str, arguments: list[ca.SX], z: ca.SX, values: ca.SX) -> Derivatives:
-    """The functions `name_linear` and `name_curved` of `values` as functions of `arguments`, derived in z."""
+    """Return the functions `name_linear` and `name_curved` of `values`, functions of `arguments`, derived in z."""
     lam = ca.SX.sym("lam", values.numel())
     jacobian = ca.jacobian(values, z)
     upper = ca.triu(ca.hessian(ca.dot(lam, values), z)[0])
@@ -77,7 +77,7 @@ def derivatives(name: str, arguments: list[ca.SX], z: ca.SX, values: ca.SX) -> D
 
 
 def step_patterns(scheme: RungeKutta, rates: Derivatives, projection: Derivatives | None) -> StepPatterns:
-    """Patterns of a step along `rates`, projected at its end."""
+    """Return the patterns of a step along `rates`, projected at its end."""
     n_x, n_z = rates.jacobian.shape
     dx, du = np.eye(n_x, n_z + 1, dtype=bool), np.eye(n_z - n_x, n_z + 1, n_x, dtype=bool)
     stage, hessian = np.zeros((n_z, n_z + 1), dtype=bool), np.zeros((n_z + 1, n_z + 1), dtype=bool)
@@ -98,7 +98,7 @@ def step_patterns(scheme: RungeKutta, rates: Derivatives, projection: Derivative
 
 
 def pattern(sparsity: ca.Sparsity) -> Pattern:
-    """Where the nonzeros are, shape as the matrix."""
+    """Return where the nonzeros are, as a boolean matrix of the same shape."""
     found = np.zeros(sparsity.shape, dtype=bool)
     rows, columns = sparsity.get_triplet()
     found[rows, columns] = True
@@ -106,7 +106,7 @@ def pattern(sparsity: ca.Sparsity) -> Pattern:
 
 
 def _advanced(dx: Pattern, weights: Sequence[float], slopes: Sequence[Pattern], values: Pattern) -> Pattern:
-    """Sensitivity of `x + h sum_j weights_j K_j`; h depends on T."""
+    """Return the sensitivity of `x + h sum_j weights_j K_j`; h depends on T."""
     total = dx.copy()
     for weight, slope in zip(weights, slopes, strict=True):
         if weight:
@@ -124,5 +124,5 @@ def _active(rates: Derivatives, projection: Derivatives | None) -> list[int]:
 
 
 def _is_unit(column: ca.SX, place: int) -> bool:
-    """Whether a column of a Jacobian is one at `place` and zero elsewhere."""
+    """Return whether a column of a Jacobian is one at `place` and zero elsewhere."""
     return column.sparsity().row() == [place] and column.nz[0].is_one()

@@ -1,4 +1,4 @@
-"""Direct multiple shooting: from a problem to a nonlinear program with its exact derivatives.
+"""The transcription by direct multiple shooting: from a problem to a nonlinear program with exact derivatives.
 
     minimise f(w; p)   subject to   lower <= w <= upper,   g_lower <= g(w; p) <= g_upper
 
@@ -20,16 +20,17 @@ from airrace.optimal_control.scatter import Scatter
 from airrace.trajectory import Array
 
 MAP_IN_THREADS = 64
-"""Number of calls of a kernel from which on they are spread over threads; twice as many if it has lanes.
+"""The number of calls of a kernel from which they are spread over threads; twice as many if it has lanes.
 
 Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
 a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
-step, or 128 intervals in lanes. For fewer calls little of the gain would be left."""
+step, or 128 intervals in lanes. For fewer calls little of the gain would be left.
+"""
 
 
 @dataclass(frozen=True)
 class NonlinearProgram:
-    """casadi functions of the scaled unknowns x and parameters p, named as casadi's solvers name them.
+    """The casadi functions of the scaled unknowns x and parameters p, named as casadi's solvers name them.
 
     Attributes:
         nlp: (x, p) -> f, g.
@@ -84,7 +85,7 @@ def constraint_function(layout: Layout, kernels: Kernels) -> ca.Function:
 
 
 class _Transcription:
-    """Holds the symbols while the program's functions are built."""
+    """A builder that holds the symbols while the program's functions are built."""
 
     def __init__(self, layout: Layout, kernels: Kernels, threads: int) -> None:
         self.layout = layout
@@ -147,7 +148,7 @@ class _Transcription:
         return [_Calls(kernel, inputs, ca.MX(0, len(inputs)), self.system_parameters, rows, weights)]
 
     def _sightings(self) -> list[_Calls]:
-        """The observations, those of one kind together."""
+        """Return the calls of the observations, those of one kind together."""
         groups: dict[int, list[int]] = {}
         for number, sighting in enumerate(self.layout.sightings):
             groups.setdefault(id(sighting.observation), []).append(number)
@@ -167,7 +168,10 @@ class _Transcription:
         return _Calls(kernel, inputs, own, ca.MX(0, 1), rows, weights, self._unseen_jumps(sightings))
 
     def _unseen_jumps(self, sightings: Sequence[Sighting]) -> ca.MX | None:
-        """What has to be taken off the states at these nodes, shape (n_x, sightings); None if none of them jumps."""
+        """Return the changes to be subtracted from the states at these nodes, shape (n_x, sightings).
+
+        It is None if none of the nodes has a jump.
+        """
         layout = self.layout
         if all(sighting.jump is None for sighting in sightings):
             return None
@@ -180,7 +184,7 @@ class _Transcription:
         return ca.reshape(padded[np.concatenate(places).tolist()], layout.n_x, len(sightings))
 
     def _rows(self, kernel: Kernel, calls: int, call_of: Callable[[Row], int | None]) -> tuple[Indices, Array]:
-        """Places and weights of the outputs that are constrained."""
+        """Return the places and weights of the outputs that are constrained."""
         rows = np.full((calls, kernel.value.size1_out(0)), self.layout.constraints)
         weights = np.zeros(rows.shape)
         for row, place in zip(self.layout.flat_rows, self.layout.row_index, strict=True):
@@ -191,7 +195,7 @@ class _Transcription:
         return rows, weights
 
     def _evaluate(self, calls: _Calls, of: Callable[[Kernel], ca.Function], *multipliers: ca.MX) -> list[ca.MX]:
-        """The outputs of a kernel function over all its calls, as columns of nonzeros.
+        """Return the outputs of a kernel function over all its calls, as columns of nonzeros.
 
         Several calls are made at once where the kernel has lanes for them. Lanes that are left over repeat the last
         call, so that they hold nothing that could not be evaluated.
@@ -214,7 +218,7 @@ class _Transcription:
         return [column[: column.numel() // (count + filling) * count] if filling else column for column in columns]
 
     def _multipliers(self, calls: _Calls) -> ca.MX:
-        """Multipliers of the kernel's outputs in SI, shape (n_c, calls); zero where not constrained."""
+        """Return the multipliers of the kernel's outputs in SI, shape (n_c, calls); zero where not constrained."""
         padded = ca.densify(ca.vertcat(self.lam_g, ca.MX.zeros(1)))
         picked = padded[calls.rows.ravel().tolist()] * ca.DM(calls.weights.ravel())
         return ca.reshape(picked, calls.rows.shape[1], calls.rows.shape[0])
@@ -222,7 +226,10 @@ class _Transcription:
     # the program's functions
 
     def _objective(self) -> tuple[ca.MX, ca.MX]:
-        """f and its gradient; the regularisation is `sum_k T_k fraction_k sum_j weight_j w_kj^2` in scaled controls."""
+        """Return f and its gradient.
+
+        The regularisation is `sum_k T_k fraction_k sum_j weight_j w_kj^2` in scaled controls.
+        """
         layout, objective = self.layout, self.layout.problem.objective
         linear = np.zeros(layout.unknowns)
         linear[layout.duration_index[layout.first_node[:-1]]] = objective.time
@@ -241,7 +248,7 @@ class _Transcription:
         return f, gradient
 
     def _at_the_end(self, gradient: ca.MX) -> ca.MX:
-        """A gradient in the final state, shape (n_x,), as one in the unknowns, shape (n_w,)."""
+        """Return a gradient in the final state, shape (n_x,), as one in the unknowns, shape (n_w,)."""
         places = self.layout.state_index[-1]
         column = Scatter(self.layout.unknowns, 1)
         column.draw_from(gradient)
@@ -259,7 +266,7 @@ class _Transcription:
         return ca.dot(ca.mtimes(ca.DM(weights).T, controls**2).T, durations * self.fractions)
 
     def _constraints(self, values: list[ca.MX]) -> ca.MX:
-        """g: the gaps `x_next - F(x, u, T)` and `T_next - T`, the rows along the path and at the boundaries.
+        """Return g: the gaps `x_next - F(x, u, T)` and `T_next - T`, the rows of path and boundaries.
 
         The gap at the end of a phase is bounded to that phase's jump, all others to zero.
         """
@@ -276,7 +283,7 @@ class _Transcription:
         return ca.densify(g.matrix())
 
     def _linear_gaps(self) -> list[tuple[Indices, Indices, float]]:
-        """The linear part of the gaps: (rows, unknowns, sign), all in scaled units."""
+        """Return the linear part of the gaps: (rows, unknowns, sign), all in scaled units."""
         layout = self.layout
         duration_gap = layout.gap_index[:, -1]
         return [
@@ -301,7 +308,7 @@ class _Transcription:
         return matrix.matrix()
 
     def _adjoint(self, gradients: list[ca.MX]) -> ca.MX:
-        """Jacobian of g transposed times lam_g, from the kernels' gradients."""
+        """Return the Jacobian of g transposed times lam_g, from the kernels' gradients."""
         layout = self.layout
         adjoint = Scatter(layout.unknowns, 1)
         for calls, gradient in zip(self.calls, gradients, strict=True):
@@ -336,7 +343,7 @@ class _Transcription:
         return matrix.matrix()
 
     def _penalty_hessian(self, matrix: Scatter, weights: Array) -> None:
-        """Second derivatives of `T fraction weight w^2`: in w w and in w T."""
+        """Add the second derivatives of `T fraction weight w^2`: in w w and in w T."""
         layout = self.layout
         places = layout.control_index.ravel()
         factor = 2.0 * np.tile(weights, layout.intervals)
@@ -363,11 +370,11 @@ def _hessian(kernel: Kernel) -> ca.Function:
 
 
 def _filled(columns: ca.MX, filling: int) -> ca.MX:
-    """The columns, the last of them so many times more."""
+    """Return the columns, followed by so many copies of the last one."""
     return ca.horzcat(columns, ca.repmat(columns[:, -1], 1, filling)) if filling else columns
 
 
 def _pattern(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
-    """Rows and columns of the nonzeros in casadi's order."""
+    """Return the rows and columns of the nonzeros in casadi's order."""
     rows, columns = sparsity.get_triplet()
     return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)

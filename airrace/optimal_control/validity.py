@@ -1,4 +1,4 @@
-"""Whether a problem says what it seems to say: names that exist, meshes and durations that are possible.
+"""The validity of a problem: names that exist, meshes and durations that are possible.
 
 A bound or a weight under a misspelt name would silently be dropped, and a mesh whose fractions add up to 0.9 would fly
 another problem than the one that was stated. Such problems are refused before anything is built from them. Limits that
@@ -15,10 +15,11 @@ from airrace.quantities import Quantity
 from airrace.system import Observation
 
 WHOLE = 1e-6
-"""By how much the fractions of a phase may miss 1, without unit.
+"""The largest deviation from 1 of the sum of a phase's fractions (1).
 
 The fractions that `1 / n` repeated n times, halving and merging leave of thousands of intervals miss it by less than
-1e-12; a mesh that was mistyped misses it by a whole interval."""
+1e-12; a mesh that was mistyped misses it by a whole interval.
+"""
 
 
 def require_valid(problem: Problem) -> None:

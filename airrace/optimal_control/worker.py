@@ -1,4 +1,4 @@
-"""The solver process: reads requests, solves them, reports iterations while it does.
+"""The solver process, which reads requests, solves them and reports iterations meanwhile.
 
 It is started by `service.py` as `python -m airrace.optimal_control.worker FD` and answers on the file descriptor FD.
 The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers
@@ -24,10 +24,11 @@ from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
 PREPARED_INTERVALS = 600
-"""Number of intervals of all problems together that are kept ready for the next request.
+"""The number of intervals of all problems together that are kept ready for the next request.
 
 A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
-(six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy."""
+(six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy.
+"""
 
 
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
@@ -36,7 +37,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class ProgressReader(io.TextIOBase):
-    """Stands in for standard output: iteration lines become reports, all else is dropped."""
+    """A stand-in for standard output that turns iteration lines into reports and drops all else."""
 
     def __init__(self, replies: Connection) -> None:
         self._replies = replies
@@ -52,7 +53,7 @@ class ProgressReader(io.TextIOBase):
 
 
 class NoticeHandler(logging.Handler):
-    """Sends what the library logs in this process to the other one, whose business it is to show it."""
+    """A logging handler that sends records to the other process, whose business it is to show them."""
 
     def __init__(self, replies: Connection) -> None:
         super().__init__(logging.WARNING)
@@ -63,7 +64,7 @@ class NoticeHandler(logging.Handler):
 
 
 class Workshop:
-    """Solves requests; keeps kernels and prepared problems for the next request of the same structure."""
+    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
 
     def __init__(self, notify: Callable[[str], None]) -> None:
         self._notify = notify
@@ -73,6 +74,7 @@ class Workshop:
         self._sizes: dict[str, int] = {}
 
     def solve(self, request: SolveRequest) -> Solution:
+        """Solve a request, with what was prepared for an earlier one of the same structure."""
         layout = Layout(request.problem)
         key = self._key(layout, request)
         prepared = self._prepared.pop(key, None)
@@ -90,7 +92,7 @@ class Workshop:
             del self._prepared[next(iter(self._prepared))]
 
     def _number(self, shared: System | Observation) -> int:
-        """Equal systems, and equal observations, are one object here, see `Receiver`."""
+        """Return the number of a system or observation; equal ones are one object here, see `Receiver`."""
         for number, known in enumerate(self._known):
             if known is shared:
                 return number
@@ -107,7 +109,7 @@ class Workshop:
         return self._kernels[key]
 
     def _key(self, layout: Layout, request: SolveRequest) -> str:
-        """Everything the prepared functions depend on: two problems with equal keys share them."""
+        """Return everything that the prepared functions depend on; two problems with equal keys share them."""
         problem = request.problem
         rows = [(row.node, row.source, row.component) for row in layout.flat_rows]
         observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.sightings]

@@ -1,4 +1,4 @@
-"""Histories of attitudes: quaternions q and -q are the same attitude, but not the same numbers."""
+"""Histories of attitudes, in which the quaternions q and -q are the same attitude, but not the same numbers."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from airrace.frames import product
 from airrace.trajectory import Array
 
 ROWS = [PointMassState.names().index(name) for name in ("q0", "q1", "q2", "q3")]
+"""The rows of the quaternion in a state history."""
 
 
 def align_quaternions(state: Array) -> None:
@@ -17,7 +18,7 @@ def align_quaternions(state: Array) -> None:
 
 
 def turned(state: Array, before: Array, after: Array) -> Array:
-    """Quaternions of `state`, turned by the rotations that lead from `before` to `after`; shape (4, N)."""
+    """Return the quaternions of `state`, turned by the rotations from `before` to `after`; shape (4, N)."""
     q, q_before, q_after = (list(one[ROWS]) for one in (state, before, after))
     inverse = [q_before[0], -q_before[1], -q_before[2], -q_before[3]]
     return np.array(product(product(q_after, inverse), q))

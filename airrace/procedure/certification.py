@@ -1,4 +1,4 @@
-"""What is measured of an optimum, and the certificate that it makes."""
+"""The measurements of an optimum, and the certificate that they make."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,13 +19,16 @@ ACCELERATIONS = (
     ("angular_acceleration", "rad/s2"),
     ("load_factor_acceleration", "1/s2"),
 )
-SETTLED = 1e-6  # of everything that is at rest at a settled start or finish, in SI units
-MOMENT = 0.05  # s, within which an excess of a load factor's rate may not add up to one of the load factor
+"""The names and units of the accelerations that are zero at a settled start or finish."""
+SETTLED = 1e-6
+"""The largest value of a quantity that is at rest at a settled start or finish, in its SI unit."""
+MOMENT = 0.05
+"""The time in which the excess of a load factor's rate may add up to the allowed excess of the load factor, s."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is measured of an optimum besides what the solver says.
+    """The measurements of an optimum, apart from the solver's own claims.
 
     Attributes:
         flown: its controls flown again.
@@ -60,7 +63,7 @@ def certify(
     kkt_error: float,
     coarser_race_time: float,
 ) -> Certificate:
-    """The certificate of an optimum.
+    """Return the certificate of an optimum.
 
     Args:
         claim: what the solver says, as an item.
@@ -81,7 +84,7 @@ def certify(
 
 
 def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
-    """What may be violated between nodes and at gates, by unit. Coefficients count as load factors.
+    """Return the excesses that are allowed between nodes and at gates, by unit; coefficients count as load factors.
 
     The rows of a gate in unit "1" are sines and excesses of small angles, so their limit is that of gate angles. Rates
     and accelerations are limited at a settled start or finish only.
@@ -98,7 +101,10 @@ def tolerances(limits: CertificateLimits) -> tuple[Tolerance, ...]:
 
 
 def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Iterator[Item]:
-    """Total variation per second of everything a pilot moves: what its bounded rate adds up to, whichever way."""
+    """Yield an item for everything that a pilot moves: its total variation per second.
+
+    That is the mean magnitude of its rate, in the rate's unit.
+    """
     steps = interval_durations(problem, iterate.durations)
     for quantity, rates in zip(problem.system.controls, iterate.control, strict=True):
         fastest = max(-quantity.lower, quantity.upper)
@@ -110,7 +116,7 @@ def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) ->
 
 
 def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:
-    """How far beside its end each leg arrives when it is flown in one go: the largest of all lengths."""
+    """Return the item of the farthest miss of a gate by a leg that is flown in one go: the largest length, m."""
     lengths = [row for row, one in enumerate(problem.system.states) if one.unit == "m"]
     missed = np.abs(replay_phases(problem, iterate)[lengths])
     row, phase = np.unravel_index(int(missed.argmax()), missed.shape)
@@ -119,7 +125,7 @@ def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits)
 
 
 def _hamiltonian(problem: Problem, iterate: Iterate, drift: Array, limits: CertificateLimits) -> Item:
-    """The Hamiltonian's largest distance from -1."""
+    """Return the item of the Hamiltonian's largest distance from -1."""
     worst = int(drift.argmax())
     time = float(interval_durations(problem, iterate.durations)[:worst].sum())
     where = f"{problem.phase_of(worst).name}, {time:.2f} s"
@@ -127,5 +133,5 @@ def _hamiltonian(problem: Problem, iterate: Iterate, drift: Array, limits: Certi
 
 
 def failures(items: Sequence[Item]) -> str:
-    """Items that do not hold, for a sentence."""
+    """Return the items that do not hold, as part of a sentence."""
     return ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} ({item.where})" for item in items)

@@ -1,4 +1,4 @@
-"""Two flights of one course held against each other, leg by leg: where time was won and where it was lost."""
+"""The comparison of two flights of one course, leg by leg: where time was won and where it was lost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from airrace.procedure.result import StageResult
 
 @dataclass(frozen=True)
 class LegTimes:
-    """One leg in two flights.
+    """The times of one leg in two flights.
 
     Attributes:
         name: of the passing that it ends in.
@@ -23,13 +23,13 @@ class LegTimes:
 
     @property
     def difference(self) -> float:
-        """What the other flight loses on this leg, s; negative where it wins."""
+        """The time that the other flight loses on this leg, s; negative where it wins."""
         return self.after - self.before
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two flights of the same passings; `before` and `after` are their race times, s."""
+    """The comparison of two flights of the same passings; `before` and `after` are their race times, s."""
 
     before: float
     after: float
@@ -37,12 +37,12 @@ class Comparison:
 
     @property
     def difference(self) -> float:
-        """What the other flight loses in all, s; negative where it is faster."""
+        """The time that the other flight loses in all, s; negative where it is faster."""
         return self.after - self.before
 
 
 def compared(before: StageResult, after: StageResult) -> Comparison:
-    """Hold one flight against another of the same passings.
+    """Compare one flight with another of the same passings.
 
     Raises:
         ValueError: the passings are others.
@@ -63,7 +63,7 @@ def compared(before: StageResult, after: StageResult) -> Comparison:
 
 
 def last_common(before: Sequence[StageResult], after: Sequence[StageResult]) -> tuple[StageResult, StageResult] | None:
-    """The highest stage that two runs have both certified, from either; None if there is none."""
+    """Return the highest stage that two runs have both certified, from either; None if there is none."""
     earlier = {one.stage: one for one in before if one.certified}
     common = [one for one in after if one.certified and one.stage in earlier]
     return (earlier[common[-1].stage], common[-1]) if common else None

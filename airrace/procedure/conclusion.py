@@ -1,4 +1,4 @@
-"""The end of a stage: what was found, put together for the next stage and for the checkpoint."""
+"""The conclusion of a stage, which puts its findings together for the next stage and for the checkpoint."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def conclude(
     facts: Facts = NO_FACTS,
     mesh: MeshRecord = NO_RECORD,
 ) -> StageResult:
-    """The result of a stage, by default the flight's own; without multipliers theirs are empty."""
+    """Return the result of a stage, by default the flight's own; without multipliers theirs are empty."""
     flown = trajectory(problem, iterate)
     return StageResult(
         stage=stage or flight.stage,

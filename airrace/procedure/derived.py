@@ -1,4 +1,4 @@
-"""What follows from the states and controls of a flight: angles, coefficients, load factors and forces."""
+"""The quantities that follow from the states and controls of a flight: angles, coefficients, load factors, forces."""
 
 from collections.abc import Callable, Mapping
 
@@ -11,7 +11,6 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Histories
 from airrace.procedure.flight import stage_model
 from airrace.procedure.result import StageResult
-from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
@@ -22,10 +21,11 @@ FORCES = (
 )
 
 
-def derived_quantities(
-    race: Race, settings: Settings, result: StageResult
-) -> Mapping[Quantity, Callable[[Histories], Array]]:
-    """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
+def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, Callable[[Histories], Array]]:
+    """Return the derived quantities of a stage with the functions that compute them.
+
+    Each is a function of the named histories of all states and controls, of shape (n,) -> (n,).
+    """
     model = stage_model(result.stage, race)
     system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}

@@ -1,4 +1,4 @@
-"""Why a course cannot be flown: which limit, taken away, makes a flight possible, and where the conflict lies.
+"""The diagnosis of a course that cannot be flown: which limit stands in the way, and where.
 
 Only the legs around the place where the solver gave up are looked at: as they are, and without one limit at a time.
 """
@@ -18,9 +18,12 @@ from airrace.procedure.solving import Workbench
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
-OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)  # a feasible flight is enough
-REACH = 2  # legs before and after the one that is torn
+OPTIONS = SolverOptions(tolerance=1e-3, iterations_max=200, barrier=0.1)
+"""The options of a diagnosing solve, for which a feasible flight is enough."""
+REACH = 2
+"""The number of legs before and after the torn one that are looked at."""
 POSITION = ("along", "right", "height", "x", "y", "z")
+"""The names of the conditions on the position."""
 
 # Limits a user knows, in the order in which they are doubted: (name, text, unit, factor from SI)
 LIMITS = (
@@ -33,7 +36,7 @@ LIMITS = (
 
 
 def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate) -> str | None:
-    """A sentence that names the phase and, where one is found, the limit that stands in the way.
+    """Return a sentence that names the phase and, where one is found, the limit that stands in the way.
 
     None if the legs around the place can be flown as they are: then nothing there contradicts.
 
@@ -62,14 +65,17 @@ def _can_be_flown(bench: Workbench, problem: Problem, guess: Iterate, purpose: s
 
 
 def worst_phase(problem: Problem, stuck: Iterate) -> int:
-    """The phase in which the flight is torn apart most."""
+    """Return the index of the phase in which the flight is torn apart most."""
     torn = np.abs(replay(problem, stuck).defect).max(axis=0)
     interval = int(np.nanargmax(torn)) if np.isfinite(torn).any() else 0
     return int(np.searchsorted(problem.first_node, interval, side="right")) - 1
 
 
 def windowed(problem: Problem, first: int, last: int) -> Problem:
-    """Phases `first ... last - 1` alone, begun at the gate before them in any way it allows."""
+    """Return the problem of phases `first ... last - 1` alone.
+
+    It begins at the gate before them in any way that this gate allows.
+    """
     if first == 0:
         start = problem.start
     else:
@@ -79,7 +85,10 @@ def windowed(problem: Problem, first: int, last: int) -> Problem:
 
 
 def relaxations(problem: Problem, phase: int) -> Iterator[tuple[str, Problem]]:
-    """The problem without one of its limits: lines and crowd, then those along the path, of the ends, of gates."""
+    """Yield the problem without one of its limits, and what that limit is.
+
+    Lines and crowd come first, then the limits along the path, those of the ends, those of gates.
+    """
     names = dict.fromkeys(watch.name for one in problem.phases for watch in one.watches)
     for name in names:
         yield name, _unwatched(problem, name)
@@ -125,12 +134,12 @@ def _without(system: System, name: str) -> System:
 
 
 def _lowest(quantity: Quantity) -> float:
-    """No lower limit, but for speeds, which the equations need to be positive."""
+    """Return the lower limit of a freed quantity: none, except for speeds, which the equations need to be positive."""
     return 0.3 * quantity.lower if quantity.unit == "m/s" else -math.inf
 
 
 def _free_ends(problem: Problem) -> Iterator[tuple[str, Problem]]:
-    """The problem with a free start, and with a free finish, where these are settled."""
+    """Yield the problem with a free start, and with a free finish, where these are settled."""
     start, last = unsettled(problem.start), problem.phases[-1]
     if start.bounds != problem.start.bounds:
         yield "a settled start", dataclasses.replace(problem, start=start)
@@ -141,7 +150,7 @@ def _free_ends(problem: Problem) -> Iterator[tuple[str, Problem]]:
 
 
 def _free_gate(problem: Problem, index: int) -> Problem:
-    """The problem with only the position prescribed at the end of a phase."""
+    """Return the problem with only the position prescribed at the end of a phase."""
     phase = problem.phases[index]
     kept = {name: bounds for name, bounds in phase.end.bounds.items() if name in POSITION}
     freed: Phase = dataclasses.replace(phase, end=dataclasses.replace(phase.end, bounds=kept))

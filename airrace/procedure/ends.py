@@ -1,4 +1,4 @@
-"""How the race may begin and end: what is asked of the inner loop at the first and at the last passage."""
+"""The ends of the race: the conditions on the inner loop at the first and at the last passage."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,12 +12,12 @@ from airrace.system import Observation, side_by_side
 from airrace.track.course import Course, EndState
 
 EndCondition = Callable[[Boundary], Boundary]
-"""Adds to the conditions of a passage those of the end of the race that it is."""
+"""A function that adds the conditions of an end of the race to those of the passage that it is."""
 
 
 @dataclass(frozen=True)
 class Ends:
-    """What is added to the conditions of the first passage and to those of the last."""
+    """The additions to the conditions of the first passage and to those of the last."""
 
     start: EndCondition
     finish: EndCondition
@@ -43,7 +43,7 @@ class Settled:
 
     @classmethod
     def of(cls, model: FlightModel, crossing: Observation) -> "Settled":
-        """The condition for a model."""
+        """Return the condition for a model."""
         settled = settled_observation(model)
         return cls(
             crossing=crossing,
@@ -54,7 +54,7 @@ class Settled:
         )
 
     def __call__(self, boundary: Boundary) -> Boundary:
-        """The boundary of a passage, to be met in settled flight."""
+        """Return the boundary of a passage that is to be met in settled flight."""
         seen = boundary.observation
         assert seen is not None  # it is the boundary of a passage
         return dataclasses.replace(
@@ -66,19 +66,19 @@ class Settled:
 
 
 def free(boundary: Boundary) -> Boundary:
-    """The boundary of a passage, to be met in any way within the limits of the flight."""
+    """Return the boundary of a passage that may be met in any way within the limits of the flight."""
     return boundary
 
 
 def unsettled(boundary: Boundary) -> Boundary:
-    """The boundary of a passage without what `Settled` has added to it."""
+    """Return the boundary of a passage without what `Settled` has added to it."""
     seen = () if boundary.observation is None else boundary.observation.quantities
     added = {one.name for one in seen if one.rate_of or one == SIDE_ACCELERATION}
     return dataclasses.replace(boundary, bounds={name: at for name, at in boundary.bounds.items() if name not in added})
 
 
 def course_ends(course: Course, model: FlightModel, crossing: Observation) -> Ends:
-    """What a course asks for, of a model that sees its passages as `crossing`."""
+    """Return the end conditions of a course, for a model that sees its passages as `crossing`."""
     conditions: dict[EndState, EndCondition] = {EndState.FREE: free}
     if EndState.SETTLED in (course.start_state, course.finish_state):
         conditions[EndState.SETTLED] = Settled.of(model, crossing)

@@ -15,10 +15,16 @@ from airrace.procedure.fidelity import Fidelity, Handover
 from airrace.procedure.stage import Stage
 
 LAGGING_INTERVAL = 0.1
-"""s, of the models that are flown by commands: a little more than the roll mode's time constant, 0.08 s."""
+"""The longest interval of the models that are flown by commands, s.
+
+It is a little more than the roll mode's time constant, 0.08 s.
+"""
 SURFACE_INTERVAL = 0.07
-"""s, of the models whose surfaces are optimised: with steps of 0.1 s, longer than the roll mode's time constant of
-0.08 s, the discretised equations are so far from the true ones that optima are found which nothing could fly."""
+"""The longest interval of the models whose surfaces are optimised, s.
+
+With steps of 0.1 s, longer than the roll mode's time constant of 0.08 s, the discretised equations are so far from the
+true ones that optima are found which nothing could fly.
+"""
 
 _point_mass = Fidelity(Stage.POINT_MASS, build_point_mass)
 
@@ -57,7 +63,7 @@ _fidelities: dict[Stage, Fidelity] = {
 
 
 def register(fidelity: Fidelity) -> Fidelity:
-    """Add a fidelity to the ladder, at the place of its stage; returns it.
+    """Add a fidelity to the ladder, at the place of its stage, and return it.
 
     A file that calls this is all that a fidelity of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
 
@@ -73,7 +79,7 @@ def register(fidelity: Fidelity) -> Fidelity:
 
 
 def fidelity_of(stage: Stage) -> Fidelity:
-    """The fidelity that flies a stage.
+    """Return the fidelity that flies a stage.
 
     Raises:
         KeyError: the stage was declared, but no fidelity was registered for it.

@@ -1,4 +1,4 @@
-"""A fidelity: all that one stage of the ladder has to itself."""
+"""A fidelity: everything that belongs to one stage of the ladder alone."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -15,17 +15,18 @@ from airrace.track.course import Rules
 from airrace.trajectory import Array
 
 Histories = Mapping[str, Array]
+"""Named histories, each of shape (n,)."""
 
 
 class Builder(Protocol):
-    """Builds the model of an aircraft under rules in an air, with a counter of rolls or without."""
+    """A function that builds the model of an aircraft under rules in an air, with a counter of rolls or without."""
 
     def __call__(self, aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel: ...
 
 
 @dataclass(frozen=True)
 class Handover:
-    """How a stage is started from the optimum of the stage below it.
+    """The way in which a stage is started from the optimum of the stage below it.
 
     Attributes:
         farthest: a flight of this model along that optimum is taken for a start where it strays no further than this
@@ -68,7 +69,7 @@ class Fidelity:
     guess: bool = False
 
     def controller(self) -> InnerLoopInverse:
-        """The builder of its inner controller.
+        """Return the builder of the model's inner controller.
 
         Raises:
             ValueError: the model has no inner loop.

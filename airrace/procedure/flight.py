@@ -50,7 +50,7 @@ class Flight:
         return self.fidelity.longest_interval
 
     def problem(self, mesh: Sequence[tuple[float, ...]]) -> Problem:
-        """The joint problem over all phases; `mesh` holds the fractions of each."""
+        """Return the joint problem over all phases; `mesh` holds the fractions of each."""
         return race_problem(
             self.plan,
             mesh,
@@ -64,7 +64,7 @@ class Flight:
 
 
 def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory | None = None) -> Flight:
-    """The flight of a stage: the race as planned, in the equations of that stage.
+    """Return the flight of a stage: the race as planned, in the equations of that stage.
 
     Args:
         stage: which one.
@@ -90,7 +90,7 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
 
 
 def stage_model(stage: Stage, race: Race) -> FlightModel:
-    """The equations of a stage, with the numbers and limits of a race.
+    """Return the equations of a stage, with the numbers and limits of a race.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
@@ -100,7 +100,7 @@ def stage_model(stage: Stage, race: Race) -> FlightModel:
 
 
 def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
-    """The histories of an iterate, named."""
+    """Return the named histories of an iterate."""
     steps = interval_durations(problem, iterate.durations)
     return Trajectory(
         phases=tuple(phase.name for phase in problem.phases),
@@ -115,12 +115,12 @@ def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
 
 
 def mesh_of(flown: Trajectory) -> list[tuple[float, ...]]:
-    """The fractions of every phase's intervals of a flight."""
+    """Return the fractions of every phase's intervals of a flight."""
     return fractions_of(flown.time, flown.first_node.tolist())
 
 
 def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ...]]:
-    """The fractions of every phase's intervals.
+    """Return the fractions of every phase's intervals.
 
     Args:
         time: of the nodes, s; shape (N + 1,).
@@ -131,12 +131,12 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
 
 
 def iterate_of(flown: Trajectory) -> Iterate:
-    """The unknowns of a stored flight."""
+    """Return the unknowns of a stored flight."""
     return Iterate(flown.durations, flown.state, flown.control)
 
 
 def gate_splits(flight: Flight, flown: Trajectory) -> tuple[GateSplit, ...]:
-    """One row per passage."""
+    """Return one row per passage."""
     q = [flown.of(name) for name in ("q0", "q1", "q2", "q3")]
     V_K, z, n_z = flown.of("V_K"), flown.of("z"), history(flight, flown, "n_z")
     splits: list[GateSplit] = []
@@ -158,7 +158,10 @@ def gate_splits(flight: Flight, flown: Trajectory) -> tuple[GateSplit, ...]:
 
 
 def history(flight: Flight, flown: Trajectory, name: str) -> Array:
-    """A state or a path quantity at the nodes, shape (N + 1,); the last node has the controls of the last interval."""
+    """Return a state or a path quantity at the nodes, shape (N + 1,).
+
+    The last node has the controls of the last interval.
+    """
     system = flight.model.system
     names = [quantity.name for quantity in system.path]
     if name not in names:

@@ -1,4 +1,7 @@
-"""From a plan to histories: speed held, bank and load factor from the smoothed curvature of the planned path."""
+"""The guess of the point mass: histories along a plan, with bank and load factor from the smoothed curvature.
+
+The speed is that of the plan and constant.
+"""
 
 import itertools
 import math
@@ -18,18 +21,26 @@ from airrace.procedure.attitudes import align_quaternions
 from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 
-SMOOTHING = 0.25  # s of flight to either side over which the curvature is averaged
-GATE_REACH = 0.15  # s of flight over which the prescribed bank of a gate holds in the guess
-COUNT_MAX = 120  # intervals in a phase to begin with; where that is too coarse, the mesh is refined
-SHORTEST_LEG = 0.3  # s
-COUNT_STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
+SMOOTHING = 0.25
+"""The time of flight to either side over which the curvature is averaged, s."""
+GATE_REACH = 0.15
+"""The time of flight over which the prescribed bank of a gate holds in the guess, s."""
+COUNT_MAX = 120
+"""The largest number of intervals in a phase of a first mesh; where that is too coarse, the mesh is refined."""
+SHORTEST_LEG = 0.3
+"""The shortest planned duration of a leg, s."""
+COUNT_STEP = 4
+"""The step in which numbers of intervals rise.
+
+Phases of like length share their number, and so a solver made ready for it.
+"""
 
 Fractions = tuple[float, ...]
 History = PointMassState[Array]
 
 
 def leg_seconds(plan: Plan) -> list[float]:
-    """Planned duration of each leg, s."""
+    """Return the planned duration of each leg, s."""
     return [
         max(_leg_seconds(leg, a, b, plan.cruise), SHORTEST_LEG)
         for leg, (a, b) in zip(plan.legs, itertools.pairwise(plan.waypoints), strict=True)
@@ -46,18 +57,18 @@ def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: Cruise) -> float:
 
 
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:
-    """Equal intervals in each phase, about `settings.interval` seconds long."""
+    """Return a mesh of equal intervals in each phase, about `settings.interval` seconds long."""
     return [(1.0 / count,) * count for count in counts_of(leg_seconds(plan), settings)]
 
 
 def counts_of(seconds: Sequence[float], settings: MeshSettings) -> list[int]:
-    """How many intervals phases of some durations (s) begin with."""
+    """Return the numbers of intervals that phases of some durations (s) begin with."""
     counts = [max(settings.intervals_min, math.ceil(s / settings.interval)) for s in seconds]
     return [min(COUNT_STEP * math.ceil(count / COUNT_STEP), COUNT_MAX) for count in counts]
 
 
 def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
-    """Histories of the point mass along the plan.
+    """Return histories of the point mass along the plan.
 
     Args:
         plan: waypoints and legs.
@@ -82,7 +93,7 @@ def guess(plan: Plan, mesh: Sequence[Fractions]) -> Iterate:
 
 
 def _counters(plan: Plan, mesh: Sequence[Fractions], steps: Array, state: Array) -> tuple[Array, Array]:
-    """Histories of `RollCounter` (2, N + 1) and `RollReset` (2, N): they count on rolls and are at rest elsewhere."""
+    """Return histories of `RollCounter` (2, N + 1) and `RollReset` (2, N), which count on rolls and rest elsewhere."""
     flown = PointMassState[Array].split(state)
     passing = np.vstack([0.5 * (flown.p_Kbar[1:] + flown.p_Kbar[:-1]), np.diff(-flown.z) / steps])
     counted = np.zeros((2, len(steps) + 1))
@@ -96,13 +107,13 @@ def _counters(plan: Plan, mesh: Sequence[Fractions], steps: Array, state: Array)
 
 
 def _controls(history: History, steps: Array) -> Array:
-    """Rates of the piecewise linear commands; the lever stays at full power. Shape (4, N)."""
+    """Return the rates of the piecewise linear commands; the lever stays at full power. Shape (4, N)."""
     rates = [np.diff(values) / steps for values in (history.n_z, history.n_y, history.p_Kbar)]
     return np.vstack([*rates, np.ones_like(steps)])
 
 
 def _level_history(plan: Plan, index: int, share: Array) -> History:
-    """Along a Dubins path: coordinated turns at constant speed, height changing evenly."""
+    """Return the history along a Dubins path: coordinated turns at constant speed, height changing evenly."""
     path, a, b = plan.legs[index].path, plan.waypoints[index], plan.waypoints[index + 1]
     assert path is not None  # it is a level leg, whose ends have positions
     assert a.position is not None
@@ -131,7 +142,7 @@ def _level_history(plan: Plan, index: int, share: Array) -> History:
 
 
 def _smoothed_curvature(plan: Plan, index: int, s: Array) -> Array:
-    """Curvature averaged over `SMOOTHING` to either side, across the neighbouring legs where they are level, too."""
+    """Return the curvature (1/m) averaged over `SMOOTHING` to either side, across neighbouring level legs, too."""
     reach = SMOOTHING * plan.cruise.V
     at = s[:, None] + np.linspace(-reach, reach, 21)
     path = plan.legs[index].path
@@ -147,7 +158,7 @@ def _smoothed_curvature(plan: Plan, index: int, s: Array) -> Array:
 
 
 def _bank_at_gates(bank: Array, s: Array, length: float, a: Waypoint, b: Waypoint, pace: Cruise) -> Array:
-    """The prescribed banks at both ends, blended into the bank of the turn."""
+    """Return the bank of the turn (rad), blended into the prescribed banks at both ends."""
     for waypoint, distance in ((a, s), (b, length - s)):
         if waypoint.bank is not None:
             weight = np.exp(-((distance / (GATE_REACH * pace.V)) ** 2))
@@ -156,7 +167,10 @@ def _bank_at_gates(bank: Array, s: Array, length: float, a: Waypoint, b: Waypoin
 
 
 def _turning_history(plan: Plan, index: int, share: Array) -> History:
-    """From one attitude to the next by the shortest rotation at constant rates; starts at the origin."""
+    """Return the history of the shortest rotation from one attitude to the next, at constant rates.
+
+    It starts at the origin.
+    """
     a, b, pace = plan.waypoints[index], plan.waypoints[index + 1], plan.cruise
     duration = leg_seconds(plan)[index]
     whole = plan.turn(a, b)
@@ -184,7 +198,7 @@ def _turning_history(plan: Plan, index: int, share: Array) -> History:
 
 
 def _join_positions(plan: Plan, histories: list[History]) -> None:
-    """Put the turning legs one behind the other and shear them so that they meet all that is known of positions."""
+    """Join the turning legs end to end, sheared so that they meet all that is known of positions."""
     index = 0
     while index < len(histories):
         if plan.legs[index].path is not None:
@@ -220,7 +234,7 @@ def _place_chain(waypoints: Sequence[Waypoint], chain: Sequence[History]) -> Non
 
 
 def _allowed_height(waypoint: Waypoint, height: float) -> float:
-    """The height nearest to `height` (m) that a manoeuvre allows."""
+    """Return the height nearest to `height` (m) that a manoeuvre allows."""
     element = waypoint.passage.element
     if element.stands:
         return height
@@ -232,5 +246,5 @@ def _position(history: History) -> tuple[Array, Array, Array]:
 
 
 def _down(position: tuple[float, float, float]) -> Array:
-    """North, east, down of a position given with its height."""
+    """Return north, east and down of a position given with its height."""
     return np.array([position[0], position[1], -position[2]])

@@ -1,4 +1,4 @@
-"""From the optimum of one fidelity to a start for the next.
+"""The handover from the optimum of one fidelity to a start for the next.
 
 Where the equations change, the higher fidelity's model is flown along the lower one's optimum by error feedback. Where
 that strays too far, the model is put at every instant into the state in which it does what the optimum does. Where
@@ -23,11 +23,13 @@ from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
 FEWEST = 4
-"""Intervals of a phase."""
+"""The smallest number of intervals of a phase."""
 
 
 def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
-    """A stage's model flown along the optimum of another stage; where it strays too far, at rest in that optimum.
+    """Return a start: a stage's model flown along the optimum of another stage.
+
+    Where it strays too far, the start is the model at rest in that optimum.
 
     Args:
         flight: of the stage to be started.
@@ -50,7 +52,7 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
-    """A stage's model at rest, node by node, in what the optimum of another stage does there."""
+    """Return a start: a stage's model at rest, node by node, in what the optimum of another stage does there."""
     flown = optimum.trajectory
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
     state, control = settle(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
@@ -69,9 +71,10 @@ def _reference(source: Flight, optimum: StageResult) -> Reference:
 
 
 def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]:
-    """Times of the nodes that the next stage begins with, and the node at which each phase begins and, last, the end.
+    """Return the times of the nodes that the next stage begins with, s, and the first node of each phase.
 
-    They are as dense as in the mesh from which the optimum's was divided, and no further apart than `longest`, s.
+    The last of the latter is the end. Nodes are as dense as in the mesh from which the optimum's was divided, and no
+    further apart than `longest`, s.
     """
     flown = optimum.trajectory
     times = flown.time[coarser_nodes(optimum)]
@@ -86,13 +89,13 @@ def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]
 
 
 def coarser_nodes(optimum: StageResult) -> Marks:
-    """Which nodes belong to the mesh that an optimum's was divided from; all where there is none."""
+    """Return which nodes belong to the mesh that an optimum's was divided from; all where there is none."""
     record = optimum.mesh.coarser
     return record if len(record) else np.ones(len(optimum.trajectory.time), dtype=np.bool_)
 
 
 def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
-    """The very flight of a stage, told in the states and controls of another one that flies the same equations."""
+    """Return a start: the flight of a stage, in the states and controls of another one with the same equations."""
     flown = optimum.trajectory
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
     steps = np.diff(nodes)

@@ -1,4 +1,4 @@
-"""What it costs that controls are held over an interval, in seconds of race time, roughly and interval by interval.
+"""The cost of holding controls over an interval, in seconds of race time, roughly and interval by interval.
 
 Rates of commands enter the equations linearly, so the objective is curved in them by the regularisation alone: a
 control that would vary by d about its mean is held at a price of about the integral of weight d^2. Summed over a race
@@ -14,7 +14,7 @@ from airrace.trajectory import Array
 
 
 def foreseen(problem: Problem, iterate: Iterate) -> Array:
-    """The price of every interval, as far as its neighbours tell how the controls vary; shape (N,).
+    """Estimate the price of every interval from how the controls of its neighbours vary, s; shape (N,).
 
     A control is taken to change by half of the larger jump at the ends of its interval.
     """
@@ -27,7 +27,9 @@ def foreseen(problem: Problem, iterate: Iterate) -> Array:
 
 
 def measured(problem: Problem, iterate: Iterate, coarser: Marks) -> Array:
-    """The price of every interval of a coarser mesh, with the controls of a finer one; shape (coarser.sum() - 1,).
+    """Measure the price of every interval of a coarser mesh, s; shape (coarser.sum() - 1,).
+
+    The controls are those of a finer mesh.
 
     Args:
         coarser: which nodes belong to the coarser mesh, shape (N + 1,).
@@ -41,7 +43,7 @@ def measured(problem: Problem, iterate: Iterate, coarser: Marks) -> Array:
 
 
 def _scaled(problem: Problem, iterate: Iterate) -> tuple[Array, Array, Array]:
-    """Weights of the regularisation (n_u,), scaled controls (n_u, N), lengths of the intervals (N,)."""
+    """Return the weights of the regularisation (n_u,), scaled controls (n_u, N), lengths of the intervals (N,)."""
     weights = [problem.objective.regularisation.get(quantity.name, 0.0) for quantity in problem.system.controls]
     scale = np.array([quantity.scale for quantity in problem.system.controls])[:, None]
     return np.array(weights), iterate.control / scale, interval_durations(problem, iterate.durations)

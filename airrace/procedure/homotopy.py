@@ -27,12 +27,18 @@ from airrace.procedure.statement import piece_boundary
 from airrace.quantities import Interval
 from airrace.trajectory import Array
 
-HORIZON = 2  # phases solved together
-LONGEST_HORIZON = 8  # phases solved together where fewer fail
+HORIZON = 2
+"""The number of phases that are solved together."""
+LONGEST_HORIZON = 8
+"""The largest number of phases that are solved together where fewer fail."""
 SMALLEST_STEP = 1.0 / 16.0
-DETOUR, DETOUR_SECONDS = 1.25, 1.0  # longest duration of a window: factor on the plan and s on top
-TOLERANCE, ITERATIONS_MAX = 1e-2, 100  # of a piece: it is only a guess
-STEP_BARRIER = 1e-2  # of a solve that starts from the neighbouring solution
+"""The smallest step of `part` that is tried (1)."""
+DETOUR, DETOUR_SECONDS = 1.25, 1.0
+"""The longest duration of a window: a factor on the plan (1), and a time on top (s)."""
+TOLERANCE, ITERATIONS_MAX = 1e-2, 100
+"""The tolerance (1) and the number of iterations of a piece's solve, which yields only a guess."""
+STEP_BARRIER = 1e-2
+"""The first value of the barrier parameter of a solve that starts from the neighbouring solution."""
 
 
 def fly_homotopy(flight: Flight, bench: Workbench) -> StageResult:
@@ -73,7 +79,9 @@ class _Homotopy:
         )
 
     def _groups(self) -> list[list[int]]:
-        """Phases to be added together: one by one, but those that end anywhere with the next that ends somewhere.
+        """Return the phases to be added together.
+
+        They are added one by one, but those that end anywhere together with the next that ends at a given place.
 
         The fastest way to a bare attitude is to take it at once, wherever; that tells nothing of a good flight.
         """
@@ -93,7 +101,10 @@ class _Homotopy:
         return True
 
     def _follow(self, index: int, first: int) -> bool:
-        """Follow the family of a phase from its first member to the real gate; False if a step gets too small."""
+        """Follow the family of a phase from its first member to the real gate; return whether that was reached.
+
+        A step that gets too small ends the attempt.
+        """
         family = phase_family(self.flight.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
         fractions = self.mesh[index]
         part, step = family.first, 1.0
@@ -120,7 +131,7 @@ class _Homotopy:
         last: Iterate,
         before: Sequence[Iterate] | None = None,
     ) -> list[Iterate] | None:
-        """Solve phases `first ... index`, the last of them at `part`; the pieces, or None where the solver fails."""
+        """Solve phases `first ... index`, the last of them at `part`; return the pieces, or None where that fails."""
         problem = self._problem(first, index, family, part)
         start = joined([*(self.pieces[first:] if before is None else before), last])
         purpose = f"{self.race.phases[index].name}, part {part:g}"
@@ -132,7 +143,7 @@ class _Homotopy:
         return [phase_piece(solution.iterate, problem, one) for one in range(len(problem.phases))]
 
     def _astray(self, found: Iterate, first: int, start: Iterate) -> bool:
-        """Whether a solution has left the family: it takes much longer than planned, for it flies a needless loop."""
+        """Return whether a solution has left the family: it takes much longer than planned, for a needless loop."""
         planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
         return bool(found.durations.sum() > DETOUR * planned.sum() + DETOUR_SECONDS)
 
@@ -145,13 +156,13 @@ class _Homotopy:
         return dataclasses.replace(self.race, start=self._begin(first), phases=tuple(phases))
 
     def _begin(self, first: int) -> Boundary:
-        """The race's own start, or the state in which the last piece that is kept ended."""
+        """Return the race's own start, or the state in which the last piece that is kept ended."""
         if first == 0:
             return self.race.start
         return held(self.flight, self.pieces[first].state[:, 0])
 
 
 def held(flight: Flight, state: Array) -> Boundary:
-    """Begin exactly in a state, shape (n_x,)."""
+    """Return the boundary that is met in exactly one state, shape (n_x,)."""
     names = [quantity.name for quantity in flight.model.system.states]
     return Boundary("", {name: Interval.exactly(float(value)) for name, value in zip(names, state, strict=True)})

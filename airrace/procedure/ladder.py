@@ -1,4 +1,4 @@
-"""The ladder: every stage's flight, and where its joint problem is started from."""
+"""The ladder: the flight of every stage, and the starts of its joint problem."""
 
 import dataclasses
 import functools
@@ -31,13 +31,15 @@ from airrace.procedure.ways.sketch import Draught
 logger = logging.getLogger(__name__)
 
 LOST = 0.1
-"""s, by which a certified flight may be slower than the rough one that it started from. On its finer mesh it should be
-the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that another way was proved than the
-one that was found."""
+"""The time by which a certified flight may be slower than the rough one that it started from, s.
+
+On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
+another way was proved than the one that was found.
+"""
 
 
 def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
-    """The stages of a run: with a guess from the plan there is no homotopy."""
+    """Return the stages of a run; with a guess from the plan there is no homotopy."""
     first = STAGES.index(Stage.HOMOTOPY if settings.guess is GuessKind.HOMOTOPY else Stage.POINT_MASS)
     return list(STAGES[first : STAGES.index(until) + 1])
 
@@ -63,7 +65,7 @@ class Ladder:
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
     def flight(self, stage: Stage) -> Flight:
-        """The model of a stage, made when it is first asked for.
+        """Return the model of a stage, made when it is first asked for.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
@@ -77,7 +79,7 @@ class Ladder:
         return self._flights[stage]
 
     def climb(self, stage: Stage, bench: Workbench) -> StageResult:
-        """Run one stage; those before it are done."""
+        """Run one stage and return its result; those before it are done."""
         fidelity = fidelity_of(stage)
         if fidelity.guess:
             result = fly_homotopy(self.flight(stage), bench)
@@ -92,14 +94,20 @@ class Ladder:
         return result
 
     def faster_way(self, optimum: StageResult, bench: Workbench) -> str:
-        """Another way round that is faster than an optimum, in words; empty if none is found or looked for."""
+        """Return another way round that is faster than an optimum, in words.
+
+        It is empty if none is found or looked for.
+        """
         if self._settings.explore is Explore.OFF:
             return ""
         source = self.as_flown(optimum.stage, optimum)
         return faster_way(self.flight(Stage.POINT_MASS), source, optimum, self._race.course, bench)
 
     def _first_optimum(self, bench: Workbench) -> StageResult:
-        """The point mass: what exploring found, then the homotopy and the plan, the one the user wants first."""
+        """Optimise the point mass from what exploring found, then from the homotopy and the plan.
+
+        The one that the user prefers comes first.
+        """
         known = self._first_starts(bench)
         effort = EFFORTS.get(self._settings.explore)
         if effort is None:
@@ -120,7 +128,7 @@ class Ladder:
         return dataclasses.replace(_on_record(result, bench), explored=explored)
 
     def _explored(self, effort: Effort, bench: Workbench) -> Exploration:
-        """What exploring finds; the starts without exploring are among its own, so that nothing is lost by it."""
+        """Explore ways round, with the starts without exploring among the starts, so that nothing is lost by it."""
         flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
         pieces = [self._homotopy(bench)] if effort.homotopy or asked else []
         starts = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
@@ -133,7 +141,7 @@ class Ladder:
         return explore(flight, self._race.course, bench, effort, starts)
 
     def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
-        """The homotopy and the plan, the one the user wants first."""
+        """Return the homotopy and the plan as starts, the one that the user prefers first."""
         flight, flown = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
         def planned() -> Start:
@@ -147,13 +155,13 @@ class Ladder:
         return (pieced, planned) if flown else (planned, pieced)
 
     def _homotopy(self, bench: Workbench) -> StageResult:
-        """The pieces of the homotopy, flown once."""
+        """Return the pieces of the homotopy, which is flown once."""
         if self._pieces is None:
             self._pieces = self.done.get(Stage.HOMOTOPY) or fly_homotopy(self.flight(Stage.HOMOTOPY), bench)
         return self._pieces
 
     def _handovers(self, stage: Stage, below: StageResult, bench: Workbench) -> Iterator[Callable[[], Start]]:
-        """Of a higher fidelity: flown along the stage below, at rest in it, at rest in the point mass."""
+        """Yield the starts of a higher fidelity: along the stage below, at rest in it, at rest in the point mass."""
         yield functools.partial(self._handed_over, stage, below, bench)
         yield functools.partial(self._at_rest, stage, below)
         point_mass = self.done.get(Stage.POINT_MASS)  # a run started from another may lack it
@@ -174,32 +182,32 @@ class Ladder:
             return followed(flight, below, optimum)
 
     def as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
-        """A stage's model, planned as an optimum goes round."""
+        """Return a stage's model, planned as an optimum goes round."""
         flight = self.flight(stage)
         way = plan_as_flown(self._race.course, flight.plan.cruise, optimum.trajectory)
         return dataclasses.replace(flight, plan=way)
 
 
 def _fastest(results: Sequence[StageResult]) -> StageResult:
-    """The fastest of the certified results, the others its rivals; the first if none is certified."""
+    """Return the fastest of the certified results, the others its rivals; the first if none is certified."""
     fastest = results[_winner(results)]
     others = [one for one in results if one.certified and one is not fastest]
     return dataclasses.replace(fastest, rivals=tuple(sorted(others, key=lambda one: one.trajectory.race_time)))
 
 
 def _winner(results: Sequence[StageResult]) -> int:
-    """The number of the fastest of the certified results; 0 if none is certified."""
+    """Return the number of the fastest of the certified results; 0 if none is certified."""
     times = [one.trajectory.race_time if one.certified else math.inf for one in results]
     return times.index(min(times))
 
 
 def _on_record(result: StageResult, bench: Workbench) -> StageResult:
-    """A result with all that was solved for its stage, before it and after it."""
+    """Return a result with the record of all that was solved for its stage, before it and after it."""
     return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
 
 
 def _warn(result: StageResult, explored: Explored, best: Explored) -> None:
-    """Say what a user should look at: loops that are left, and a better way that was lost on its way to the proof."""
+    """Warn of what a user should look at: loops that are left, and a better way that could not be proved."""
     for loop in explored.loops:
         logger.warning("the flight may hold a needless loop: %s", loop)
     if result.certified and not _kept(result, best):
@@ -211,7 +219,7 @@ def _warn(result: StageResult, explored: Explored, best: Explored) -> None:
 
 
 def _kept(result: StageResult, explored: Explored) -> bool:
-    """Whether a flight is certified and about as fast as the best way was when it was flown roughly."""
+    """Return whether a flight is certified and about as fast as the best way was when it was flown roughly."""
     if not result.certified or not explored.ways:
         return result.certified
     return result.trajectory.race_time <= explored.ways[0].race_time + LOST
@@ -222,11 +230,11 @@ def _made(start: Start) -> Start:
 
 
 def _planned(flight: Flight, way: Plan, bench: Workbench) -> Draught:
-    """A plan, on the mesh on which the race's own is solved without exploring."""
+    """Return a plan as a draught, on the mesh on which the race's own is solved without exploring."""
     mesh = first_mesh(way, bench.settings.mesh)
     return Draught(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, is_own=True)
 
 
 def _draught(flight: Flight, pieces: StageResult) -> Draught:
-    """The pieces of a homotopy, to be sketched."""
+    """Return the pieces of a homotopy as a draught."""
     return Draught(flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, is_own=True)

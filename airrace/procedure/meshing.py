@@ -1,4 +1,4 @@
-"""Which mesh comes next: coarser where nothing happens, finer where something is wrong, until an optimum is proved.
+"""The choice of the next mesh: coarser where nothing happens, finer where something is wrong, until a proof.
 
 A first mesh is adapted until the Hamiltonian keeps near to -1 all along it; then all of its intervals are halved at
 least. What the finer optimum gains in race time is what a mesh still does to the result. If that is too much, the
@@ -21,18 +21,45 @@ from airrace.procedure.result import Why
 from airrace.procedure.settings import CertificateLimits
 from airrace.trajectory import Array
 
-SAFETY = 0.5  # of a limit: what a mesh is made to keep, by prediction
-SAFETY_OF_ORDER = 0.2  # likewise of the replay: on a coarse mesh the integrator is not yet of its order
-NEARBY = 0.1  # of the integration error beside an interval is expected in it on a mesh of half the intervals
-FAR_OFF = 2.0  # times its limit: where the Hamiltonian is so far from -1, halving alone would change the race time
-UNDERRATED = 3.0  # the price of holding the controls is, seen from a coarse mesh
-CALM = 1 / 40  # of the limit of the Hamiltonian: less than that, and half of the nodes will do
-AT_REST = 1 / 32  # of a limit: an excess between nodes becomes four times as much when a node is dropped
+SAFETY = 0.5
+"""The part of a limit (1) that a mesh is made to keep, by prediction."""
+SAFETY_OF_ORDER = 0.2
+"""The part of the replay's limit (1) that a mesh is made to keep, by prediction.
+
+It is smaller than `SAFETY` because on a coarse mesh the integrator does not yet converge with its order.
+"""
+NEARBY = 0.1
+"""The part of a neighbour's integration error (1) that is expected in an interval once all intervals are halved."""
+FAR_OFF = 2.0
+"""The multiple of its limit (1) beyond which the Hamiltonian is too far from -1.
+
+Halving alone would then change the race time.
+"""
+UNDERRATED = 3.0
+"""The factor (1) by which a coarse mesh underrates the price of holding the controls.
+
+Summed over a race, the estimate of `holding.foreseen` is a third to two thirds of what halving all intervals gains.
+"""
+CALM = 1 / 40
+"""The part of the Hamiltonian's limit (1) below which half of the nodes are enough."""
+AT_REST = 1 / 32
+"""The part of its limit (1) below which an excess between nodes allows a node to be dropped.
+
+It becomes four times as large when a node is dropped.
+"""
 PARTS_MAX = 6
-WORTHWHILE = 0.85  # of the nodes: if no more than that are left, a mesh is made coarser for that alone
-UNTRUE = 1e-2  # scaled, of a replay: an optimum that is so far off in an interval is made of what is wrong there
-LONGEST_JOINED = 0.6  # s
-FEWEST = 4  # intervals in a phase that are left
+"""The largest number of parts into which an interval is cut at once."""
+WORTHWHILE = 0.85
+"""The part of the nodes (1) that a coarser mesh may keep to be worth a solve for that reason alone."""
+UNTRUE = 1e-2
+"""The largest deviation of a replayed interval (scaled) of an optimum that can be trusted.
+
+An optimum that deviates more has exploited the error of that interval.
+"""
+LONGEST_JOINED = 0.6
+"""The longest interval that comes of joining two, s."""
+FEWEST = 4
+"""The smallest number of intervals to which joining reduces a phase."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +80,14 @@ class Draft:
 
     @classmethod
     def first(cls, problem: Problem, guess: Iterate) -> Self:
-        """The mesh that a stage begins with."""
+        """Return the mesh that a stage begins with."""
         why = np.full(problem.intervals, Why.FIRST, dtype=np.int8)
         return cls(problem.mesh, guess, why, np.ones(problem.intervals + 1, dtype=np.bool_))
 
 
 @dataclass(frozen=True)
 class Solved:
-    """An optimum on a draft, and what is measured of it."""
+    """An optimum on a draft, and its measurements."""
 
     problem: Problem
     iterate: Iterate
@@ -69,11 +96,12 @@ class Solved:
 
     @property
     def race_time(self) -> float:
+        """The race time, s."""
         return float(self.iterate.durations.sum())
 
 
 def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining: bool) -> Draft | None:
-    """A better first mesh, None if the one there is will do.
+    """Return a better first mesh; None if the present one will do.
 
     Args:
         early: whether a mesh that is merely not good yet is worth another solve.
@@ -103,7 +131,7 @@ def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining:
 
 
 def halved(optimum: Solved, limits: CertificateLimits) -> Draft:
-    """All intervals halved at least, and cut into as many parts as they are expected to need."""
+    """Return a mesh with all intervals halved at least, and cut into as many parts as they are expected to need."""
     parts, why = _needed(optimum, limits, nearby=NEARBY)
     parts = np.maximum(parts, 2)
     divided = _divided(optimum, parts, why)
@@ -111,7 +139,7 @@ def halved(optimum: Solved, limits: CertificateLimits) -> Draft:
 
 
 def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
-    """Finer where something is wrong between nodes; None if nothing is."""
+    """Return a mesh that is finer where something is wrong between nodes; None if nothing is."""
     parts, why = _needed(optimum, limits, nearby=1.0)
     if (parts == 1).all():
         return None
@@ -120,7 +148,9 @@ def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
 
 
 def provided(draft: Draft, problem: Problem, limits: CertificateLimits) -> Draft:
-    """Finer where the guess lets foresee that the integrator's error would break its limit, before it is solved on.
+    """Return a mesh that is finer where the integrator's error would break its limit, before it is solved on.
+
+    That is estimated from the guess.
 
     Args:
         problem: on the mesh of the draft.
@@ -133,8 +163,10 @@ def provided(draft: Draft, problem: Problem, limits: CertificateLimits) -> Draft
 
 
 def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> Draft:
-    """A better first mesh from an optimum whose race time has changed too much from that on the mesh before: what is
-    taken to have changed it most stays as fine as it is, all else becomes what it was."""
+    """Return a better first mesh from an optimum whose race time differs too much from that on the mesh before.
+
+    The intervals that are taken to have changed it most stay as fine as they are, all others become what they were.
+    """
     dearest = widened(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time))
     fine = dearest[np.cumsum(optimum.draft.coarser[:-1]) - 1]
     kept = optimum.draft.coarser.copy()
@@ -145,7 +177,7 @@ def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> 
 
 
 def _changed_by(optimum: Solved, before: Solved) -> Array:
-    """What the intervals of the mesh before are taken to have changed of the race time, s; shape (N before,).
+    """Estimate what the intervals of the mesh before have changed of the race time, s; shape (N before,).
 
     What is not the integrator's error is due to controls that are held less long, if the finer mesh is faster; if it is
     slower, to limits that are kept at more nodes.
@@ -161,7 +193,7 @@ def _changed_by(optimum: Solved, before: Solved) -> Array:
 
 
 def _dearest(price: Array, limit: float) -> Marks:
-    """Those that cost most, so many that the others together cost no more than a limit; shape (N,)."""
+    """Return the intervals that cost most, so many that the others together keep within a limit; shape (N,)."""
     order = np.argsort(-price)
     left = price.sum() - np.cumsum(price[order])
     dearest = np.zeros(len(price), dtype=np.bool_)
@@ -171,7 +203,7 @@ def _dearest(price: Array, limit: float) -> Marks:
 
 
 def _needed(optimum: Solved, limits: CertificateLimits, *, nearby: float) -> tuple[Indices, NDArray[np.int8]]:
-    """How many parts every interval needs for each indicator to keep its limit, and for which of them.
+    """Return the number of parts that each interval needs for every indicator to keep its limit, and the reason.
 
     Args:
         nearby: how much of the integration error beside an interval is expected in it.
@@ -190,7 +222,7 @@ def _needed(optimum: Solved, limits: CertificateLimits, *, nearby: float) -> tup
 
 
 def _most(optimum: Solved, wanted: list[tuple[Why, Array]]) -> tuple[Indices, NDArray[np.int8]]:
-    """The largest number of parts that anything wants of each interval, and what wants it."""
+    """Return the largest number of parts that any indicator asks for in each interval, and which indicator it is."""
     counts = np.nan_to_num(np.stack([count for _, count in wanted]), nan=PARTS_MAX, posinf=PARTS_MAX)
     parts = np.clip(counts.max(axis=0), 1, PARTS_MAX).astype(np.int64)
     reasons = np.array([why for why, _ in wanted], dtype=np.int8)[counts.argmax(axis=0)]
@@ -198,12 +230,15 @@ def _most(optimum: Solved, wanted: list[tuple[Why, Array]]) -> tuple[Indices, ND
 
 
 def _stepped(values: Array, limit: float) -> Array:
-    """Two parts where a limit is exceeded, four where by far."""
+    """Return two parts where a limit is exceeded, four where it is exceeded by far."""
     return np.where(values <= limit, 1.0, np.where(values <= 4.0 * limit, 2.0, 4.0))
 
 
 def _worst_nearby(values: Array) -> Array:
-    """Of each interval and those beside it: where one alone is made finer, what is wrong moves to the next."""
+    """Return the largest value of each interval and those beside it.
+
+    Where one interval alone is made finer, the error moves to the next.
+    """
     worst = values.copy()
     worst[1:] = np.maximum(worst[1:], values[:-1])
     worst[:-1] = np.maximum(worst[:-1], values[1:])
@@ -211,7 +246,10 @@ def _worst_nearby(values: Array) -> Array:
 
 
 def _calm_pairs(optimum: Solved, parts: Indices, limits: CertificateLimits) -> Marks:
-    """Intervals that may be joined with the next one, which then is not joined with another; shape (N,)."""
+    """Return the intervals that may be joined with the next one; shape (N,).
+
+    That one is not joined with another.
+    """
     problem, evidence = optimum.problem, optimum.evidence
     busy = (
         widened(parts > 1)
@@ -238,7 +276,10 @@ def _divided(optimum: Solved, parts: Indices, why: NDArray[np.int8]) -> Draft:
 
 
 def _restricted(draft: Draft, kept: Marks, why_joined: Why | None = None) -> Draft:
-    """A first mesh without the nodes that are not kept; without another reason, joined intervals keep their own."""
+    """Return a first mesh without the nodes that are not kept.
+
+    Without another reason, joined intervals keep their own.
+    """
     mesh, guess = restrict(draft.mesh, draft.guess, kept)
     why = draft.why[kept[:-1]]
     if why_joined is not None:
@@ -248,12 +289,12 @@ def _restricted(draft: Draft, kept: Marks, why_joined: Why | None = None) -> Dra
 
 
 def _still_coarser(draft: Draft, parts: Indices) -> Marks:
-    """The nodes of the coarser mesh behind a draft, when its intervals are cut into so many parts."""
+    """Return the nodes of the coarser mesh behind a draft, when its intervals are cut into so many parts."""
     coarser = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
     coarser[_places(parts)] = draft.coarser
     return coarser
 
 
 def _places(parts: Indices) -> Indices:
-    """Of the old nodes in a divided mesh, shape (N + 1,)."""
+    """Return the places of the old nodes in a divided mesh, shape (N + 1,)."""
     return np.concatenate([[0], np.cumsum(parts)])

@@ -25,7 +25,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class PhaseFamily:
-    """All members of one phase.
+    """The members of one phase's family.
 
     Attributes:
         begin: where the phase begins: its waypoint, moved to where the phase before really ended.
@@ -43,11 +43,14 @@ class PhaseFamily:
 
     @property
     def first(self) -> float:
-        """The member to begin with. Between attitudes at free positions there is no straight flight to begin with."""
+        """The member to begin with.
+
+        Between attitudes at free positions there is no straight flight to begin with.
+        """
         return 0.0 if self.path is not None else 1.0
 
     def target(self, part: float) -> Waypoint:
-        """Where and how the phase ends."""
+        """Return where and how the phase ends."""
         if part == 1.0:
             return self.end
         return self._bent(self.path, part) if self.path is not None else self._turned(part)
@@ -79,7 +82,7 @@ class PhaseFamily:
         )
 
     def _ahead(self, position: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Where flight straight on would lead in the time of the whole rotation."""
+        """Return the position to which flight straight on would lead in the time of the whole rotation, m."""
         reach = self.pace.V * rotation_time(self.begin.q, self.end.q, self.pace)
         level = reach * math.cos(self.begin.climb)
         return (
@@ -89,14 +92,14 @@ class PhaseFamily:
         )
 
     def guess(self, part: float, fractions: Sequence[float]) -> Iterate:
-        """The member as planned, on a mesh."""
+        """Return the member as planned, on a mesh."""
         path = None if self.path is None else self.path.bent(part)
         member = Plan((self.begin, self.target(part)), (Leg(path),), self.pace, 0.0, self.counting)
         return guess(member, [tuple(fractions)])
 
 
 def phase_family(plan: Plan, index: int, state: Array | None) -> PhaseFamily:
-    """The family of one phase.
+    """Return the family of one phase.
 
     Args:
         plan: of the race.

@@ -1,4 +1,4 @@
-"""Flights in pieces, one per phase: cutting, joining and moving them."""
+"""Flights in pieces, one per phase, which are cut, joined and moved."""
 
 from collections.abc import Sequence
 
@@ -7,17 +7,18 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure.attitudes import ROWS, align_quaternions, turned
 
-SHORTEST_SHARE = 0.2  # of the planned duration, that a moved piece keeps at least
+SHORTEST_SHARE = 0.2
+"""The part of the planned duration (1) that a moved piece keeps at least."""
 
 
 def phase_piece(whole: Iterate, problem: Problem, index: int) -> Iterate:
-    """One phase of a flight."""
+    """Return one phase of a flight."""
     first, last = problem.first_node[index], problem.first_node[index + 1]
     return Iterate(whole.durations[index : index + 1], whole.state[:, first : last + 1], whole.control[:, first:last])
 
 
 def joined(pieces: Sequence[Iterate]) -> Iterate:
-    """Pieces as one flight; of two states at a gate the later is kept."""
+    """Return pieces as one flight; of two states at a gate the later is kept."""
     state = np.hstack([*(piece.state[:, :-1] for piece in pieces), pieces[-1].state[:, -1:]])
     align_quaternions(state)
     durations = np.concatenate([piece.durations for piece in pieces])
@@ -25,7 +26,7 @@ def joined(pieces: Sequence[Iterate]) -> Iterate:
 
 
 def moved(piece: Iterate, before: Iterate, after: Iterate) -> Iterate:
-    """A solution moved by the difference between two planned flights."""
+    """Return a solution moved by the difference between two planned flights."""
     state = piece.state + after.state - before.state
     state[ROWS] = turned(piece.state, before.state, after.state)
     return Iterate(

@@ -1,4 +1,4 @@
-"""Who watches a run. The procedure reports to a `Progress`; the default one is silent."""
+"""The progress of a run, which the procedure reports to a `Progress`; the default one is silent."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from airrace.procedure.result import Stage, StageResult
 
 @dataclass(frozen=True)
 class Iteration:
-    """One iteration of a solver: its number, the objective (s) and the largest scaled infeasibility."""
+    """A solver's iteration: its number, the objective (s) and the largest scaled infeasibility."""
 
     number: int
     objective: float
@@ -16,14 +16,17 @@ class Iteration:
 
 
 class Progress(ABC):
-    """Callbacks of a run, called from the thread that runs the procedure."""
+    """The callbacks of a run, called from the thread that runs the procedure."""
 
     @abstractmethod
     def stage_started(self, stage: Stage) -> None: ...
 
     @abstractmethod
     def activity(self, text: str, done: int, total: int) -> None:
-        """What is being done within the stage, e.g. `("phase 3 of 16: start -> g1", 2, 16)`; total 0 if unknown."""
+        """Receive what is being done within the stage.
+
+        An example is `("phase 3 of 16: start -> g1", 2, 16)`; `total` is 0 if it is unknown.
+        """
 
     @abstractmethod
     def iteration(self, iteration: Iteration) -> None: ...
@@ -33,7 +36,7 @@ class Progress(ABC):
 
 
 class Silent(Progress):
-    """Watches nothing."""
+    """A progress that shows nothing."""
 
     def stage_started(self, stage: Stage) -> None: ...
 

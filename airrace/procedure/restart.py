@@ -1,4 +1,4 @@
-"""A stage started from its optimum in another run, whose numbers were a little different.
+"""The start of a stage from its optimum in another run, whose numbers were a little different.
 
 The other run's flight is solved again under this race's numbers, on the two meshes that it was certified on: first on
 the coarser one, from the stored flight; then on the finer one, from the stored flight moved by what the first solve
@@ -39,31 +39,36 @@ from airrace.track.course import Course
 from airrace.trajectory import Array
 
 ITERATIONS_MAX = 150
-"""Iterations of the first solve. Starts that led to an optimum took 25 to 60, and 98 where the limit of the load
-factor was halved; one that takes many more is lost, and a lower stage is the better start."""
+"""The largest number of iterations of the first solve.
+
+Starts that led to an optimum took 25 to 60, and 98 where the limit of the load factor was halved; one that takes many
+more is lost, and a lower stage is the better start.
+"""
 
 
 RESTART_BARRIER = 1e-5
-"""The first value of the barrier parameter of the first solve. On Rovinj changed by half a g or 5 kt it takes 31 to 43
-iterations on both meshes, and with 1e-4 39 to 50. With 1e-6 it took 28 instead of 31 in one case, and 47 instead of 43
-in another."""
+"""The first value of the barrier parameter of the first solve.
+
+On Rovinj changed by half a g or 5 kt it takes 31 to 43 iterations on both meshes, and with 1e-4 39 to 50. With 1e-6 it
+took 28 instead of 31 in one case, and 47 instead of 43 in another.
+"""
 
 
 @dataclass(frozen=True)
 class Another:
-    """Another run, as users know it, and the stages that it holds."""
+    """Another run, under the name that users know, with the stages that it holds."""
 
     name: str
     results: Sequence[StageResult]
 
     def optima(self, stages: Sequence[Stage]) -> list[StageResult]:
-        """Its certified optima of these stages, the highest first."""
+        """Return its certified optima of these stages, the highest first."""
         certified = [one for one in self.results if one.certified and one.stage in stages]
         return sorted(certified, key=lambda one: stages.index(one.stage), reverse=True)
 
 
 class Flights(Protocol):
-    """What makes the models of stages: planned for themselves, or as an optimum goes round."""
+    """A maker of stages' models: planned for themselves, or as an optimum goes round."""
 
     def flight(self, stage: Stage) -> Flight: ...
 
@@ -72,7 +77,7 @@ class Flights(Protocol):
 
 @dataclass(frozen=True)
 class Restart:
-    """How starting from another run ended.
+    """The outcome of a start from another run.
 
     Attributes:
         result: the optimum that was found; None where no stage of the other run led to one.
@@ -90,7 +95,7 @@ def restarted(
     flights: Flights,
     bench: Workbench,
 ) -> Restart:
-    """The highest of these stages that can be started from another run's optimum of it, solved.
+    """Solve the highest of these stages that can be started from another run's optimum of it.
 
     Args:
         another: the other run.
@@ -116,7 +121,9 @@ def restarted(
 
 
 def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
-    """The certified optima of another run that a run up to the last of these stages can be started from, highest first.
+    """Return the certified optima of another run that a run up to the last of these stages can be started from.
+
+    The highest comes first.
 
     Raises:
         UsageError: there is none.
@@ -128,7 +135,7 @@ def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
 
 
 def overtaken(another: Another, optimum: StageResult, way: str) -> str:
-    """The sentence that says why a start from another run was not enough: another way round has become faster."""
+    """Return why a start from another run was not enough: another way round has become faster."""
     return (
         f"{another.name}: from its {optimum.stage.value} an optimum of {optimum.trajectory.race_time:.3f} s was found, "
         f"but {way}; so the start is from scratch"
@@ -136,14 +143,14 @@ def overtaken(another: Another, optimum: StageResult, way: str) -> str:
 
 
 def is_better(spare: StageResult, result: StageResult) -> bool:
-    """Whether the optimum that a start from another run has led to is better than what came from scratch instead."""
+    """Return whether the optimum of a start from another run is better than what came from scratch instead."""
     if not result.certified:
         return True
     return result.stage is spare.stage and spare.trajectory.race_time < result.trajectory.race_time
 
 
 def told(result: StageResult, remark: str) -> StageResult:
-    """A result whose message begins with a remark; the result itself where there is none."""
+    """Return a result whose message begins with a remark; the result itself where there is none."""
     return replace(result, message="; ".join(text for text in (remark, result.message) if text)) if remark else result
 
 
@@ -152,12 +159,12 @@ Passing = tuple[str, str]
 
 
 def passings_of(course: Course) -> list[Passing]:
-    """What a course has passed, in its order: names and kinds of elements."""
+    """Return the names and kinds of the elements that a course passes, in order."""
     return [(passage.name, type(passage.element).__name__.lower()) for passage in course.passages]
 
 
 def ensure_same_passings(here: Sequence[Passing], there: Sequence[Passing], name: str) -> None:
-    """Refuse a run whose passings are others: its flight leads through another course.
+    """Refuse a run whose passings differ: its flight leads through another course.
 
     Args:
         here: the passings of the race to be flown.
@@ -186,7 +193,7 @@ def _names(course: Course) -> list[Passing]:
 
 
 def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
-    """One sentence on what did not lead on, and what was done instead; empty where everything did."""
+    """Return a sentence on what did not lead to a result, and what was done instead; empty where everything did."""
     reasons = [
         f"from its {', '.join(stage.value for stage, _ in alike)}, {reason}"
         for reason, alike in itertools.groupby(obstacles, key=lambda obstacle: obstacle[1])
@@ -195,7 +202,7 @@ def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequenc
 
 
 def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name: str) -> StageResult | str:
-    """The certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
+    """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
     stored = _in_order_of(flights.flight(optimum.stage), optimum)
     if stored is None:
         return "which flies other equations, no start was made"
@@ -222,9 +229,10 @@ def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name
 
 
 def _other_way(flight: Flight, optimum: StageResult) -> str:
-    """The first gate or pylon that is planned to be crossed, or banked in, against what the stored flight does.
+    """Return the first gate or pylon that is planned to be crossed, or banked in, unlike in the stored flight.
 
-    Conditions at a passing are those of the planned direction, so no solver could lead from the one to the other.
+    It is empty if there is none. Conditions at a passing are those of the planned direction, so no solver could lead
+    from the one to the other.
     """
     for waypoint, split in zip(flight.plan.waypoints, optimum.splits, strict=True):
         if not waypoint.passage.element.stands:
@@ -236,7 +244,7 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
 
 
 def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, Draft | None]:
-    """The stored flight on the coarser of its meshes, and on the finer one; None where only one is known."""
+    """Return the stored flight on the coarser of its meshes, and on the finer one; None where only one is known."""
     mesh, kept = mesh_of(optimum.trajectory), coarser_nodes(optimum)
     facts = Facts(source=f"{optimum.stage.value} of {name}")
     halved = np.diff(np.flatnonzero(kept)).min(initial=2) >= 2
@@ -248,7 +256,7 @@ def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> 
 
 
 def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Solution, solver: str) -> Upcoming:
-    """What follows the first solve: the finer of the stored meshes, or the usual measurements of the only one."""
+    """Return what follows the first solve: the finer of the stored meshes, or the usual refinement of the only one."""
     if finer is None:
         return first_upcoming(replace(start, guess=solution.iterate, barrier=REFINED_BARRIER), solver)
 
@@ -264,7 +272,7 @@ def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Sol
 
 
 def _moved(finer: Draft, before: Iterate, after: Iterate) -> Iterate:
-    """The flight on the finer mesh, moved by what a solve has changed on the coarser one."""
+    """Return the flight on the finer mesh, moved by what a solve has changed on the coarser one."""
     places = np.flatnonzero(finer.coarser)
     share = np.concatenate([np.asarray(phase) for phase in finer.mesh])
     passed = np.concatenate([[0.0], np.cumsum(share)])  # each phase counts 1
@@ -282,7 +290,7 @@ def _moved(finer: Draft, before: Iterate, after: Iterate) -> Iterate:
 
 
 def _in_order_of(flight: Flight, optimum: StageResult) -> Iterate | None:
-    """The stored flight with the states and controls of a model, by their names; None where they are others."""
+    """Return the stored flight with the states and controls of a model, by their names; None where they differ."""
     system, flown, stored = flight.model.system, optimum.trajectory, iterate_of(optimum.trajectory)
     states, controls = _rows(system.states, flown.states), _rows(system.controls, flown.controls)
     if states is None or controls is None:
@@ -291,7 +299,7 @@ def _in_order_of(flight: Flight, optimum: StageResult) -> Iterate | None:
 
 
 def _rows(wanted: Sequence[Quantity], stored: Sequence[Quantity]) -> list[int] | None:
-    """Where each of the quantities is stored; None unless they are the same, unit for unit."""
+    """Return where each of the quantities is stored; None unless they are the same, unit for unit."""
     place = {(one.name, one.unit): row for row, one in enumerate(stored)}
     keys = [(one.name, one.unit) for one in wanted]
     return [place[key] for key in keys] if set(keys) == set(place) else None

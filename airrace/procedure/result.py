@@ -1,4 +1,4 @@
-"""What a finished stage hands on: to the next stage, to the checkpoint, to the terminal."""
+"""The result of a finished stage, for the next stage, the checkpoint and the terminal."""
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -12,7 +12,7 @@ from airrace.trajectory import Array, Trajectory
 
 
 class Outcome(Enum):
-    """How a stage ended."""
+    """The outcome of a stage."""
 
     SOLVED = "solved"
     NOT_CERTIFIED = "not certified"
@@ -23,7 +23,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class GateSplit:
-    """The passing of one gate. SI and radians; `name` is the passage's, e.g. `1:g4`."""
+    """The passing of one gate, in SI and radians; `name` is the passage's, e.g. `1:g4`."""
 
     name: str
     time: float
@@ -37,7 +37,7 @@ class GateSplit:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One call of a solver: which one, what it was for, its verbatim status and its iterations."""
+    """A call of a solver: which one, what it was for, its verbatim status and its iterations."""
 
     purpose: str
     solver: str
@@ -49,7 +49,10 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Timings:
-    """Seconds. `solve` is inside the solver, of which `derivatives` evaluates functions; `wall` is the whole stage."""
+    """The times of a stage, s.
+
+    `solve` is inside the solver, of which `derivatives` evaluates functions; `wall` is the whole stage.
+    """
 
     solve: float
     derivatives: float
@@ -58,7 +61,7 @@ class Timings:
 
 @dataclass(frozen=True)
 class Facts:
-    """Where a stage started and what its regularisation costs.
+    """The start of a stage, and the cost of its regularisation.
 
     Attributes:
         regularisation: its share of the objective, s.
@@ -75,10 +78,11 @@ class Facts:
 
 
 NO_FACTS = Facts()
+"""The facts of a stage about which nothing is known."""
 
 
 class Why(IntEnum):
-    """Why an interval is as long as it is: what its mesh was last made coarser or finer for."""
+    """The reason for an interval's length: what its mesh was last made coarser or finer for."""
 
     FIRST = 0
     CALM = 1
@@ -90,7 +94,9 @@ class Why(IntEnum):
 
 @dataclass(frozen=True)
 class MeshRecord:
-    """Where a mesh has its nodes, and what is measured of its intervals; N intervals, none where nothing is.
+    """The record of a mesh: where its nodes come from, and the measurements of its N intervals.
+
+    It is empty where nothing was measured.
 
     Attributes:
         why: a `Why` per interval, shape (N,).
@@ -106,6 +112,7 @@ class MeshRecord:
 
 
 NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0), np.zeros(0))
+"""The empty record."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +134,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Explored:
-    """What exploring tried before a race was optimised.
+    """The ways that exploring tried before a race was optimised.
 
     Attributes:
         ways: the best first, then the others by race time; empty where nothing was explored.
@@ -147,11 +154,12 @@ class Explored:
 
 
 NOT_EXPLORED = Explored()
+"""The record of a stage without exploring."""
 
 
 @dataclass(frozen=True)
 class StageResult:
-    """One stage, finished.
+    """The result of one finished stage.
 
     Attributes:
         stage: which one.
@@ -192,8 +200,10 @@ class StageResult:
 
     @property
     def certified(self) -> bool:
+        """Whether the stage was solved and its certificate holds."""
         return self.outcome is Outcome.SOLVED and self.certificate is not None and self.certificate.certified
 
     @property
     def iterations(self) -> int:
+        """The number of iterations of all solver calls."""
         return sum(attempt.iterations for attempt in self.attempts)

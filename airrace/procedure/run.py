@@ -1,4 +1,7 @@
-"""A run: the stages in order, each started from the one before. The edges consume the results as they come."""
+"""A run: the stages in order, each started from the one before.
+
+The edges consume the results as they come.
+"""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -108,5 +111,5 @@ def optimize(
 
 
 def _above(stage: Stage, until: Stage) -> list[Stage]:
-    """The stages above one, up to the last."""
+    """Return the stages above one, up to the last."""
     return list(STAGES[STAGES.index(stage) + 1 : STAGES.index(until) + 1])

@@ -1,4 +1,4 @@
-"""Settings of a run: everything that can change its result besides the course and the aircraft."""
+"""The settings of a run: everything that can change its result besides the course and the aircraft."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,14 +6,14 @@ from enum import Enum
 
 
 class GuessKind(Enum):
-    """Where the joint point-mass problem starts from."""
+    """The start of the joint point-mass problem."""
 
     HOMOTOPY = "homotopy"
     PLAN = "plan"
 
 
 class Explore(Enum):
-    """How much is tried to find the fastest way round."""
+    """The effort that is made to find the fastest way round."""
 
     OFF = "off"
     QUICK = "quick"
@@ -22,8 +22,11 @@ class Explore(Enum):
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """First mesh: intervals of about `interval` seconds, at least `intervals_min` in a phase; then up to
-    `refinements_max` other meshes, coarser where nothing happens and finer until the certificate holds."""
+    """The settings of the meshes.
+
+    The first mesh has intervals of about `interval` seconds, at least `intervals_min` in a phase. Up to
+    `refinements_max` other meshes follow, coarser where nothing happens and finer until the certificate holds.
+    """
 
     interval: float = 0.17
     intervals_min: int = 6
@@ -32,7 +35,11 @@ class MeshSettings:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """`primary` is tried first, from every start; then `fallback`, from the same starts."""
+    """The settings of the solvers.
+
+    `primary` is tried first, from every start; then `fallback`, from the same starts. `stall_seconds` is the longest
+    time for an iteration, s.
+    """
 
     primary: str = "fatrop"
     fallback: str = "ipopt"
@@ -44,7 +51,7 @@ class SolverSettings:
 
 @dataclass(frozen=True)
 class CertificateLimits:
-    """Largest values a certified result may show; lengths in m, angles in rad, load factors in g.
+    """The largest values that a certified result may show; lengths in m, angles in rad, load factors in g.
 
     `replay` is of each interval, scaled, `replay_gate` of each leg at the gate that it ends in. `hamiltonian` is how
     far the Hamiltonian may be from -1, `race_time` how much the race time may change when all intervals are halved, s.
@@ -67,8 +74,11 @@ class CertificateLimits:
 
 @dataclass(frozen=True)
 class Settings:
-    """`climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of squared,
-    scaled control rates against seconds of race time."""
+    """The settings of a run.
+
+    `climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of squared,
+    scaled control rates against seconds of race time.
+    """
 
     guess: GuessKind = GuessKind.HOMOTOPY
     explore: Explore = Explore.QUICK

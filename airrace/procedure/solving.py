@@ -1,4 +1,4 @@
-"""Solving with a second opinion: the primary solver, then the fallback, every attempt on record."""
+"""The workbench of a stage: the primary solver, then the fallback, with every attempt on record."""
 
 import time
 from collections.abc import Sequence
@@ -13,13 +13,15 @@ from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
 from airrace.procedure.ways.crew import Crew
 
-CREW_MAX = 8  # solver processes: quick exploring rarely has more jobs than that at once
-POLISH = 1e-2  # of the solver's tolerance, where its solution is not good enough for the certificate
+CREW_MAX = 8
+"""The largest number of solver processes; quick exploring rarely has more jobs than that at once."""
+POLISH = 1e-2
+"""The factor on the solver's tolerance (1) where its solution is not good enough for the certificate."""
 
 
 @dataclass
 class Workbench:
-    """What the stages solve with, on so many threads; keeps the attempts of the current stage."""
+    """The means with which the stages solve: a solver process, settings, threads, and the record of attempts."""
 
     service: SolverService
     settings: Settings
@@ -30,7 +32,7 @@ class Workbench:
     started: float = field(default_factory=time.perf_counter)
 
     def crew(self) -> Crew:
-        """The solver process, and others beside it, for solves that do not depend on each other."""
+        """Return the solver process and others beside it, for solves that do not depend on each other."""
         solver = self.settings.solver
 
         def another() -> SolverService:
@@ -60,7 +62,7 @@ class Workbench:
         solvers: Sequence[str] = (),
         iterations_max: int | None = None,
     ) -> Solution | None:
-        """Solve to the tolerance of the settings, and closer where the solver takes too easily what it calls solved.
+        """Solve to the tolerance of the settings, and to a smaller one where the certificate asks for it.
 
         Args:
             solvers: asked in this order; without any, all that there are.
@@ -96,7 +98,7 @@ class Workbench:
     def attempt(
         self, problem: Problem, guess: Iterate, purpose: str, solver: str, options: SolverOptions
     ) -> Solution | None:
-        """One solve, on record; None if the solver did not come back."""
+        """Solve once, on record; return None if the solver did not come back."""
         started = time.perf_counter()
         try:
             solution = self.service.solve(problem, guess, solver=solver, options=options, on_iteration=self._report)
@@ -113,6 +115,6 @@ class Workbench:
         self.progress.iteration(Iteration(report.number, report.objective, report.infeasibility))
 
     def timings(self) -> Timings:
-        """Where the time of the current stage went."""
+        """Return where the time of the current stage went, s."""
         solve = sum(attempt.seconds for attempt in self.attempts)
         return Timings(solve, self.derivative_seconds, time.perf_counter() - self.started)

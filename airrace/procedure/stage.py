@@ -7,6 +7,7 @@ from typing import Any, ClassVar, overload
 from airrace.extensions import load_extensions
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+"""The form of a stage's name: lower-case words, joined by hyphens."""
 
 
 class Stage:
@@ -28,7 +29,7 @@ class Stage:
     _value: str
 
     def __new__(cls, value: str) -> "Stage":
-        """The stage of a name.
+        """Return the stage of a name.
 
         Raises:
             ValueError: there is none.
@@ -40,7 +41,7 @@ class Stage:
 
     @classmethod
     def new(cls, value: str, *, after: "Stage") -> "Stage":
-        """A further stage, flown after another one and before what followed that until now.
+        """Declare and return a further stage, flown after another one and before what followed that until now.
 
         A stage that exists already stays where it is.
 

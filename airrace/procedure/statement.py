@@ -1,4 +1,4 @@
-"""The race as an optimal control problem: a phase per leg, a boundary per passage."""
+"""The statement of the race as an optimal control problem: a phase per leg, a boundary per passage."""
 
 import dataclasses
 import math
@@ -19,10 +19,14 @@ from airrace.track.element import Frame, climb_condition
 from airrace.track.limits import Roll
 from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO
 
-SHORTEST = 0.1  # s, of a phase
-DETOUR, DETOUR_SECONDS = 3.0, 10.0  # longest duration of a phase: factor on the plan and s on top
-TIME_SCALE = 3.0  # s
-PIECE_ANGLE = math.radians(10.0)  # how far a piece of the homotopy may leave the planned course and climb
+SHORTEST = 0.1
+"""The shortest duration of a phase, s."""
+DETOUR, DETOUR_SECONDS = 3.0, 10.0
+"""The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""
+TIME_SCALE = 3.0
+"""The scale of the phases' durations, s."""
+PIECE_ANGLE = math.radians(10.0)
+"""The largest angle by which a piece of the homotopy may leave the planned course and climb, rad."""
 
 
 def race_problem(
@@ -36,7 +40,7 @@ def race_problem(
     aircraft: Aircraft,
     regularised: Mapping[str, float],
 ) -> Problem:
-    """The joint problem over all phases.
+    """Return the joint problem over all phases.
 
     Args:
         plan: waypoints in flown order.
@@ -81,7 +85,7 @@ def race_problem(
 
 
 def _boundaries(plan: Plan, observation: Observation, span: float) -> list[Boundary]:
-    """The conditions of all passages; counting begins anew where a roll does."""
+    """Return the conditions of all passages, in which counting begins anew where a roll does."""
     boundaries = [boundary(waypoint, observation, span) for waypoint in plan.waypoints]
     for index, following in enumerate(plan.waypoints[1:]):
         if following.passage.roll is not None:
@@ -91,7 +95,7 @@ def _boundaries(plan: Plan, observation: Observation, span: float) -> list[Bound
 
 
 def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Boundary:
-    """The conditions of one passage, in its own frame."""
+    """Return the conditions of one passage, in its own frame; (13) and (14) of the paper."""
     element, passage = waypoint.passage.element, waypoint.passage
     bounds = element.conditions(waypoint.axis)
     if passage.speed.bounded:
@@ -104,7 +108,7 @@ def boundary(waypoint: Waypoint, observation: Observation, span: float) -> Bound
 
 
 def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:
-    """A passage as one piece of the homotopy meets it: exactly as planned, so that the next piece can begin there.
+    """Return the conditions of a passage as a piece of the homotopy meets it: as planned, so the next can begin there.
 
     Position and prescribed bank are exact; course and climb keep within `PIECE_ANGLE` of the plan.
     """
@@ -128,13 +132,13 @@ def piece_boundary(waypoint: Waypoint, observation: Observation) -> Boundary:
 
 
 def _rolled(roll: Roll, planned: float) -> dict[str, Interval]:
-    """Far enough, to the side to which the plan rolls."""
+    """Return the conditions of a roll that goes far enough, to the side to which the plan rolls."""
     angle = Interval(lower=roll.angle) if planned > 0.0 else Interval(upper=-roll.angle)
     return {"Phi": angle, "gain": Interval(lower=roll.gain)}
 
 
 def crossing_parameters(frame: Frame) -> CrossingParameters[float]:
-    """The frame of a passage in the parameters by which a crossing is seen."""
+    """Return the frame of a passage as the parameters by which a crossing is observed."""
     return CrossingParameters(
         centre_north=frame.north,
         centre_east=frame.east,

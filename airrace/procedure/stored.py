@@ -1,4 +1,4 @@
-"""What can be told of a stored result: its certificate measured again, its histories at any time."""
+"""The evaluation of a stored result: its certificate measured again, its histories at any time."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -46,7 +46,7 @@ def recertified(
 
 
 def recertify(race: Race, settings: Settings, result: StageResult) -> Certificate:
-    """The same of one result."""
+    """Measure one stored result again, as `recertified` does."""
     ((_, certificate),) = recertified(race, settings, [result])
     return certificate
 
@@ -79,7 +79,7 @@ def _recertify(race: Race, settings: Settings, result: StageResult, service: Sol
 
 
 def _coarser_race_time(flight: Flight, settings: Settings, result: StageResult, service: SolverService) -> float:
-    """Of the optimum on the mesh that the result's was divided from, s.
+    """Return the race time of the optimum on the mesh that the result's was divided from, s.
 
     NaN if there is no such mesh, if it is not everywhere coarser by half, or if no optimum is found on it.
     """
@@ -94,8 +94,11 @@ def _coarser_race_time(flight: Flight, settings: Settings, result: StageResult, 
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan
 
 
-def sampler(race: Race, settings: Settings, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:
-    """Histories at any time, integrated from the node before; a function of times in s, shape (n,)."""
+def sampler(race: Race, result: StageResult) -> Callable[[Array], Mapping[str, Array]]:
+    """Return the function that gives the states at any times: from times in s, shape (n,), to histories by name.
+
+    They are integrated from the node before.
+    """
     model, iterate = stage_model(result.stage, race), iterate_of(result.trajectory)
     names = [quantity.name for quantity in model.system.states]
     time = result.trajectory.time

@@ -1,4 +1,4 @@
-"""What holds along each leg of a race besides the limits of the aircraft: lines, crowd, the climb angle of a roll."""
+"""The conditions along each leg of a race besides the aircraft's limits: lines, crowd, the climb angle of a roll."""
 
 from collections.abc import Sequence
 
@@ -13,12 +13,12 @@ from airrace.track.polygons import Point, area, edges
 
 
 def leg_watches(course: Course, states: Sequence[Quantity]) -> tuple[tuple[Watch, ...], ...]:
-    """The watches of every leg, one leg less than there are passages."""
+    """Return the watches of every leg; there is one leg less than there are passages."""
     return _Watches(course, states).legs()
 
 
 class _Watches:
-    """Makes every kind of observation once, however many legs it is seen on."""
+    """A maker of watches, which makes every kind of observation once, however many legs it is seen on."""
 
     def __init__(self, course: Course, states: Sequence[Quantity]) -> None:
         self._course = course
@@ -32,7 +32,7 @@ class _Watches:
         return tuple((*everywhere, *self._own(passage)) for passage in self._course.passages[1:])
 
     def _own(self, passage: Passage) -> list[Watch]:
-        """Of the leg that ends with this passage."""
+        """Return the watches of the leg that ends with this passage alone."""
         watches = [
             self._beside(f"safety line {line.name}", safety_line_values(line), line.margin)
             for line in passage.safety_lines
@@ -43,7 +43,7 @@ class _Watches:
         return watches
 
     def _borders(self, corners: Sequence[Point]) -> list[Watch]:
-        """The sides of the airspace."""
+        """Return a watch per side of the airspace."""
         if not corners:
             return []
         right = area(corners) > 0.0

@@ -175,11 +175,11 @@ class FlownStage:
 
     @property
     def _derived(self) -> Derived:
-        return procedure.derived_quantities(self.inputs.race, self.inputs.settings, self.result)
+        return procedure.derived_quantities(self.inputs.race, self.result)
 
     def _sampler(self, rate: float | None) -> Sampler | None:
         """Return what integrates between the nodes; None without a rate, for on the mesh it is not needed."""
-        return None if rate is None else procedure.sampler(self.inputs.race, self.inputs.settings, self.result)
+        return None if rate is None else procedure.sampler(self.inputs.race, self.result)
 
     def _flight(self, rate: float | None) -> FlightTable:
         trajectory = self.result.trajectory

@@ -145,7 +145,7 @@ def test_limits_hold_wherever_the_flight_is_sampled(name: str, guess: GuessKind)
     race, result = RACES[name], optimum(RACES[name], settings(guess))
     limits, rules, envelope = Settings().certificate, race.course.rules, race.aircraft.envelope
     times = np.linspace(0.0, result.trajectory.race_time, 1234)
-    at = sampler(race, settings(guess), result)(times)
+    at = sampler(race, result)(times)
     assert at["n_z"].max() <= rules.n_z.upper + limits.load_factor
     assert at["n_z"].min() >= rules.n_z.lower - limits.load_factor
     assert (-at["z"]).min() >= rules.height.lower - limits.length

@@ -58,7 +58,7 @@ def histories(race: Race, first: int = 0, last: int = -1) -> dict[str, Array]:
     result = certified(race)
     splits = [split.time for split in result.splits]
     times = np.append(np.arange(splits[first], splits[last], 0.005), splits[last])
-    return dict(sampler(race, PLAN, result)(times))
+    return dict(sampler(race, result)(times))
 
 
 def places(flown: dict[str, Array]) -> list[Point]:

@@ -230,7 +230,7 @@ def named_histories(result: StageResult) -> dict[str, Array]:
 def test_derived_quantities_are_the_models_own(name: str, stage: Stage) -> None:
     race, result = RACES[name], rung(name, stage)
     flight, histories = prepared(race, stage), named_histories(result)
-    derived = {one.name: of(histories) for one, of in derived_quantities(race, PLAN, result).items()}
+    derived = {one.name: of(histories) for one, of in derived_quantities(race, result).items()}
     told = histories | derived
     for one in flight.model.system.path:
         assert np.allclose(told[one.name], history(flight, result.trajectory, one.name), rtol=0.0, atol=1e-12), one.name
@@ -244,7 +244,7 @@ def test_derived_forces_are_load_factors_times_the_weight(name: str, stage: Stag
     """Load factors as they are told, and as they are seen from the path."""
     race, result = RACES[name], rung(name, stage)
     histories = named_histories(result)
-    told = histories | {one.name: of(histories) for one, of in derived_quantities(race, PLAN, result).items()}
+    told = histories | {one.name: of(histories) for one, of in derived_quantities(race, result).items()}
     weight, seen = EDGE_540.airframe.m * g0, motion(name, stage)
     assert np.allclose(told["F_x"], weight * told["n_x"])
     assert np.allclose(told["F_y"], weight * told["n_y"])

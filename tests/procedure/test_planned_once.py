@@ -48,8 +48,8 @@ def test_looking_at_a_flight_plans_nothing(searches: list[int]) -> None:
     race = fresh()
     (result,) = optimize(race, PLAN, until=Stage.POINT_MASS, threads=1, progress=Silent())
     searches.clear()
-    sampler(race, PLAN, result)(np.array([0.0, 1.0]))
-    derived_quantities(race, PLAN, result)
+    sampler(race, result)(np.array([0.0, 1.0]))
+    derived_quantities(race, result)
     assert searches == []
 
 

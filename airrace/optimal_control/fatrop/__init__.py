@@ -1,1 +1,4 @@
-"""The solver fatrop, called directly through its C interface: everything that knows of it but `solvers.py`."""
+"""The interface to the solver fatrop, which is called directly through its C interface.
+
+Outside this package only `solvers.py` knows of it.
+"""

@@ -1,4 +1,4 @@
-"""The program's functions evaluated into arrays that stay where they are."""
+"""The functions of the program, evaluated into arrays that stay where they are."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from airrace.trajectory import Array
 
 
 class Functions:
-    """Arguments and results of a program's functions; `seconds` adds up the time spent in them.
+    """The arguments and results of a program's functions; `seconds` adds up the time spent in them.
 
     Attributes:
         w, p: unknowns and parameters, set from outside.
@@ -46,7 +46,11 @@ class Functions:
         self._evaluated_at = None
 
     def values(self) -> None:
-        """Evaluate f and g, unless they are those of the same unknowns already."""
+        """Evaluate f and g, unless they are already those of the same unknowns.
+
+        Raises:
+            SolverCrash: they could not be evaluated.
+        """
         if self._evaluated_at is None or not np.array_equal(self._evaluated_at, self.w):
             self._evaluated_at = None
             self._values()
@@ -55,7 +59,7 @@ class Functions:
     def _bound(
         self, function: ca.Function, arguments: Sequence[Array], results: Sequence[Array | None]
     ) -> Callable[[], None]:
-        """The function with its arguments and results in these arrays; results without one are dropped."""
+        """Return the function with its arguments and results in these arrays; results without one are dropped."""
         buffer, evaluate = function.buffer()
         # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
         for place, array in enumerate(arguments):

@@ -1,4 +1,4 @@
-"""Ctrl-C while a library is at work that would lose it, or be lost by it."""
+"""The handling of Ctrl-C during calls of a library that would lose the signal, or be lost by it."""
 
 import signal
 import threading
@@ -8,12 +8,12 @@ from types import FrameType
 
 
 def _nothing() -> None:
-    """Nobody wants to know at once."""
+    """Do nothing: nobody has to be told at once."""
 
 
 @contextmanager
 def interrupts_held_back(stop: Callable[[], None] = _nothing) -> Generator[None]:
-    """Turn Ctrl-C into a request to stop; what was to be done about it is done after the block.
+    """Turn Ctrl-C into a request to stop, and handle the signal after the block.
 
     Python would raise KeyboardInterrupt as soon as a callback of fatrop begins, before anything there can catch it, and
     ctypes would drop it. casadi drops it while it finds out what its arguments are. SIGTERM is held back likewise where

@@ -1,4 +1,4 @@
-"""fatrop's C interface, as in its header `fatrop/ocp/OCPCInterface.h`, and the two blasfeo functions needed with it.
+"""The C interface of fatrop, as in its header `fatrop/ocp/OCPCInterface.h`, with two functions of blasfeo.
 
 casadi brings both libraries along. Its own interface to fatrop takes time quadratic in the number of stages to set up,
 so they are called directly here.
@@ -20,7 +20,7 @@ from airrace.trajectory import Array
 
 
 class Dims(Structure):
-    """`FatropOcpCDims`: where stages begin in fatrop's vectors."""
+    """The struct `FatropOcpCDims`: where stages begin in fatrop's vectors."""
 
     _fields_ = (
         *((name, POINTER(c_int)) for name in ("ux_offs", "g_offs", "dyn_offs", "dyn_eq_offs", "g_ineq_offs")),
@@ -31,7 +31,7 @@ class Dims(Structure):
 
 
 class Stats(Structure):
-    """`FatropOcpCStats`: times, numbers of calls and how the solve ended."""
+    """The struct `FatropOcpCStats`: times, numbers of calls and how the solve ended."""
 
     _fields_ = (
         *((f"{name}_time", c_double) for name in ("compute_sd", "duinf", "eval_hess", "eval_jac", "eval_cv")),
@@ -46,7 +46,7 @@ class Stats(Structure):
 
 
 class Vector(Structure):
-    """The beginning of `blasfeo_dvec`."""
+    """The beginning of the struct `blasfeo_dvec`."""
 
     _fields_ = (("mem", c_void_p), ("pa", c_void_p))
 
@@ -86,7 +86,7 @@ _FIELDS: dict[str, Any] = {  # Any: ctypes' types have no common public base
 
 
 class Interface(Structure):
-    """`FatropOcpCInterface`: the callbacks that state a problem; those not set are null.
+    """The struct `FatropOcpCInterface`: the callbacks that state a problem; those not set are null.
 
     The `full_eval_` callbacks return `EVALUATED` and leave nothing for the callbacks per stage.
     """
@@ -95,12 +95,13 @@ class Interface(Structure):
 
 
 EVALUATED = 1
+"""The return value of a `full_eval_` callback that has evaluated everything."""
 
 Callback = Callable[..., int]
 
 
 def interface(callbacks: dict[str, Callback]) -> Interface:
-    """The interface with these callbacks by field name; it keeps them alive."""
+    """Return the interface with these callbacks by field name; it keeps them alive."""
     result = Interface()
     for name, callback in callbacks.items():
         setattr(result, name, _FIELDS[name](callback))
@@ -108,7 +109,7 @@ def interface(callbacks: dict[str, Callback]) -> Interface:
 
 
 def number_of_stage(numbers: Sequence[int]) -> Callback:
-    """A callback that looks up the number of stage k."""
+    """Return a callback that looks up the number of stage k."""
 
     def callback(k: int, _: object) -> int:
         return numbers[k]
@@ -117,7 +118,7 @@ def number_of_stage(numbers: Sequence[int]) -> Callback:
 
 
 class Output:
-    """Where fatrop prints: it has one stream per process, which therefore lives as long as the process.
+    """The stream that fatrop prints to; fatrop has one per process, so it lives as long as the process.
 
     What Python raises while printing cannot pass through fatrop; it waits in `error`. While `muted`, nothing is
     printed; fatrop's own option for that would hold for all solves that follow.
@@ -154,12 +155,12 @@ PROTOTYPES: Sequence[tuple[str, Any, tuple[Any, ...]]] = (  # Any: as above
     ("blasfeo_create_dmat", None, (c_int, c_int, c_void_p, c_void_p)),
     ("blasfeo_pack_dmat", None, (c_int, c_int, c_void_p, c_int, c_void_p, c_int, c_int)),
 )
-"""Name, result and arguments of every function that is called, as in the headers."""
+"""The name, result and arguments of every function that is called, as in the headers."""
 
 
 @cache
 def fatrop() -> ctypes.CDLL:
-    """The library with fatrop's and (by way of its dependency) blasfeo's functions.
+    """Return the library with fatrop's and (by way of its dependency) blasfeo's functions.
 
     Raises:
         SolverCrash: casadi was installed without it.
@@ -180,5 +181,5 @@ def _with_prototypes(library: ctypes.CDLL) -> ctypes.CDLL:
 
 
 def doubles_at(address: int, count: int) -> Array:
-    """The numbers at an address, not copied; valid as long as the memory is."""
+    """Return the numbers at an address, not copied; valid as long as the memory is."""
     return np.ctypeslib.as_array((c_double * count).from_address(address))

@@ -1,4 +1,4 @@
-"""How blasfeo keeps a matrix in memory, found out by trying.
+"""The layout of blasfeo's matrices in memory, found out by trying.
 
 blasfeo packs matrices in panels whose height depends on how it was built, and so does its `struct blasfeo_dmat`. A
 matrix that is filled by blasfeo with the number of every entry tells where each one went.
@@ -25,14 +25,16 @@ _SHAPE_WORD = 3  # `m` and `n` follow after three pointers
 
 @cache
 def struct_size() -> int:
-    """Size of `struct blasfeo_dmat` in bytes: as far as blasfeo writes when it creates a matrix."""
+    """Return the size of `struct blasfeo_dmat` in bytes: as far as blasfeo writes when it creates a matrix."""
     low, high = (_created(9, 7, filler)[0] for filler in (0x55, 0xAA))
     return int(np.flatnonzero((low != 0x55) | (high != 0xAA))[-1]) + 1
 
 
 @cache
 def entry_offsets(rows: int, columns: int) -> Indices:
-    """Where the entries of a matrix lie, in doubles after `pA`; column by column, shape (rows * columns,).
+    """Return where the entries of a matrix lie, in doubles after `pA`.
+
+    They are in the order column by column, shape (rows * columns,).
 
     Raises:
         SolverCrash: blasfeo does not keep its matrices as expected.
@@ -51,7 +53,7 @@ def entry_offsets(rows: int, columns: int) -> Indices:
 
 
 def _created(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """A struct, filled with `filler` before blasfeo created a matrix in it, and that matrix's memory, zero."""
+    """Return a struct, filled with `filler` before blasfeo created a matrix in it, and that matrix's memory, zero."""
     struct = np.full(_ROOM, filler, dtype=np.uint8)
     memory = np.zeros(fatrop().blasfeo_memsize_dmat(rows, columns) + _ALIGNMENT, dtype=np.uint8)
     start = -(-memory.ctypes.data // _ALIGNMENT) * _ALIGNMENT
@@ -61,7 +63,7 @@ def _created(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], N
 
 @dataclass(frozen=True)
 class Destination:
-    """Where the entries of some matrices lie in memory: `memory[places]`, matrix by matrix, column by column."""
+    """The places of the entries of some matrices: `memory[places]`, matrix by matrix, column by column."""
 
     memory: Array
     places: Indices
@@ -72,7 +74,7 @@ class Destination:
 
 
 class MatrixFamily:
-    """Matrices of given shapes that fatrop hands over as one array of `struct blasfeo_dmat`."""
+    """A sequence of matrices of given shapes that fatrop hands over as one array of `struct blasfeo_dmat`."""
 
     def __init__(self, rows: Indices, columns: Indices) -> None:
         self.rows = rows
@@ -84,11 +86,11 @@ class MatrixFamily:
 
     @property
     def entries(self) -> int:
-        """Number of entries of all matrices together."""
+        """The number of entries of all matrices together."""
         return int(self.starts[-1])
 
     def addresses(self, structs: int) -> Indices:
-        """Addresses of the numbers of every matrix that has any.
+        """Return the addresses of the numbers of every matrix that has any.
 
         Args:
             structs: address of the array of structs.
@@ -96,7 +98,7 @@ class MatrixFamily:
         return self._words(structs)[self._nonempty, _POINTER_WORD].copy()
 
     def entry_addresses(self, structs: int) -> Indices:
-        """Addresses of all entries, matrix by matrix, column by column.
+        """Return the addresses of all entries, matrix by matrix, column by column.
 
         Raises:
             SolverCrash: the matrices have other shapes.
@@ -121,7 +123,7 @@ class MatrixFamily:
 
 
 def destination(addresses: Indices) -> Destination:
-    """The destination of entries at these addresses."""
+    """Return the destination of entries at these addresses."""
     if not len(addresses):
         return Destination(np.empty(0), addresses)
     first = int(addresses.min())

@@ -1,4 +1,4 @@
-"""Whether the library behaves as this package takes its C interface to be laid out, found out before it is used.
+"""The probe of fatrop's C interface, which finds out before the first solve whether it is laid out as expected.
 
 A field that another release inserts into a struct would not be an error to ctypes: callbacks would be called in each
 other's places and results would be read from beside where they stand. So before the first solve of a process a problem
@@ -59,13 +59,13 @@ def require_known_interface() -> None:
 
 
 class _Probe:
-    """The problem's callbacks, which count their calls."""
+    """The callbacks of the problem with the known answer, which count their calls."""
 
     def __init__(self) -> None:
         self._calls: Counter[str] = Counter()
 
     def differences(self) -> list[str]:
-        """What is not as it should be, in words; empty if all is well."""
+        """Return the differences from what is expected, in words; empty if there are none."""
         library, problem = fatrop(), interface(self._callbacks())
         OUTPUT.muted = True
         solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
@@ -146,7 +146,7 @@ class _Probe:
     def _jacobian(
         self, unknowns: int, _p: int, _q: int, dynamics: int, equalities: int, inequalities: int, *_: int
     ) -> None:
-        """Rows are those of (u, x), then the residual, see `stages.py`."""
+        """Write the matrices of the constraints; their rows are (u, x), then the residual, see `stages.py`."""
         fixed, gap, bounded = self._residuals(unknowns)
         self._write(dynamics, 0, np.array([[1.0], [1.0], [gap]]))
         self._write(equalities, 0, np.array([[0.0], [1.0], [fixed]]))

@@ -1,7 +1,7 @@
-"""Solving a transcribed problem with fatrop (Vanroye et al.), called through its C interface.
+"""The solution of a transcribed problem with fatrop (Vanroye et al.), called through its C interface.
 
-All is set up in time linear in the number of stages, and anew for every solve: fatrop keeps no options or bounds then
-that belong to another one.
+Everything is set up in time linear in the number of stages, and anew for every solve, so that fatrop keeps no options
+or bounds that belong to another one.
 """
 
 import ctypes
@@ -45,7 +45,7 @@ _DOUBLE = 8
 
 @dataclass(frozen=True)
 class FatropResult:
-    """What fatrop returned.
+    """The answer of fatrop.
 
     Attributes:
         w: the last unknowns (n_w,).
@@ -69,7 +69,7 @@ class FatropResult:
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What fatrop leaves behind: its return value, why it ended (`STATUS`), and its vectors."""
+    """The raw result of fatrop: its return value, why it ended (`STATUS`), and its vectors."""
 
     flag: int
     reason: int
@@ -79,7 +79,7 @@ class _Outcome:
 
 
 class FatropSolver:
-    """Solves one program with changing bounds, parameters and guesses.
+    """A solver for one program with changing bounds, parameters and guesses.
 
     Args:
         options: of fatrop, by its names; integers and floats are told apart.
@@ -107,7 +107,7 @@ class FatropSolver:
 
 
 class _Run:
-    """One solve: the callbacks and the memory they share with fatrop."""
+    """One solve: the callbacks, and the memory that they share with fatrop."""
 
     def __init__(
         self, stages: Stages, rows: Rows, functions: Functions, guess: Array, options: Mapping[str, float | int]
@@ -126,7 +126,7 @@ class _Run:
         self._stopped = False
 
     def result(self) -> FatropResult:
-        """Solve, once."""
+        """Solve once, and return the answer."""
         with interrupts_held_back(self._stop):
             outcome = self._outcome()
         if error := self._error or OUTPUT.error:
@@ -147,7 +147,7 @@ class _Run:
         )
 
     def _outcome(self) -> _Outcome:
-        """Create fatrop's solver, ask it, destroy it."""
+        """Create fatrop's solver, run it and destroy it."""
         library, problem = fatrop(), interface(self._callbacks())
         OUTPUT.error = None
         self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
@@ -224,7 +224,10 @@ class _Run:
         }
 
     def _guarded(self, evaluate: Callable[..., None]) -> Callback:
-        """The callback, of which no exception escapes into fatrop: it is raised after the solve, which ends early."""
+        """Return a callback that lets no exception escape into fatrop.
+
+        The exception is raised after the solve, which ends early.
+        """
 
         def callback(*arguments: float) -> int:
             try:
@@ -292,19 +295,22 @@ class _Run:
         return doubles_at(address, self._stages.unknowns)[self._stages.place]
 
     def _residuals(self) -> Array:
-        """fatrop's constraints, infinite where they are not numbers, which its line search knows how to refuse."""
+        """Return fatrop's constraints, infinite where they are not numbers, which its line search can refuse."""
         self._values[: self._stages.constraints] = self._functions.g
         self._values[self._stages.constraints :] = self._functions.w
         return _infinite(self._rows.signs * self._values[self._rows.items] + self._rows.shifts)
 
     def _multipliers(self, dual: Array) -> Array:
-        """Multipliers of (g, w) from fatrop's; zero for what is not bounded."""
+        """Return the multipliers of (g, w) from fatrop's; zero for what is not bounded."""
         both = np.zeros(self._stages.constraints + self._stages.unknowns)
         both[self._rows.items] = self._rows.signs * dual
         return both
 
     def _destination(self, families: tuple[MatrixFamily, ...], structs: tuple[int, ...]) -> Destination:
-        """Where the entries of all matrices lie: fatrop has a few sets of matrices and takes turns."""
+        """Return where the entries of all matrices lie.
+
+        fatrop has a few sets of matrices and uses them in turn.
+        """
         key = b"".join(family.addresses(address).tobytes() for family, address in zip(families, structs, strict=True))
         if key not in self._destinations:
             addresses: list[Indices] = [
@@ -315,5 +321,5 @@ class _Run:
 
 
 def _infinite(values: Array) -> Array:
-    """The values, infinity in place of NaN."""
+    """Return the values with infinity in place of NaN."""
     return np.where(np.isnan(values), np.inf, values)

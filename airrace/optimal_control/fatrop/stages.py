@@ -1,4 +1,4 @@
-"""How the nonlinear program maps to fatrop's stages.
+"""The mapping of the nonlinear program to fatrop's stages.
 
 fatrop orders the unknowns of a stage `u, x` (the program: `x, u`) and knows three kinds of constraints: equalities and
 inequalities of one stage, and the dynamics `F(x, u) - x_next = 0` (the program's gaps with the other sign). Simple
@@ -23,15 +23,16 @@ from airrace.optimal_control.layout import Indices, Layout
 from airrace.trajectory import Array
 
 WIDE = 1e6
-"""Bound, in scaled units, that is given to one unknown of a problem without any inequality.
+"""The bound, in scaled units, that is given to one unknown of a problem without any inequality.
 
 fatrop 1.1.8 never brings the multipliers of such a problem to convergence. With one bound of 1e3 to 1e9 it solves a
-linear-quadratic problem in 7 to 10 iterations, to the same digits; with 1e15 the bound has no effect any more."""
+linear-quadratic problem in 7 to 10 iterations, to the same digits; with 1e15 the bound has no effect any more.
+"""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
+    """The bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
 
     lower: Array
     upper: Array
@@ -40,7 +41,7 @@ class Bounds:
 
 
 class Stages:
-    """What depends on the structure of a program alone (K stages)."""
+    """The mapping as far as it depends on the structure of a program alone (K stages)."""
 
     def __init__(self, layout: Layout, jacobian: ca.Sparsity, hessian: ca.Sparsity) -> None:
         self.n_x, self.n_u = layout.stage_states, layout.stage_controls
@@ -65,7 +66,7 @@ class Stages:
 
     @cached_property
     def hessian_sources(self) -> Indices:
-        """For every entry of the matrices RSQrqt, its place in (nonzeros, gradient, 0).
+        """The place of every entry of the matrices RSQrqt in (nonzeros, gradient, 0).
 
         Raises:
             ValueError: a second derivative reaches from one stage into another.
@@ -83,7 +84,7 @@ class Stages:
 
     @cached_property
     def hessian_identity(self) -> Array:
-        """Entries of RSQrqt with an identity as Hessian and no gradient."""
+        """The entries of RSQrqt with an identity as Hessian and no gradient."""
         entries = np.zeros(self.hessian.entries)
         stage = self.stage_of_unknown
         entries[self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 2)] = 1.0
@@ -91,7 +92,7 @@ class Stages:
 
 
 class Rows:
-    """What depends on the bounds' kinds as well: which constraints are equalities, which inequalities.
+    """The mapping as far as it depends on the kinds of bounds: which constraints are equalities, which inequalities.
 
     Values v are those of the constraints, then those of the unknowns, (g, w); so are multipliers.
 
@@ -135,14 +136,14 @@ class Rows:
 
     @cached_property
     def jacobian_signs(self) -> Array:
-        """Factors from the Jacobian's nonzeros to fatrop's: those of the dynamics have the other sign."""
+        """The factors from the Jacobian's nonzeros to fatrop's: those of the dynamics have the other sign."""
         signs = np.ones(self.stages.constraints)
         signs[self.stages.gaps] = -1.0
         return signs[self.stages.jacobian_nonzeros[0]]
 
     @cached_property
     def jacobian_sources(self) -> Indices:
-        """For every entry of the matrices BAbt, Ggt, Ggt of the inequalities, its place in (nonzeros, residuals, 1, 0).
+        """The place of every entry of BAbt, Ggt and the inequalities' Ggt in (nonzeros, residuals, 1, 0).
 
         Raises:
             ValueError: a constraint reaches into another stage, other than a gap to the next states.
@@ -174,7 +175,10 @@ class Rows:
         return np.concatenate([kinds[0], of_gap, kinds[1]])
 
     def _columns(self) -> tuple[Indices, NDArray[np.int64]]:
-        """For every entry of v: where its column begins among the matrices' entries, -1 for none; of g: its stage."""
+        """Return, for every entry of v, where its column begins among the matrices' entries; for g, its stage.
+
+        An entry without a column has -1.
+        """
         stages = self.stages
         dynamics, equal, between = self.families
         height = stages.sizes + 1
@@ -198,6 +202,6 @@ class Rows:
 
 
 def _nonzeros(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
-    """Rows and columns of the nonzeros in casadi's order."""
+    """Return the rows and columns of the nonzeros in casadi's order."""
     row, colind = np.array(sparsity.row(), dtype=np.int64), np.array(sparsity.colind(), dtype=np.int64)
     return row, np.repeat(np.arange(len(colind) - 1), np.diff(colind))

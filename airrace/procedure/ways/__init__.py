@@ -1,4 +1,4 @@
-"""Ways round: which of the many local optima is the fastest flight.
+"""The search among ways round: which of the many local optima is the fastest flight.
 
 The joint problem has many local optima: a turn flat or over the top, to the left or to the right, a pylon rounded one
 way or the other, a reversal before or behind its gate. Several plans are flown roughly, the best of them is changed

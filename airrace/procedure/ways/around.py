@@ -1,4 +1,4 @@
-"""Whether another way round has become the faster one, around a flight that was started from another run."""
+"""The search around a flight that was started from another run, for a way round that has become faster."""
 
 from dataclasses import replace
 
@@ -22,14 +22,21 @@ from airrace.track.course import Course
 from airrace.trajectory import Array
 
 WORTH = 0.02
-"""s: what another way through a window has to save, flown by the point mass, before all is flown again. Windows whose
-ends are held save up to 0.01 s where nothing but the mesh differs."""
+"""The time that another way through a window has to save, flown by the point mass, before all is flown again, s.
+
+Windows whose ends are held save up to 0.01 s where nothing but the mesh differs.
+"""
 DEAREST = 1.0
-"""s: ways whose plan takes so much longer were never the faster ones after a change of a few per cent."""
+"""The largest extra time of a way's plan with which it is tried, s.
+
+Ways whose plan takes even longer were never the faster ones after a change of a few per cent.
+"""
 
 
 def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course: Course, bench: Workbench) -> str:
-    """Another way through a stretch of an optimum that the point mass flies faster, in words; empty if none is found.
+    """Return another way through a stretch of an optimum that the point mass flies faster, in words.
+
+    It is empty if none is found.
 
     Args:
         point_mass: the point mass on the same course.
@@ -61,7 +68,7 @@ def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course:
 
 
 def _draught(point_mass: Flight, source: Flight, optimum: StageResult) -> Draught:
-    """An optimum of any fidelity as a flight of the point mass, on a rough mesh."""
+    """Return an optimum of any fidelity as a flight of the point mass, on a rough mesh."""
     flown = optimum.trajectory
     mesh, iterate = mesh_of(flown), _as_point_mass(point_mass, source, optimum)
     counts = [intervals(seconds) for seconds in flown.durations.tolist()]
@@ -70,7 +77,7 @@ def _draught(point_mass: Flight, source: Flight, optimum: StageResult) -> Draugh
 
 
 def _as_point_mass(point_mass: Flight, source: Flight, optimum: StageResult) -> Iterate:
-    """States and controls of the point mass that flies as an optimum does."""
+    """Return the states and controls of the point mass that flies as an optimum does."""
     flown, system = optimum.trajectory, source.model.system
     points = flown.state.shape[1]
     held = np.hstack([flown.control, flown.control[:, -1:]])

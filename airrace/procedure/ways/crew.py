@@ -13,10 +13,10 @@ Done = TypeVar("Done")
 
 
 class Crew:
-    """Solver processes that share a list of jobs; a context manager that ends those that it has started, and after an
-    error all.
+    """A group of solver processes that share a list of jobs.
 
-    What a job comes to does not depend on who does it, nor on how many there are.
+    It is a context manager that ends those processes that it has started, and all of them after an error. The result of
+    a job does not depend on who does it, nor on how many there are.
 
     Args:
         service: a process that exists already and is one of the crew.
@@ -55,7 +55,10 @@ class Crew:
             service.end()
 
     def work(self, jobs: Sequence[Job], do: Callable[[SolverService, Job], Done]) -> list[Done]:
-        """Do all jobs; the results are in the order of the jobs, and an error is that of the first job that has one."""
+        """Do all jobs and return their results in the order of the jobs.
+
+        An error is that of the first job that has one.
+        """
         futures = [self._pool.submit(self._one, job, do) for job in jobs]
         return [future.result() for future in futures]
 

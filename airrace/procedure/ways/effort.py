@@ -1,4 +1,4 @@
-"""Efforts: how much is tried before a way round is taken."""
+"""The efforts of exploring: how much is tried before a way round is taken."""
 
 import math
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ class Radius:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is tried.
+    """The amount of exploring.
 
     Attributes:
         radii: of the plans that are flown as a whole, besides the race's own plan.
@@ -42,7 +42,7 @@ class Effort:
     homotopy: bool
 
     def with_finalists(self, least: int) -> "Effort":
-        """The same effort, but so many finalists at least."""
+        """Return the same effort with at least so many finalists."""
         return replace(self, finalists=max(self.finalists, least))
 
 
@@ -56,6 +56,7 @@ QUICK = Effort(
     finalists=2,
     homotopy=False,
 )
+"""The effort of `settings.explore: quick`."""
 THOROUGH = Effort(
     radii=(
         Radius(1.0),
@@ -71,11 +72,12 @@ THOROUGH = Effort(
     finalists=4,
     homotopy=True,
 )
+"""The effort of `settings.explore: thorough`."""
 EFFORTS: Mapping[Explore, Effort] = {Explore.QUICK: QUICK, Explore.THOROUGH: THOROUGH}
 
 
 def scaled(pace: Cruise, radius: Radius) -> Cruise:
-    """A pace with turns of another radius."""
+    """Return a pace with turns of another radius."""
     if radius.slower:
         return replace(pace, V=pace.V * math.sqrt(radius.factor))
     return replace(pace, n=math.hypot(1.0, pace.V**2 / (g0 * radius.factor * pace.radius)))

@@ -1,4 +1,4 @@
-"""Exploring: from a planned race to the flights that are worth being proved, and what else was tried."""
+"""The exploration, from a planned race to the flights that are worth being proved."""
 
 import math
 import time
@@ -22,16 +22,27 @@ from airrace.procedure.ways.stretches import Stretch, differing, same_way, shape
 from airrace.procedure.ways.words import flight_in_words, named, shape_in_words, way_in_words
 from airrace.track.course import Course
 
-FINAL_BARRIER = 1e-4  # of the solve that goes on from a sketch
-CLOSE = 0.4  # s: what is further behind the best is not compared again
-MOST_WAYS = 40  # that are told of
-NEEDLESS_TURN = math.radians(150.0)  # more than the gates ask for; the loops of wrong ways round are a circle or more
-NEEDLESS_LENGTH, SPARE_LENGTH = 2.0, 200.0  # times the length of the plan, and m besides: short legs swing out
+FINAL_BARRIER = 1e-4
+"""The first value of the barrier parameter of the solve that continues from a sketch."""
+CLOSE = 0.4
+"""The largest lag behind the best flight with which a flight is compared again, s."""
+MOST_WAYS = 40
+"""The largest number of ways that are reported."""
+NEEDLESS_TURN = math.radians(150.0)
+"""The turn beyond what the gates ask for that makes a stretch a needless loop, rad.
+
+The loops of wrong ways round are a full circle or more.
+"""
+NEEDLESS_LENGTH, SPARE_LENGTH = 2.0, 200.0
+"""The length that makes a stretch a needless loop: a factor on the plan's length (1), and a length on top (m).
+
+The latter is there because short legs swing out.
+"""
 
 
 @dataclass(frozen=True)
 class Exploration:
-    """What exploring came to.
+    """The outcome of exploring.
 
     Attributes:
         starts: flights to be refined and proved, the best first; empty if nothing could be flown.
@@ -78,7 +89,7 @@ def _watching(bench: Workbench) -> Callable[[str], None]:
 
 
 def _finalists(flights: Sequence[Tried], course: Course, most: int) -> list[Sketch]:
-    """The fastest flights that differ from one another, none of them far behind the best."""
+    """Return the fastest flights that differ from one another, none of them far behind the best."""
     chosen: list[Sketch] = []
     for tried in flights:
         if tried.sketch.race_time > flights[0].sketch.race_time + CLOSE:
@@ -89,7 +100,7 @@ def _finalists(flights: Sequence[Tried], course: Course, most: int) -> list[Sket
 
 
 def _finals(crew: Crew, bench: Workbench, finalists: Sequence[Sketch]) -> list[Sketch]:
-    """The finalists on the mesh with which their proof begins, the fastest first."""
+    """Return the finalists on the mesh with which their proof begins, the fastest first."""
 
     def finer(service: SolverService, sketch: Sketch) -> Sketch:
         wanted = counts_of(sketch.iterate.durations.tolist(), bench.settings.mesh)
@@ -107,7 +118,7 @@ def _start(sketch: Sketch) -> Start:
 
 
 def _told(found: Found, best: Sketch, course: Course, pace: Cruise, seconds: float) -> Explored:
-    """What was tried, in words, the one that was proved first."""
+    """Return what was tried, in words, the one that was proved first."""
     places = stretches(course)
     led = [one for one in found.flights if not differing(best, one.sketch, places)]
     ways = [
@@ -132,7 +143,7 @@ def _told_flight(tried: Tried, best: Sketch, course: Course, places: Sequence[St
 
 
 def _told_window(tried: TriedWindow, best: Sketch, course: Course, places: Sequence[Stretch]) -> Way | None:
-    """A way through a window; None if it is the best flight's own."""
+    """Return a way through a window; None if it is the best flight's own."""
     shown = tried.found.shown
     apart = [(one, place) for one, place in tried.found.inside(places) if not same_way(shown, one, best, place)]
     if not apart:
@@ -143,7 +154,7 @@ def _told_window(tried: TriedWindow, best: Sketch, course: Course, places: Seque
 
 
 def _loops(best: Sketch, course: Course, pace: Cruise, places: Sequence[Stretch]) -> list[str]:
-    """Stretches on which the best flight turns, or flies, far more than its gates ask for."""
+    """Return the stretches on which the best flight turns, or flies, far more than its gates ask for, as sentences."""
     planned = plan(course, pace)
     told: list[str] = []
     for stretch in places:

@@ -25,16 +25,21 @@ from airrace.procedure.ways.thoughts import Thinker, Thought
 from airrace.procedure.ways.window import Priced, priced, spliced
 from airrace.track.course import Course
 
-WORTH = 0.003  # s: what a window has to save to be flown jointly
+WORTH = 0.003
+"""The time that a window has to save to be flown jointly, s."""
 HOPELESS = 2.0
-"""s: a way that was so much slower in its window, or led nowhere, is not tried again around a better flight. On Air
-Race X, where flights around it became a second faster, ways changed their price by up to 0.7 s."""
-GAINED = 0.0005  # s: what a joint flight has to gain to be the better one
+"""The loss in its window beyond which a way is not tried again around a better flight, s.
+
+The same holds for a way that led nowhere. On Air Race X, where flights around it became a second faster, ways changed
+their price by up to 0.7 s.
+"""
+GAINED = 0.0005
+"""The time that a joint flight has to gain to be the better one, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A way round that was solved jointly: what it began with, and the flight."""
+    """A way round that was solved jointly: its origin, and the flight."""
 
     origin: str
     sketch: Sketch
@@ -42,7 +47,7 @@ class Tried:
 
 @dataclass(frozen=True, eq=False)
 class TriedWindow:
-    """A way through a stretch that was solved in its window: which, in what, and what it saves there."""
+    """A way through a stretch that was solved in its window: the thought, and the solution with what it saves."""
 
     thought: Thought
     found: Priced
@@ -50,7 +55,7 @@ class TriedWindow:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """All that was tried, the best first.
+    """All ways that were tried, the best first.
 
     Attributes:
         flights: solved jointly, by race time.
@@ -65,7 +70,7 @@ class Found:
 
 
 class Search:
-    """One search.
+    """A search for the fastest way round.
 
     Args:
         flight: the point mass on the course.
@@ -112,7 +117,7 @@ class Search:
         return min((one.sketch for one in self._flights), key=lambda one: one.race_time)
 
     def _planned_starts(self) -> list[tuple[str, Draught]]:
-        """Plans of different radius, and twins of some of them."""
+        """Return plans of different radius, and twins of some of them."""
         found: list[tuple[str, Draught]] = []
         for number, radius in enumerate(self._effort.radii):
             pace = scaled(self._pace, radius)
@@ -135,7 +140,7 @@ class Search:
                 self._flights.append(Tried(origin, sketch))
 
     def _improved(self, base: Sketch, changed: Set[int], *, first: bool) -> Sketch | None:
-        """A faster flight, from other ways through the stretches of a flight; None if none was found.
+        """Return a faster flight, from other ways through the stretches of a flight; None if none was found.
 
         Args:
             base: the flight.
@@ -151,7 +156,7 @@ class Search:
         return self._combined(base, sorted(wins, key=lambda one: -one.found.saved)) if wins else None
 
     def _won(self, thoughts: Sequence[Thought]) -> list[TriedWindow]:
-        """The windows that save time, of all that are solved."""
+        """Solve all windows, and return those that save time."""
         found = self._crew.work([one.window for one in thoughts], priced)
         self._hopeless |= {
             (one.stretch.number, one.kind)
@@ -163,11 +168,14 @@ class Search:
         return [one for one in tried if one.found.saved > WORTH]
 
     def _is_worth_while(self, thought: Thought) -> bool:
-        """Whether a way is neither far too long in its plan nor was far too slow when it was tried before."""
+        """Return whether a way is neither far too long in its plan nor was far too slow when tried before."""
         return thought.dearer <= self._effort.dearest and (thought.stretch.number, thought.kind) not in self._hopeless
 
     def _from_other_starts(self, base: Sketch, thinker: Thinker) -> list[Thought]:
-        """The ways of other flights where they differ from the best: neighbouring stretches together, each way once."""
+        """Return the ways of other flights where they differ from the best.
+
+        Neighbouring stretches are taken together, and each way once.
+        """
         known: list[tuple[Sketch, list[Stretch]]] = []
         for tried in self._flights:
             for group in neighbours(differing(base, tried.sketch, thinker.stretches)):
@@ -179,7 +187,10 @@ class Search:
         return [thinker.from_flight(sketch, group) for sketch, group in known]
 
     def _combined(self, base: Sketch, wins: Sequence[TriedWindow]) -> Sketch | None:
-        """All wins that do not overlap, flown jointly; and the greatest of them alone, for they may not go together."""
+        """Fly all wins that do not overlap jointly, and some alone, and return the fastest flight that gains time.
+
+        The greatest win is flown alone because wins may not go together.
+        """
         together: list[TriedWindow] = []
         for win in wins:
             taken = {index for one in together for index in one.found.window.phases}
@@ -201,7 +212,7 @@ class Search:
         return min(found, key=lambda one: one.race_time) if found else None
 
     def _splice(self, base: Sketch, group: Sequence[TriedWindow]) -> tuple[Flight, Sketch, list[Priced]]:
-        """The plan that goes with a flight some of whose windows are flown otherwise."""
+        """Return the arguments of `spliced` for a flight some of whose windows are flown otherwise."""
         problem = base.problem
         names = problem.system.states
         choices = choices_as_flown(self._course, names, base.iterate.state, problem.first_node)

@@ -1,4 +1,4 @@
-"""Sketches: flights optimised roughly, well enough to be compared.
+"""The sketches, flights optimised roughly, well enough to be compared.
 
 What a coarse mesh gains by its own errors of integration is told in seconds by the costates, and taken off again; where
 it is much, or where a leg takes far longer than planned, the mesh is made finer there first.
@@ -27,19 +27,38 @@ from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
 
-INTERVAL = 0.22  # s, about: half again as long as those of a first mesh
-FEWEST, MOST = 8, 120  # intervals in a phase
-STEP = 4  # phases of like length share their number of intervals, and so a solver made ready for it
+INTERVAL = 0.22
+"""The approximate length of an interval, s: half again as long as those of a first mesh."""
+FEWEST, MOST = 8, 120
+"""The smallest and the largest number of intervals in a phase."""
+STEP = 4
+"""The step in which numbers of intervals rise.
+
+Phases of like length share their number, and so a solver made ready for it.
+"""
 TOLERANCE = 1e-5
-STALL_SECONDS = 20.0  # of which an iteration takes a thousandth
-ITERATIONS = 120  # those that converge take 30 to 60; one that is lost is not worth more
+"""The tolerance of the solver (1)."""
+STALL_SECONDS = 20.0
+"""The longest time for an iteration, s; it takes a thousandth of that."""
+ITERATIONS = 120
+"""The largest number of iterations.
+
+Solves that converge take 30 to 60; one that is lost is not worth more.
+"""
 OWN_ITERATIONS = 400
-"""Of the start without exploring, which must not be lost by it. All solves of a point mass without exploring, the proof
-among them, took 69 to 203 iterations on most of 14 generated courses, 367 on one and 638 and 939 on two."""
-AGAIN_BARRIER = 1e-3  # of a solve that starts from the same flight on another mesh
-TOO_FEW = 0.7  # of the intervals that a phase should have
-DECEIVED = 0.01  # s, by which a phase may be too fast for its mesh alone
-SKETCHES = 3  # meshes at most
+"""The largest number of iterations of the start without exploring, which must not be lost by exploring.
+
+All solves of a point mass without exploring, the proof among them, took 69 to 203 iterations on most of 14 generated
+courses, 367 on one and 638 and 939 on two.
+"""
+AGAIN_BARRIER = 1e-3
+"""The first value of the barrier parameter of a solve that starts from the same flight on another mesh."""
+TOO_FEW = 0.7
+"""The part of the intervals that a phase should have (1), below which it gets a finer mesh."""
+DECEIVED = 0.01
+"""The time by which a phase may be too fast because of its mesh alone, s."""
+SKETCHES = 3
+"""The largest number of meshes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,34 +101,37 @@ class Sketch:
 
     @property
     def race_time(self) -> float:
-        """With what its errors of integration are worth, s; large ones count against it, whatever their sign."""
+        """The race time with what its errors of integration are worth, s.
+
+        Large errors count against it, whatever their sign.
+        """
         return float(self.iterate.durations.sum() + self.doubt.sum())
 
     @property
     def doubt(self) -> Array:
-        """What is added to the duration of each phase, s; shape (n,)."""
+        """The time that is added to the duration of each phase, s; shape (n,)."""
         return np.where(np.abs(self.errors) > DECEIVED, np.abs(self.errors), self.errors)
 
     @cached_property
     def costates(self) -> Array:
-        """At the ends of the intervals, s per unit of each state; shape (n_x, N)."""
+        """The costates at the ends of the intervals, s per unit of each state; shape (n_x, N)."""
         return costates(Layout(self.problem), self.multipliers)
 
 
 def planned_draught(flight: Flight, plan: Plan, barrier: float) -> Draught:
-    """A flight straight from a plan; one that is planned to be slow has no more intervals for that."""
+    """Return a flight straight from a plan; one that is planned to be slow has no more intervals for that."""
     share = plan.cruise.V / flight.plan.cruise.V
     mesh = [(1.0 / count,) * count for count in (intervals(share * s) for s in leg_seconds(plan))]
     return Draught(replace(flight, plan=plan), mesh, guess(plan, mesh), barrier)
 
 
 def intervals(seconds: float) -> int:
-    """How many intervals a phase of that duration has."""
+    """Return the number of intervals of a phase of that duration (s)."""
     return min(STEP * math.ceil(max(FEWEST, seconds / INTERVAL) / STEP), MOST)
 
 
 def sketched(service: SolverService, draught: Draught) -> Sketch | None:
-    """The rough optimum; None if there is none within the budget."""
+    """Return the rough optimum; None if there is none within the budget."""
     found = _sketched(service, draught)
     if found is None or not draught.is_own:
         return found
@@ -140,9 +162,9 @@ def _sketched(service: SolverService, draught: Draught) -> Sketch | None:
 def attempted(
     service: SolverService, problem: Problem, iterate: Iterate, barrier: float, iterations: int = ITERATIONS
 ) -> Solution | None:
-    """One solve within a budget of iterations; None if the solver did not come back.
+    """Solve once within a budget of iterations; return None if the solver did not come back.
 
-    Whatever a guess does to the solver, the others are left.
+    Whatever a guess does to the solver, the other solves are not affected.
 
     Raises:
         SolverEnded: nobody waits for the result any more.
@@ -160,7 +182,10 @@ def attempted(
 
 
 def deceit(problem: Problem, solution: Solution) -> Array:
-    """What each phase of an optimum is too fast for its mesh alone, s; shape (n,), infinite where it cannot be told."""
+    """Return the time by which each phase of an optimum is too fast because of its mesh alone, s; shape (n,).
+
+    It is infinite where it cannot be told.
+    """
     defect = estimated_defect(problem, solution.iterate)
     errors = errors_in_objective(problem, defect, solution.multipliers.constraints)
     by_phase: Array = np.add.reduceat(np.where(np.isfinite(errors), errors, math.inf), problem.first_node[:-1])
@@ -168,7 +193,7 @@ def deceit(problem: Problem, solution: Solution) -> Array:
 
 
 def _counts(sketch: Sketch) -> list[int]:
-    """How many intervals each phase should have."""
+    """Return the number of intervals that each phase should have."""
     counts: list[int] = []
     for phase, seconds, error in zip(sketch.problem.phases, sketch.iterate.durations, sketch.errors, strict=True):
         count, wanted = len(phase.fractions), intervals(float(seconds))

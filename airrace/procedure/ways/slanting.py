@@ -1,4 +1,4 @@
-"""Turns tilted about the straight line between their ends: slanted at first, over the top when upright."""
+"""The tilting of turns about the straight line between their ends: slanted at first, over the top when upright."""
 
 import math
 from collections.abc import Sequence
@@ -12,12 +12,14 @@ from airrace.optimal_control.problem import Iterate
 from airrace.procedure.attitudes import align_quaternions
 from airrace.trajectory import Array
 
-ROLL_RATE = 2.0  # rad/s, at most in the guess: where a path is all but straight its bank jumps
-SHORTEST_CHORD = 30.0  # m: where the ends are nearer to one another, the turn is tilted about its first course
+ROLL_RATE = 2.0
+"""The largest roll rate in the guess, rad/s; where a path is almost straight its bank jumps."""
+SHORTEST_CHORD = 30.0
+"""The distance of the ends below which a turn is tilted about its first course instead, m."""
 
 
 def slanted(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
-    """A level turn in pieces, tilted by an angle (rad), flown at its own speed.
+    """Return a level turn in pieces, tilted by an angle (rad), flown at its own speed.
 
     The deviation from the line between the ends is raised; attitude, load factor and roll rate are those with which the
     path is flown without sideslip.
@@ -46,7 +48,7 @@ def slanted(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
 
 
 def _tilted(r: Array, angle: float) -> Array:
-    """Positions (3, n), north, east, down."""
+    """Return the tilted positions (3, n), north, east, down."""
     along = r[:2, -1] - r[:2, 0]
     if np.linalg.norm(along) < SHORTEST_CHORD:
         along = r[:2, 1] - r[:2, 0]
@@ -60,7 +62,7 @@ def _tilted(r: Array, angle: float) -> Array:
 
 
 def _fly(state: Array, time: Array, rows: Sequence[str]) -> None:
-    """Attitude, load factor and roll rate along a path, in place."""
+    """Set attitude, speed, load factor and roll rate along a path, in place."""
     velocity = np.gradient(state[:3], time, axis=1)
     speed = np.linalg.norm(velocity, axis=0)
     ahead = velocity / speed
@@ -79,6 +81,9 @@ def _fly(state: Array, time: Array, rows: Sequence[str]) -> None:
 
 
 def _attitude(ahead: Array, right: Array, up: Array) -> list[float]:
-    """The quaternion of a frame given by its axes in O: course and climb of the one, bank of the others."""
+    """Return the quaternion of a frame given by its axes in O.
+
+    Course and climb are those of `ahead`, the bank that of the others.
+    """
     climb = -math.asin(max(-1.0, min(1.0, float(ahead[2]))))
     return quaternion(math.atan2(ahead[1], ahead[0]), climb, math.atan2(right[2], -up[2]))

@@ -1,4 +1,4 @@
-"""Stretches: what lies between two passages that are planned for themselves, and how a flight takes it."""
+"""The stretches of a course, each between two passages that are planned for themselves, and their shapes in flight."""
 
 import itertools
 import math
@@ -17,14 +17,20 @@ from airrace.procedure.ways.sketch import Sketch
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
-SAMPLES = 17  # of a phase, where two flights are compared
-APART = 12.0  # m: flights that are nowhere further apart fly the same way
-ROLLED = math.radians(70.0)  # likewise for attitudes
+SAMPLES = 17
+"""The number of samples of a phase where two flights are compared."""
+APART = 12.0
+"""The largest distance at which two flights still fly the same way, m."""
+ROLLED = math.radians(70.0)
+"""The largest angle between the attitudes at which two flights still fly the same way, rad."""
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """From one stop to the next; both are numbers of passages, and of the phases between them."""
+    """A part of the course from one stop to the next.
+
+    `first` and `last` are numbers of passages, and of the phases between them.
+    """
 
     number: int
     first: int
@@ -32,13 +38,13 @@ class Stretch:
 
 
 def stretches(course: Course) -> list[Stretch]:
-    """All stretches of a course in order."""
+    """Return all stretches of a course in order."""
     return [Stretch(number, *pair) for number, pair in enumerate(itertools.pairwise(stops_of(course)))]
 
 
 @dataclass(frozen=True)
 class Shape:
-    """How a flight takes a stretch.
+    """The shape of a stretch as a flight takes it.
 
     Attributes:
         turn: angle by which its track turns, rad, positive to the right.
@@ -64,7 +70,7 @@ class Shape:
 
 
 def shape(sketch: Sketch, stretch: Stretch) -> Shape:
-    """Of one stretch of a flight."""
+    """Return the shape of one stretch of a flight."""
     nodes = sketch.problem.first_node
     first, last = nodes[stretch.first], nodes[stretch.last]
     row = rows(sketch)
@@ -85,18 +91,18 @@ def shape(sketch: Sketch, stretch: Stretch) -> Shape:
 
 
 def rows(sketch: Sketch) -> dict[str, Array]:
-    """The histories of a flight's states by name."""
+    """Return the histories of a flight's states by name."""
     names = [one.name for one in sketch.problem.system.states]
     return dict(zip(names, sketch.iterate.state, strict=True))
 
 
 def differing(one: Sketch, other: Sketch, all_stretches: Sequence[Stretch]) -> list[Stretch]:
-    """The stretches that two flights take in different ways."""
+    """Return the stretches that two flights take in different ways."""
     return [stretch for stretch in all_stretches if not same_way(one, stretch, other, stretch)]
 
 
 def neighbours(some: Sequence[Stretch]) -> list[list[Stretch]]:
-    """Stretches in order, those that follow one another together."""
+    """Return stretches in order, grouped where they follow one another."""
     groups: list[list[Stretch]] = []
     for stretch in some:
         if groups and groups[-1][-1].number == stretch.number - 1:
@@ -107,20 +113,20 @@ def neighbours(some: Sequence[Stretch]) -> list[list[Stretch]]:
 
 
 def same_way(one: Sketch, stretch: Stretch, other: Sketch, counterpart: Stretch) -> bool:
-    """Whether two flights take a stretch alike, which may begin at other phases of them."""
+    """Return whether two flights take a stretch alike, which may begin at other phases of them."""
     pairs = zip(range(stretch.first, stretch.last), range(counterpart.first, counterpart.last), strict=True)
     return all(alike(_piece(one, here), _piece(other, there)) for here, there in pairs)
 
 
 def alike(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
-    """Whether two flights through a phase, as positions (3, n) and attitudes (4, n), are the same way."""
+    """Return whether two flights through a phase, as positions (3, n) and attitudes (4, n), are the same way."""
     apart = np.linalg.norm(one[0] - other[0], axis=0).max()
     cosine = np.abs((one[1] * other[1]).sum(axis=0)).min()
     return bool(apart <= APART and 2.0 * math.acos(min(1.0, float(cosine))) <= ROLLED)
 
 
 def sampled(iterate: Iterate, fractions: tuple[float, ...]) -> tuple[Array, Array]:
-    """Positions (3, n) and attitudes (4, n) of one phase, point mass, at equal shares of its duration."""
+    """Return positions (3, n) and attitudes (4, n) of one phase, point mass, at equal shares of its duration."""
     old, new = np.concatenate([[0.0], np.cumsum(fractions)]), np.linspace(0.0, 1.0, SAMPLES)
     history = dict(zip(PointMassState.names(), iterate.state, strict=False))  # counters of rolls come behind
 

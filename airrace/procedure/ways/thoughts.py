@@ -1,4 +1,4 @@
-"""Thoughts: other ways to take a stretch of a flight, each with a guess through a window around it."""
+"""The thoughts of other ways to take a stretch of a flight, each with a guess through a window around it."""
 
 import dataclasses
 import itertools
@@ -24,25 +24,31 @@ from airrace.track.course import Course
 from airrace.track.limits import Turning
 
 MARGIN = 2
-"""Stretches before and after those that change in a window. On Rovinj a reversal that saves 0.40 s jointly was priced
-at 0.28 s with one of them, at 0.38 s with two."""
+"""The number of stretches before and after those that change in a window.
+
+On Rovinj a reversal that saves 0.40 s jointly was priced at 0.28 s with one of them, at 0.38 s with two.
+"""
 
 TURN = math.radians(60.0)
-"""A turn that is long enough to be thought of to the other side. Shorter ones that were forced there, on Rovinj, came
-back to where they were."""
+"""The turn from which on the other side is thought of, rad.
+
+Shorter ones that were forced there, on Rovinj, came back to where they were.
+"""
 
 LONG_TURN = math.radians(100.0)
-"""A turn that may lead over the top."""
+"""The turn from which on a way over the top is thought of, rad."""
 
 HIGH = 40.0
-"""m above both ends: a turn that rises so far is no longer flat."""
+"""The rise above both ends from which on a turn is no longer flat, m."""
 
 DEAREST = 7.0
-"""s: a way whose plan takes so much longer is not thought of, whatever the effort. On Rovinj and Air Race X ways that
-were dearer by 2 s and more in the plan were slower by 3.7 to 12 s in their windows."""
+"""The largest extra time of a way's plan with which it is thought of, whatever the effort, s.
+
+On Rovinj and Air Race X ways that were dearer by 2 s and more in the plan were slower by 3.7 to 12 s in their windows.
+"""
 
 SLANTS = (math.radians(50.0), math.radians(85.0))
-"""Angles by which a long turn is tilted: slanted, and all but upright."""
+"""The angles by which a long turn is tilted, rad: slanted, and almost upright."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +69,7 @@ class Thought:
 
 
 class Thinker:
-    """Thinks of other ways around one flight.
+    """A thinker of other ways around one flight.
 
     Args:
         base: the flight.
@@ -79,7 +85,7 @@ class Thinker:
         self.own = plan(course, pace, self.choices)
 
     def thoughts(self, changed: Set[int], *, shapes: bool = True) -> Iterator[Thought]:
-        """Those whose window holds a phase that has changed, in the order of the course.
+        """Yield the thoughts whose window holds a phase that has changed, in the order of the course.
 
         Args:
             changed: numbers of the phases.
@@ -99,7 +105,7 @@ class Thinker:
                 yield from self._other_shapes(stretch, flown)
 
     def from_flight(self, other: Sketch, group: Sequence[Stretch]) -> Thought:
-        """The way of another flight through neighbouring stretches."""
+        """Return the way of another flight through neighbouring stretches."""
         first, last = group[0], group[-1]
         phases = range(first.first, last.last)
         problem = other.problem
@@ -110,7 +116,7 @@ class Thinker:
         return self._thought(first, last, mixed, pieces, 0.0, "from another start")
 
     def in_other_laps(self, won: Priced, kind: str) -> Iterator[Thought]:
-        """What has won in a window, in the other laps: wherever the same passages follow one another."""
+        """Yield what has won in a window for the other laps: wherever the same passages follow one another."""
         own = {place.number: one for one, place in won.inside(self.stretches)}
         changed = {number for number, one in own.items() if not self._flies(won, one, self.stretches[number])}
         for later in range(1 - len(self.stretches), len(self.stretches)):
@@ -123,11 +129,11 @@ class Thinker:
                     yield self._again(won, places, later, f"{kind} in another lap")
 
     def _flies(self, won: Priced, one: Stretch, place: Stretch) -> bool:
-        """Whether the flight itself takes a stretch as a window takes one of its own."""
+        """Return whether the flight itself takes a stretch as a window takes one of its own."""
         return same_way(won.shown, one, self.base, place)
 
     def _same_place(self, one: Stretch, other: Stretch) -> bool:
-        """Whether two stretches lead past the same elements, in the same directions and with the same rolls."""
+        """Return whether two stretches lead past the same elements, in the same directions, with the same rolls."""
         here, there = (self.course.passages[place.first : place.last + 1] for place in (one, other))
         same = len(here) == len(there) and all(
             (a.element, a.direction) == (b.element, b.direction) for a, b in zip(here, there, strict=True)
@@ -135,7 +141,7 @@ class Thinker:
         return same and [one.roll for one in here[1:]] == [one.roll for one in there[1:]]
 
     def _again(self, won: Priced, numbers: range, later: int, kind: str) -> Thought:
-        """What has won on some stretches, on others that lead past the same elements, so many stretches later."""
+        """Return what has won on some stretches for others past the same elements, so many stretches later."""
         first, last = self.stretches[numbers[0]], self.stretches[numbers[-1]]
         places = self.stretches[numbers[0] + later], self.stretches[numbers[-1] + later]
         shift, waypoints = places[0].first - first.first, won.window.flight.plan.waypoints
@@ -150,7 +156,7 @@ class Thinker:
         return self._thought(*places, plan(self.course, self.pace, self.choices.as_planned(moved)), pieces, 0.0, kind)
 
     def _other_hand(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
-        """Turned to the other side; where its ends are free to be crossed otherwise, they are."""
+        """Yield the turn to the other side; where its ends are free to be crossed otherwise, they are."""
         if abs(flown.turn) < TURN or not self._level(stretch):
             return
         side = -1 if flown.turn > 0.0 else 1
@@ -159,7 +165,7 @@ class Thinker:
         yield from self._planned(stretch, chosen, "other hand")
 
     def _other_crossing(self, stretch: Stretch, index: int) -> Iterator[Thought]:
-        """The passage at an end of the stretch crossed along another axis."""
+        """Yield the passage at an end of the stretch crossed along another axis."""
         if not self.course.passages[index].element.stands:
             return
         (own,) = self.choices.ways[index]
@@ -170,7 +176,7 @@ class Thinker:
                 yield from self._planned(stretch, chosen, "other direction")
 
     def _other_sides(self, stretch: Stretch) -> Iterator[Thought]:
-        """The roll on the way, or the knife edge at the end, to the other side."""
+        """Yield the roll on the way, or the knife edge at the end, to the other side."""
         passage, index = self.course.passages[stretch.last], stretch.last
         if passage.roll is not None and passage.roll.turning is Turning.EITHER:
             rolls = {**self.choices.rolls, index: -self.choices.rolls[index]}
@@ -181,7 +187,7 @@ class Thinker:
             yield from self._planned(stretch, dataclasses.replace(self.choices, edges=edges), "other edge")
 
     def _other_course(self, stretch: Stretch) -> Iterator[Thought]:
-        """A manoeuvre whose course is free, entered the other way."""
+        """Yield a manoeuvre whose course is free, entered the other way."""
         passage = self.course.passages[stretch.last]
         if not passage.element.free_course:
             return
@@ -193,7 +199,7 @@ class Thinker:
             yield from self._planned(stretch, chosen, "other course")
 
     def _other_shapes(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
-        """A long turn flat instead of high, or slanted and over the top instead of flat."""
+        """Yield a long turn flat instead of high, or slanted and over the top instead of flat."""
         if abs(flown.turn) < LONG_TURN or not self._level(stretch):
             return
         pieces = self._guesses(self.own, range(stretch.first, stretch.last))
@@ -206,7 +212,10 @@ class Thinker:
             yield self._thought(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")
 
     def _chain(self, stretch: Stretch) -> list[int]:
-        """The manoeuvre at the end of a stretch, and those beside it whose courses are as free: they go together."""
+        """Return the manoeuvre at the end of a stretch, and those beside it whose courses are as free.
+
+        They change together.
+        """
 
         def free(index: int) -> bool:
             return self.course.passages[index].element.free_course
@@ -217,11 +226,11 @@ class Thinker:
         return [stretch.last, *before, *behind]
 
     def _level(self, stretch: Stretch) -> bool:
-        """Whether all of a stretch is planned in a plane; of other legs a plan knows no side."""
+        """Return whether all of a stretch is planned in a plane; in other legs a plan knows no side."""
         return all(self.own.legs[index].path is not None for index in range(stretch.first, stretch.last))
 
     def _freed(self, *indices: int) -> Choices:
-        """The flight's choices without those of some stops: their candidates, and the turns to and from them."""
+        """Return the flight's choices without those of some stops: their candidates, and the turns to and from them."""
         numbers = [one.number for one in self.stretches if one.first in indices or one.last in indices]
         turns = {self.stretches[number].last for number in numbers}
         return dataclasses.replace(
@@ -230,7 +239,7 @@ class Thinker:
         )
 
     def _planned(self, stretch: Stretch, chosen: Choices, kind: str) -> Iterator[Thought]:
-        """A thought that begins with a plan of a stretch and those beside it, unless that is far too long."""
+        """Yield a thought from a plan of a stretch and those beside it, unless that is far too long."""
         planned = plan(self.course, self.pace, chosen)
         dearer = planned.seconds - self.own.seconds
         if not dearer <= DEAREST:
@@ -241,7 +250,7 @@ class Thinker:
         yield self._thought(first, last, planned, pieces, dearer, kind, about=stretch)
 
     def _guesses(self, planned: Plan, phases: Iterable[int]) -> dict[int, Iterate]:
-        """Pieces of a planned flight."""
+        """Return pieces of a planned flight."""
         seconds = leg_seconds(planned)
         mesh = [(1.0 / count,) * count for count in map(intervals, seconds)]
         whole = guess(planned, mesh)
@@ -267,7 +276,7 @@ class Thinker:
         kind: str,
         about: Stretch | None = None,
     ) -> Thought:
-        """A window with room around what changes."""
+        """Return a thought in a window with room around what changes."""
         begin, end = self._window(first, last)
         own = self.base.iterate, self.base.problem
         flight: Flight = dataclasses.replace(self.base.flight, plan=planned)
@@ -275,14 +284,14 @@ class Thinker:
         return Thought(about or first, Window(self.base, begin, end, flight, guessed), dearer, kind)
 
     def _window(self, first: Stretch, last: Stretch) -> tuple[int, int]:
-        """The first phase of a window around some stretches, and the one behind its last."""
+        """Return the first phase of a window around some stretches, and the one behind its last."""
         begin = self.stretches[max(0, first.number - MARGIN)].first
         end = self.stretches[min(len(self.stretches) - 1, last.number + MARGIN)].last
         return begin, end
 
 
 def _by_axis(ways: Sequence[Waypoint]) -> list[tuple[float, list[Waypoint]]]:
-    """Candidates grouped by the axis along which they cross."""
+    """Return candidates grouped by the axis along which they cross."""
     groups: list[tuple[float, list[Waypoint]]] = []
     for way in ways:
         for axis, members in groups:
@@ -295,7 +304,7 @@ def _by_axis(ways: Sequence[Waypoint]) -> list[tuple[float, list[Waypoint]]]:
 
 
 def _mixed(own: Choices, theirs: Choices, stops: set[int]) -> Choices:
-    """One's own choices, but another flight's at some stops, and the turns with which it gets there."""
+    """Return one's own choices, but another flight's at some stops, and the turns with which it gets there."""
     return Choices(
         ways={index: (theirs if index in stops else own).ways[index] for index in own.ways},
         turns={

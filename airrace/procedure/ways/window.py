@@ -1,4 +1,4 @@
-"""Windows: a few legs of a flight, flown another way, while the rest stays as it is.
+"""The windows of a flight: a few legs, flown another way, while the rest stays as it is.
 
 A window begins and ends in the states of the flight around it; only the speed at its end is free, at the price that
 the costates put on it. So a way is priced in tenths of a second, and what wins fits into the flight.
@@ -21,17 +21,21 @@ from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, attemp
 from airrace.procedure.ways.stretches import Stretch
 from airrace.quantities import Interval
 
-ITERATIONS = (
-    70  # on Rovinj windows took 18 to 57; on Air Race X those that were lost took half of the time of exploring
-)
-SPEED_REACH = 10.0  # m/s, by which the speed at the end of a window may differ: its price holds nearby
-COUNTERS = ("Phi", "gain")  # of rolls: they begin anew where they matter
+ITERATIONS = 70
+"""The largest number of iterations of a window.
+
+On Rovinj windows took 18 to 57; on Air Race X those that were lost took half of the time of exploring.
+"""
+SPEED_REACH = 10.0
+"""The largest difference of the speed at the end of a window, m/s; the price of the speed holds nearby."""
+COUNTERS = ("Phi", "gain")
+"""The states that count rolls; they begin anew where they matter."""
 SPEED = "V_K"
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Phases `first ... last - 1` of a flight, to be flown another way.
+    """The phases `first ... last - 1` of a flight, to be flown another way.
 
     Attributes:
         base: the flight.
@@ -47,12 +51,13 @@ class Window:
 
     @property
     def phases(self) -> range:
+        """The indices of the phases."""
         return range(self.first, self.last)
 
 
 @dataclass(frozen=True, eq=False)
 class Priced:
-    """A window solved: the flight's way through it, and the seconds that it saves, its errors of integration aside."""
+    """A solved window: the flight's way through it, and the time that it saves, s, its errors of integration aside."""
 
     window: Window
     iterate: Iterate
@@ -65,14 +70,14 @@ class Priced:
         return replace(self.window.base, problem=self.problem, iterate=self.iterate)
 
     def inside(self, places: Sequence[Stretch]) -> list[tuple[Stretch, Stretch]]:
-        """The stretches that lie in the window, as they are numbered in it and as they are numbered in the race."""
+        """Return the stretches that lie in the window, as they are numbered in it and in the race."""
         first, last = self.window.first, self.window.last
         within = [one for one in places if first <= one.first and one.last <= last]
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
 def priced(service: SolverService, window: Window) -> Priced | None:
-    """The fastest flight through a window near its guess; None if there is none within the budget."""
+    """Return the fastest flight through a window near its guess; None if there is none within the budget."""
     problem, start, weight = _problem(window)
     solution = attempted(service, problem, start, COLD_BARRIER, ITERATIONS)
     if solution is None or not solution.success:
@@ -87,7 +92,7 @@ def priced(service: SolverService, window: Window) -> Priced | None:
 
 
 def spliced(service: SolverService, flight: Flight, base: Sketch, wins: Sequence[Priced]) -> Sketch | None:
-    """The whole flight with the ways of some windows, which do not overlap, optimised jointly.
+    """Optimise the whole flight jointly, with the ways of some windows, which do not overlap.
 
     Args:
         service: what solves.
@@ -105,7 +110,7 @@ def spliced(service: SolverService, flight: Flight, base: Sketch, wins: Sequence
 
 
 def _problem(window: Window) -> tuple[Problem, Iterate, float]:
-    """The window as a problem of its own, its guess, and the price of the speed at its end, s per m/s."""
+    """Return the window as a problem of its own, its guess, and the price of the speed at its end, s per m/s."""
     base, first, last = window.base, window.first, window.last
     mesh = base.problem.mesh
     for index, piece in zip(window.phases, window.pieces, strict=True):
@@ -127,9 +132,10 @@ def _problem(window: Window) -> tuple[Problem, Iterate, float]:
 
 
 def _held_end(names: Sequence[str], state: np.ndarray, start: Iterate) -> Boundary:
-    """The state in which the flight goes on behind a window, its quaternion on the side on which the guess ends.
+    """Return the boundary that holds the state in which the flight continues behind a window.
 
-    The largest entry of the quaternion follows from the others: held as well it would be one condition too many.
+    Its quaternion is on the side on which the guess ends. The largest entry of the quaternion follows from the others:
+    held as well it would be one condition too many.
     """
     state = state.copy()
     if state[ATTITUDE] @ start.state[ATTITUDE, -1] < 0.0:
