@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ import typer
 
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error, worst
+from airrace.views.streams import abandon_stdout
 
 
 @contextmanager
@@ -58,16 +58,11 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # a reader that has seen enough needs no telling
         answer.code = worst((answer.code, ExitCode.SYSTEM))
-        _abandon_stdout()
+        abandon_stdout()
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
-        _abandon_stdout()
+        abandon_stdout()
     for finding in answer.findings:
         print(finding, file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)
-
-
-def _abandon_stdout() -> None:
-    """What is still buffered cannot be written either; let the interpreter's last flush go nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -16,7 +16,10 @@ class Iteration:
 
 
 class Progress(ABC):
-    """Callbacks of a run, called from the thread that runs the procedure."""
+    """Callbacks of a run, called from the thread that runs the procedure.
+
+    The procedure tells of all but the end of a stage: that is told by who keeps the result, once it is kept.
+    """
 
     @abstractmethod
     def stage_started(self, stage: Stage) -> None: ...
