@@ -1,6 +1,72 @@
-"""The command line, run as `python -m airrace`."""
+"""The entry point: `airrace` and `python -m airrace`.
 
-from airrace.cli.main import main
+Signals and streams are seen to before anything else is imported, which takes up to a second.
+"""
+
+import atexit
+import os
+import sys
+from typing import NoReturn
+
+from airrace import interrupts
+
+INTERRUPTED = 130
+"""The exit code of a command that was asked to stop, as `ExitCode` has it; that is not imported yet."""
+
+
+def main() -> None:
+    """Run the command line and end the process with its exit code."""
+    interrupts.listen()
+    try:
+        from airrace.views.streams import secure
+
+        secure()
+        from airrace.cli.main import run
+
+        code = run()
+        sys.stdout.flush()
+    except SystemExit:
+        raise
+    except BaseException as error:
+        code = _ended_by(error)
+    if code == INTERRUPTED:
+        _leave_interrupted()
+    interrupts.close()
+    sys.exit(code)
+
+
+def _leave_interrupted() -> NoReturn:
+    """End the process with a code that Python respects; if no command has said why, say it.
+
+    After an interrupt within the text of an `exec`, such as that of a dataclass, Python would send itself the signal at
+    its very end, although it was heard.
+    """
+    if not interrupts.heard():
+        sys.stderr.write("airrace: interrupted\n")
+    interrupts.close()
+    atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage] what sys.exit would do
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)
+
+
+def _ended_by(error: BaseException) -> int:
+    """Say what ended the command line outside of a command, whose own errors are part of its answer; return the code.
+
+    Raises:
+        BaseException: the error, if it is neither a request to stop nor one of stdout.
+    """
+    if interrupts.caused(error):
+        return INTERRUPTED
+    if isinstance(error, OSError):
+        from airrace.views.streams import abandon_stdout
+
+        if not isinstance(error, BrokenPipeError):  # a reader that has seen enough needs no telling
+            sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
+        abandon_stdout()
+        return 8
+    raise error
+
 
 if __name__ == "__main__":
     main()

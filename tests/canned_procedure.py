@@ -82,7 +82,6 @@ def optimize(
         if stage is Stage.POINT_MASS:
             _end(scenario, progress)
         result = _result(stage, scenario)
-        progress.stage_finished(result)
         yield result
 
 
@@ -141,7 +140,7 @@ class Sampler:
 
 def main() -> None:
     """`airrace`, flown by this procedure."""
-    from airrace.cli.main import main as airrace
+    from airrace.__main__ import main as airrace
     from airrace.procedure import run
 
     for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):

@@ -13,9 +13,9 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from types import FrameType
 from typing import IO, TYPE_CHECKING
 
+from airrace import interrupts
 from airrace.optimal_control.spawn import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
@@ -29,14 +29,12 @@ _PR_SET_PDEATHSIG = 1
 
 
 class Told(Progress):
-    """An observer that reports stages as lines of JSON; a finished one is held back until it is in the checkpoint."""
+    """An observer that reports stages as lines of JSON."""
 
     def __init__(self, replies: IO[str]) -> None:
         self._replies = replies
-        self._finished: StageResult | None = None
 
     def stage_started(self, stage: Stage) -> None:
-        self.flush()
         self.tell({"stage_started": stage.value})
 
     def activity(self, text: str, done: int, total: int) -> None: ...
@@ -44,20 +42,14 @@ class Told(Progress):
     def iteration(self, iteration: Iteration) -> None: ...
 
     def stage_finished(self, result: StageResult) -> None:
-        self._finished = result
-
-    def flush(self) -> None:
-        """Report the stage that was held back."""
-        result, self._finished = self._finished, None
-        if result is not None:
-            self.tell(
-                {
-                    "stage_finished": result.stage.value,
-                    "status": result.outcome.value,
-                    "race_time_s": float(result.trajectory.race_time) if result.is_flight else None,
-                    "certified": result.certified,
-                }
-            )
+        self.tell(
+            {
+                "stage_finished": result.stage.value,
+                "status": result.outcome.value,
+                "race_time_s": float(result.trajectory.race_time) if result.is_flight else None,
+                "certified": result.certified,
+            }
+        )
 
     def tell(self, line: Mapping[str, object]) -> None:
         print(json.dumps(line, allow_nan=False), file=self._replies, flush=True)
@@ -65,8 +57,7 @@ class Told(Progress):
 
 def main() -> None:
     """Run the job; whatever happens in it becomes its answer."""
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _interrupt)
+    interrupts.listen()
     order = json.load(sys.stdin)
     _die_with(order["parent"])
     start_early()
@@ -80,7 +71,6 @@ def main() -> None:
             _fly(answer, job, Path(order["checkpoint"]), told)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
             record_failure(answer, error)
-        told.flush()
         findings = [asdict(finding) for finding in answer.findings]
         ended = {"code": int(answer.code), "run": answer.fields, "error": answer.error, "findings": findings}
         told.tell({"ended": ended})
@@ -109,13 +99,6 @@ def _die_with(parent: int) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # the parent ended before the call above
         sys.exit(int(ExitCode.INTERRUPTED))
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    # Further signals are ignored: they would interrupt the cleaning up that the first one has begun.
-    for other in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(other, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

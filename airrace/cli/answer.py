@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import sys
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ import typer
 
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error, worst
+from airrace.views.streams import abandon_stdout
 
 
 @contextmanager
@@ -61,16 +61,11 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has closed the pipe and needs no message
         answer.code = worst((answer.code, ExitCode.SYSTEM))
-        _abandon_stdout()
+        abandon_stdout()
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
-        _abandon_stdout()
+        abandon_stdout()
     for finding in answer.findings:
         print(finding, file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)
-
-
-def _abandon_stdout() -> None:
-    """Redirect stdout to nowhere for the interpreter's last flush: what is still buffered cannot be written either."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,13 +1,10 @@
-"""The `airrace` command: its subcommands, and what signals mean to all of them.
+"""The `airrace` command and its subcommands.
 
 The modules of the commands import nothing heavy; each command imports what it needs when it is called.
 """
 
-import io
 import json
-import signal
 import sys
-from types import FrameType
 from typing import Annotated, cast
 
 import typer
@@ -66,23 +63,23 @@ def common(
     """Find the fastest flight through an air-race course."""
 
 
-def main() -> None:
-    """Run the command line.
+def run() -> int:
+    """Run the command of `sys.argv`; return its exit code.
 
-    SIGTERM ends a command just as Ctrl-C does, and neither is ignored in the background.
+    Raises:
+        BaseException: an interrupt, or what became of one, or stdout that cannot be written, outside of a command's
+            own body.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
-    signal.signal(signal.SIGINT, _interrupt)
-    # A name that stdout's encoding does not have must not end a command.
-    cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="backslashreplace")
     try:
         code = app(standalone_mode=False)
     except _CallError as error:
         _refuse(error, as_json="--json" in sys.argv)
-        sys.exit(int(ExitCode.USAGE))
-    except (KeyboardInterrupt, typer.Abort):  # before or after a command's own body
-        sys.exit(int(ExitCode.INTERRUPTED))
-    sys.exit(code)
+        return int(ExitCode.USAGE)
+    except typer.Abort as error:  # into which typer turns the end of the input
+        raise KeyboardInterrupt from error
+    except SystemExit as error:  # which typer makes of a reader of its help that has gone
+        raise error.__context__ or error from None
+    return int(code or 0)
 
 
 def _refuse(error: typer.BadParameter, *, as_json: bool) -> None:
@@ -90,7 +87,3 @@ def _refuse(error: typer.BadParameter, *, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"error": error.format_message(), "findings": []}))
     error.show()
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

@@ -8,7 +8,7 @@ import contextlib
 import pickle
 import subprocess
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from types import TracebackType
 from typing import Self
 
@@ -119,10 +119,12 @@ class SolverService:
         request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, threads or self._threads)
         longest = stall_seconds or self._stall_seconds
         try:
-            self._sender.send(request)
+            with self._alive():
+                self._sender.send(request)
             patience: float | None = longest
             while True:
-                reply = self._receive(patience)
+                with self._alive():
+                    reply = self._receive(patience)
                 # What is announced, such as compiling, takes the time it takes.
                 patience = None if isinstance(reply, Notice) else longest
                 if isinstance(reply, Solution):
@@ -133,16 +135,23 @@ class SolverService:
                     self._notice(reply.text)
                 elif on_iteration is not None:
                     on_iteration(reply)
+        except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
+            self.stop()  # more use
+            raise
+
+    @contextlib.contextmanager
+    def _alive(self) -> Generator[None]:
+        """Turn errors of the pipes into the one that the process is dead; of nothing else."""
+        try:
+            yield
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             process = self._process
+            if process is not None:
+                process.kill()  # whatever lives without its pipes is of no use
             status = None if process is None else process.wait()
-            self.stop()
             if self._ended:
                 raise SolverEnded from error
             raise SolverCrash(f"the solver process died (status {status})") from error
-        except BaseException:  # an interrupt leaves the process in mid-solve: it is of no more use
-            self.stop()
-            raise
 
     def _finish_preparing(self, system: System, scheme: RungeKutta) -> None:
         """Wait for what is compiled for a system before the solver process asks for it."""

@@ -16,7 +16,10 @@ class Iteration:
 
 
 class Progress(ABC):
-    """The callbacks of a run, called from the thread that runs the procedure."""
+    """The callbacks of a run, called from the thread that runs the procedure.
+
+    The procedure tells of all but the end of a stage: whoever keeps the result reports it, once it is kept.
+    """
 
     @abstractmethod
     def stage_started(self, stage: Stage) -> None: ...

@@ -90,7 +90,6 @@ def optimize(
                 result, remark = told(restart.result, remark), ""
                 ladder.done[result.stage] = result
                 wanted = _above(result.stage, until)
-                progress.stage_finished(result)
                 yield result
         while wanted:
             stage, *wanted = wanted
@@ -104,7 +103,6 @@ def optimize(
                 result, remark = spare, f"{remark}, which led to nothing faster"
                 ladder.done[result.stage], wanted = result, _above(result.stage, until)
             result, remark = told(result, remark), ""
-            progress.stage_finished(result)
             yield result
             if result.outcome is not Outcome.SOLVED:
                 return

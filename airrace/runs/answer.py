@@ -4,6 +4,7 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from airrace import interrupts
 from airrace.errors import Finding, InputError, debugging
 from airrace.runs.exit_codes import ExitCode, of_error, worst
 
@@ -42,6 +43,9 @@ def record_failure(answer: Answer, error: BaseException) -> None:
     """Turn what ended a command's body into its answer's code, sentence and findings."""
     if debugging():
         traceback.print_exception(error)
+    if interrupts.caused(error):
+        interrupts.hear()
+        error = KeyboardInterrupt()
     code = of_error(error)
     match error:
         case InputError():

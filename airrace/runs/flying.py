@@ -5,6 +5,7 @@ import platform
 import time
 from collections.abc import Iterator, Sequence
 
+from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
 from airrace.procedure import run as procedure
 from airrace.procedure.progress import Progress
@@ -41,6 +42,7 @@ def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
     ):
         run = run.with_stage(result)
         _keep(run)
+        progress.stage_finished(result)  # now, and not before it is kept: what is announced is never lost
         yield run
 
 
@@ -61,7 +63,10 @@ def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) 
     try:
         for run in flown(task, threads=threads, progress=progress):
             results.append(run.results[-1])
-    except KeyboardInterrupt:
+    except BaseException as error:
+        if not interrupts.caused(error):
+            raise
+        interrupts.hear()
         answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_remedy(task, results)}")
     finally:
         summarise(answer, task.run.name, results, time.perf_counter() - started)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TextIO
+from typing import TextIO, cast
 
 from rich.console import Console, RenderableType
 from rich.live import Live
@@ -18,6 +18,7 @@ from rich.text import Text
 from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.views.streams import Watched
 
 BOX_WIDTH = 76
 """The width of the live view, columns, as long as the terminal has them."""
@@ -41,12 +42,13 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
         with _logged_by(logging.NullHandler()):
             yield Silent()
     elif commands_cursor(sys.stderr):
-        view = LiveView(title, Console(stderr=True), stages)
+        view = LiveView(title, Console(file=cast(TextIO, Watched(sys.stderr))), stages)
         with view.live, _logged_by(_Lines(view.live.console.print)):
             yield view
     else:
-        with _logged_by(_Lines(lambda text: print(text, file=sys.stderr, flush=True))):
-            yield PlainLines(sys.stderr, stages)
+        stream = cast(TextIO, Watched(sys.stderr))
+        with _logged_by(_Lines(lambda text: print(text, file=stream, flush=True))):
+            yield PlainLines(stream, stages)
 
 
 def outcome_line(result: StageResult) -> str:

@@ -31,7 +31,7 @@ from airrace.runs.exit_codes import ExitCode
 PROGRAM = f"""
 import airrace.batch.process as process
 process.JOB_COMMAND = {STAND_IN!r}
-from airrace.cli.main import main
+from airrace.__main__ import main
 main()
 """
 

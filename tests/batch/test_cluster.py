@@ -32,7 +32,7 @@ STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
 PROGRAM = """
 import sys
 import airrace.batch.process as process
-from airrace.cli.main import main
+from airrace.__main__ import main
 process.JOB_COMMAND = (sys.executable, "-S", {stand_in!r}, {log!r})
 main()
 """

@@ -27,7 +27,7 @@ HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "rich", "scipy", "
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     program = (
         "import sys\n"
-        "from airrace.cli.main import main\n"
+        "from airrace.__main__ import main\n"
         f"sys.argv = ['airrace', *{arguments!r}]\n"
         "try:\n    main()\n"
         f"finally:\n    print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)\n"

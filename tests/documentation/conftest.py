@@ -28,7 +28,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run = tmp_path_factory.mktemp("flown") / "rovinj.h5"
     track = ROOT / "tracks" / "rovinj_2014.yaml"
     options = ["--until", "point-mass", "--guess", "plan", "--explore", "off", "--out", str(run), "--quiet"]
-    command = [sys.executable, "-c", "from airrace.cli.main import main; main()", "optimize", str(track), *options]
+    command = [sys.executable, "-c", "from airrace.__main__ import main; main()", "optimize", str(track), *options]
     subprocess.run(command, check=True)
     return run
 

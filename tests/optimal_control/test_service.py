@@ -172,6 +172,18 @@ def test_interrupt_in_mid_solve_leaves_no_process() -> None:
     assert children() == before
 
 
+def test_an_error_of_who_is_told_is_its_own_and_not_the_death_of_the_process() -> None:
+    """A pipe that is broken behind a callback is none of the service's."""
+
+    def tell(report: IterationReport) -> None:
+        raise BrokenPipeError("the reader has gone")
+
+    with SolverService() as service:
+        with pytest.raises(BrokenPipeError, match="the reader has gone"):
+            solve(service, on_iteration=tell)
+        assert solve(service).success
+
+
 def test_request_that_cannot_be_worked_on_is_a_solver_crash_that_says_why() -> None:
     with SolverService(compiled=False) as service:
         with pytest.raises(SolverCrash, match="no such solver"):

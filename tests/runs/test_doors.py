@@ -12,7 +12,8 @@ import pytest
 import airrace
 from airrace.errors import CheckpointError, InputError, UsageError
 from airrace.procedure import run as procedure
-from airrace.procedure.result import Outcome, Stage
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.runs.run import Run
 
 ROOT = Path(__file__).parents[2]
@@ -54,6 +55,17 @@ def test_progress_is_shown_when_asked_for(capfd: pytest.CaptureFixture[str]) -> 
     printed = capfd.readouterr()
     assert printed.out == ""
     assert "point-mass: solved, certified" in printed.err
+
+
+def test_a_stage_is_in_the_file_before_it_is_announced(folder: Path) -> None:
+    file, kept = folder / "run.h5", dict[Stage, bool]()
+
+    class Reader(Silent):
+        def stage_finished(self, result: StageResult) -> None:
+            kept[result.stage] = result.stage in airrace.open(file)
+
+    airrace.optimize("rovinj_2014", out=file, progress=Reader())
+    assert kept == {Stage.HOMOTOPY: True, Stage.POINT_MASS: True}
 
 
 def test_a_run_knows_its_numbers(run: Run) -> None:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from types import FrameType
 
+from airrace import interrupts
+
 
 def _nothing() -> None:
     """Do nothing: nobody has to be told at once."""
@@ -17,12 +19,13 @@ def interrupts_held_back(stop: Callable[[], None] = _nothing) -> Generator[None]
 
     Python would raise KeyboardInterrupt as soon as a callback of fatrop begins, before anything there can catch it, and
     ctypes would drop it. casadi drops it while it finds out what its arguments are. SIGTERM is held back likewise where
-    something is to be done about it.
+    something is to be done about it. Where requests to stop are repeated until they are heard, see
+    `airrace/interrupts.py`, none is lost, and one that nothing is to be done about need not wait.
 
     Args:
         stop: called within the block, from a callback or between two of them.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if threading.current_thread() is not threading.main_thread() or (stop is _nothing and interrupts.listening()):
         yield
         return
     previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

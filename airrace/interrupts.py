@@ -1,0 +1,90 @@
+"""Ctrl-C and SIGTERM as one request to stop, repeated until it is heard.
+
+A signal raises KeyboardInterrupt wherever the main thread is. casadi loses it, or turns it into an error of its own,
+if that is while it finds out what its arguments are. So the request is kept: it is raised again until somebody says
+that it was heard, and an error that comes after it counts as its consequence. While an interrupt is on its way, and
+processes and files are put in order, it is not raised a second time, however often Ctrl-C is pressed.
+
+Only the edges of the program listen; a library leaves signals as they are.
+"""
+
+import signal
+import sys
+from types import FrameType
+
+REMINDER = 0.3
+"""Time after which a request that nobody has heard is repeated, s. A command should end within two seconds, and casadi
+loses about one request in three."""
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class _Request:
+    """The one request of this process."""
+
+    listening = False
+    made = False
+    heard = False
+
+
+def listen() -> None:
+    """Take Ctrl-C and SIGTERM for the same request from now on; neither is ignored in the background."""
+    _Request.listening, _Request.made, _Request.heard = True, False, False
+    for number in SIGNALS:
+        signal.signal(number, _ask)
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _ask)
+
+
+def listening() -> bool:
+    """Tell whether requests are repeated until they are heard."""
+    return _Request.listening and signal.getsignal(signal.SIGINT) is _ask
+
+
+def caused(error: BaseException) -> bool:
+    """Tell whether an error is a request to stop, or what became of one."""
+    return isinstance(error, KeyboardInterrupt) or _Request.made
+
+
+def hear() -> None:
+    """Say that the request is heard: it is not repeated, and the next one is not needed."""
+    if _Request.made:
+        _Request.heard = True
+        _remind_in(0.0)
+
+
+def heard() -> bool:
+    """Tell whether somebody has heard the request."""
+    return _Request.heard
+
+
+def close() -> None:
+    """Ignore further requests: the process ends by itself."""
+    if _Request.listening:
+        _Request.heard = True
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+        _remind_in(0.0)
+
+
+def _ask(number: int, frame: FrameType | None) -> None:
+    """Raise the request, unless it is heard already or on its way."""
+    if _Request.heard:
+        return
+    _Request.made = True
+    _remind_in(REMINDER)
+    if not _is_interrupt(sys.exc_info()[1]):
+        raise KeyboardInterrupt
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether an error, or one from which it came, is an interrupt."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
+
+
+def _remind_in(seconds: float) -> None:
+    """Set the alarm clock of the process, which `_ask` answers; 0 for never."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)

@@ -1,0 +1,88 @@
+"""The standard streams of a command, whatever the shell has made of them."""
+
+import contextlib
+import io
+import os
+import sys
+from typing import Any, TextIO, cast
+
+
+class Watched(io.TextIOBase):
+    """A stream that somebody may watch, or no longer: what cannot be written is lost, and nothing else is.
+
+    Progress and messages go through it. A full disk behind `2>`, or a reader that has gone away, must not end a run.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text, or lose it; return its length."""
+        with contextlib.suppress(OSError, ValueError):  # ValueError: the stream is closed
+            self._stream.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is buffered, or lose it."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.flush()
+
+    def isatty(self) -> bool:
+        """Tell whether it is a terminal."""
+        return not self._stream.closed and self._stream.isatty()
+
+    def fileno(self) -> int:
+        """Return the file descriptor."""
+        return self._stream.fileno()
+
+    @property
+    def encoding(self) -> str:  # pyright: ignore[reportIncompatibleVariableOverride] as a property it can be read as well
+        """The encoding of the stream."""
+        return self._stream.encoding
+
+    @property
+    def errors(self) -> str | None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """How the stream treats what its encoding lacks."""
+        return self._stream.errors
+
+    @property
+    def buffer(self) -> Any:  # Any: as `TextIO.buffer` of streams without one
+        """The binary stream behind it."""
+        return self._stream.buffer
+
+
+def secure() -> None:
+    """Make the standard streams such that a command can be run.
+
+    A descriptor that the shell has closed (`>&-`) is taken by something that only looks like it, so that no file that
+    is opened later gets its number and, with it, what is printed: stdout refuses to be written, stdin is empty and
+    stderr loses what it is told. A name that the encoding of stdout lacks is printed with backslashes. What stderr
+    refuses is lost.
+    """
+    for descriptor, flags in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        if not _is_open(descriptor):
+            os.open(os.devnull, flags)  # gets the lowest number that is free: this one
+    sys.stdin = sys.stdin or _stream(0, "r")
+    sys.stdout = sys.stdout or _stream(1, "w")
+    sys.stderr = sys.stderr or _stream(2, "w")
+    cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="backslashreplace")
+    if not isinstance(sys.stderr, Watched):
+        sys.stderr = Watched(sys.stderr)
+
+
+def abandon_stdout() -> None:
+    """Give up what stdout has refused: let the interpreter's last flush go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def _stream(descriptor: int, mode: str) -> TextIO:
+    """Open a stream that lives as long as the process."""
+    return cast(TextIO, open(descriptor, mode, encoding="utf-8", closefd=False))
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,65 @@
+"""A closed terminal, a reader that has gone and a full disk behind a stream: nothing hangs, and the code says why."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from airrace_command import HALF_CUBAN, POINT_MASS, Ran
+
+pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="redirects streams with a shell of Unix")
+QUICKLY = f"optimize {HALF_CUBAN} {' '.join(POINT_MASS)} --guess plan --explore off"
+
+
+def shell(line: str, cwd: Path, **environment: str) -> Ran:
+    """Run a line of the shell, in which `airrace` is the command."""
+    command = f'airrace() {{ "{sys.executable}" -m airrace "$@"; }}; {line}'
+    ran = subprocess.run(
+        ["bash", "-c", command],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240.0,
+        env={**os.environ, **environment},
+    )
+    assert "Traceback" not in ran.stderr, ran.stderr
+    assert "this is a bug" not in ran.stderr, ran.stderr
+    return Ran(ran.returncode, ran.stdout, ran.stderr)
+
+
+def test_a_reader_of_the_progress_that_goes_away_does_not_end_the_run(tmp_path: Path) -> None:
+    """Without compiled kernels notices are told as well, from within the solves."""
+    line = f"airrace {QUICKLY} --out x.h5 2>&1 >/dev/null | head -3; exit ${{PIPESTATUS[0]}}"
+    ran = shell(line, tmp_path, AIRRACE_CACHE_DIR="/dev/null/x")
+    assert ran.code == 0
+    assert len(ran.out.splitlines()) == 3
+    assert shell("airrace show x.h5 --json", tmp_path).answer["certified"] is True
+
+
+@pytest.mark.parametrize("line", ["tracks", "tracks --json", "--help", "--version", "schema track"])
+@pytest.mark.parametrize("redirection", [">&-", ">/dev/full"])
+def test_stdout_that_cannot_be_written_is_told(line: str, redirection: str, tmp_path: Path) -> None:
+    ran = shell(f"airrace {line} {redirection}", tmp_path)
+    assert ran.code == 8
+    assert ran.err.startswith("airrace: cannot write to stdout: ")
+    assert ran.err.count("\n") == 1
+
+
+def test_a_reader_that_has_seen_enough_is_told_nothing(tmp_path: Path) -> None:
+    assert shell("{ sleep 1; airrace --help; } | true; exit ${PIPESTATUS[0]}", tmp_path) == Ran(8, "", "")
+
+
+@pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full", "<&- 2>&-"])
+def test_stderr_that_cannot_be_written_changes_neither_answer_nor_code(redirection: str, tmp_path: Path) -> None:
+    assert shell(f"airrace tracks {redirection}", tmp_path) == shell("airrace tracks", tmp_path)
+    refused = shell(f"airrace optimize nothing --json {redirection}", tmp_path)
+    assert refused.code == 3
+    assert refused.answer["findings"]
+
+
+def test_a_checkpoint_is_whole_although_all_streams_are_closed(tmp_path: Path) -> None:
+    """Its file would get the number of a closed stream, and what is printed would get into it."""
+    assert shell(f"airrace {QUICKLY} --out x.h5 <&- >&- 2>&-", tmp_path).code == 8
+    assert shell("airrace show x.h5 --json", tmp_path).answer["certified"] is True

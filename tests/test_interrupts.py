@@ -1,0 +1,73 @@
+"""A request to stop reaches the command, whatever a library does with it, and reaches it once."""
+
+import subprocess
+import sys
+
+PROGRAM = """
+import os, signal, sys, time
+from airrace import interrupts
+
+def swallowing():
+    try:
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(5.0)
+    except KeyboardInterrupt:
+        pass  # as casadi does while it looks at its arguments
+    time.sleep(5.0)
+
+def turning():
+    try:
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(5.0)
+    except KeyboardInterrupt:
+        raise NotImplementedError("wrong number or type of arguments") from None
+
+def tidying():
+    try:
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(5.0)
+    finally:
+        for _ in range(4):  # pressed again and again, and reminded in between
+            os.kill(os.getpid(), signal.{name})
+            time.sleep(0.2)
+        print("tidy", flush=True)
+
+interrupts.listen()
+started = time.monotonic()
+try:
+    {what}()
+    print("never asked")
+except BaseException as error:
+    print(interrupts.caused(error), time.monotonic() - started < 2.0, flush=True)
+    interrupts.hear()
+os.kill(os.getpid(), signal.{name})
+time.sleep(2.0 * interrupts.REMINDER)
+print("heard once")
+"""
+
+
+def said(what: str, name: str = "SIGINT") -> list[str]:
+    """The lines of a program that is interrupted in a function of that name."""
+    program = PROGRAM.format(what=what, name=name)
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60.0)
+    return ran.stdout.splitlines()
+
+
+def test_a_request_that_is_swallowed_is_repeated() -> None:
+    assert said("swallowing") == ["True True", "heard once"]
+
+
+def test_an_error_that_a_request_was_turned_into_is_a_request() -> None:
+    assert said("turning", "SIGTERM") == ["True True", "heard once"]
+
+
+def test_what_is_put_in_order_meanwhile_is_not_interrupted_again() -> None:
+    assert said("tidying") == ["tidy", "True True", "heard once"]
+
+
+def test_nobody_listens_who_has_not_asked() -> None:
+    program = (
+        "from airrace import interrupts; import signal; print(interrupts.listening(), signal.getsignal(2).__name__)"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout == "False default_int_handler\n"
