@@ -78,7 +78,7 @@ def _ask(number: int, frame: FrameType | None) -> None:
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
-    """Whether an error, or one from which it came, is an interrupt."""
+    """Tell whether an error, or one from which it came, is an interrupt."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__context__
     return error is not None

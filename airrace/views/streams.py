@@ -42,7 +42,7 @@ class Watched(io.TextIOBase):
 
     @property
     def errors(self) -> str | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """How the stream treats what its encoding lacks."""
+        """The treatment of characters that the encoding lacks."""
         return self._stream.errors
 
     @property
