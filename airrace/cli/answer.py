@@ -11,6 +11,7 @@ import typer
 
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error, worst
+from airrace.views.plain_text import styled
 from airrace.views.streams import abandon_stdout
 
 
@@ -57,7 +58,7 @@ def _say(answer: Answer, *, as_json: bool) -> None:
     texts = [json.dumps(answer.fields, allow_nan=False)] if as_json else answer.texts
     try:
         if texts:
-            print("\n\n".join(text.removesuffix("\n") for text in texts))
+            print("\n\n".join(styled(text).removesuffix("\n") for text in texts))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader has closed the pipe and needs no message
         answer.code = worst((answer.code, ExitCode.SYSTEM))

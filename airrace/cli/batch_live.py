@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TextIO
+from typing import TextIO, cast
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -18,6 +18,8 @@ from airrace.batch.ranking import STATES
 from airrace.batch.supervision import Watcher
 from airrace.cli.batch_answer import plan_line
 from airrace.views.live import commands_cursor
+from airrace.views.plain_console import PlainConsole
+from airrace.views.streams import Watched
 
 REASONS_MAX = 20
 """The largest number of reasons that are told one by one before anything is flown."""
@@ -31,11 +33,11 @@ def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
     if quiet:
         yield Unwatched()
     elif commands_cursor(sys.stderr):
-        view = LiveTable(Console(stderr=True))
+        view = LiveTable(PlainConsole(file=cast(TextIO, Watched(sys.stderr, commanded=True))))
         with view.live:
             yield view
     else:
-        yield BatchLines(sys.stderr)
+        yield BatchLines(cast(TextIO, Watched(sys.stderr)))
 
 
 class Unwatched:

@@ -15,6 +15,7 @@ from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult
+from airrace.views.plain_console import PlainConsole
 
 # Columns that are enough for every table where no terminal sets a limit.
 UNLIMITED_WIDTH = 200
@@ -33,7 +34,7 @@ def rendered(content: RenderableType) -> str:
     terminal = sys.stdout.isatty()
     written = io.BytesIO()
     text = io.TextIOWrapper(written, encoding=_encoding(), errors="backslashreplace", newline="\n")
-    console = Console(
+    console = PlainConsole(
         file=text,
         force_terminal=terminal,
         no_color=None if terminal else True,

@@ -18,6 +18,7 @@ from rich.text import Text
 from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.views.plain_console import PlainConsole
 from airrace.views.streams import Watched
 
 BOX_WIDTH = 76
@@ -42,7 +43,7 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
         with _logged_by(logging.NullHandler()):
             yield Silent()
     elif commands_cursor(sys.stderr):
-        view = LiveView(title, Console(file=cast(TextIO, Watched(sys.stderr))), stages)
+        view = LiveView(title, PlainConsole(file=cast(TextIO, Watched(sys.stderr, commanded=True))), stages)
         with view.live, _logged_by(_Lines(view.live.console.print)):
             yield view
     else:

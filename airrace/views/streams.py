@@ -6,20 +6,28 @@ import os
 import sys
 from typing import Any, TextIO, cast
 
+from airrace.views.plain_text import plain
+
 
 class Watched(io.TextIOBase):
     """A stream that somebody may watch, or no longer: what cannot be written is lost, and nothing else is.
 
     Progress and messages go through it. A full disk behind `2>`, or a reader that has gone away, must not end a run.
+
+    Args:
+        stream: what is written to; of another watched stream, the one behind it.
+        commanded: whether control characters in the texts are meant for the terminal, as those of a live view are, and
+            not to be shown as what they are.
     """
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, *, commanded: bool = False) -> None:
+        self._stream: TextIO = stream._stream if isinstance(stream, Watched) else stream
+        self._shown = str if commanded else plain
 
     def write(self, text: str) -> int:
         """Write a text, or lose it; return its length."""
         with contextlib.suppress(OSError, ValueError):  # ValueError: the stream is closed
-            self._stream.write(text)
+            self._stream.write(self._shown(text))
         return len(text)
 
     def flush(self) -> None:

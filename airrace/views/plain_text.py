@@ -1,0 +1,24 @@
+"""Texts of strangers on a terminal: names, messages and paths cannot command it.
+
+A track file may name a gate with the sequence that sets a terminal's title, moves its cursor or answers in the user's
+name, or with marks that turn the direction of reading. Such characters are shown as what they are, one sign each.
+"""
+
+import re
+
+_CONTROLS = {code: 0x2400 + code for code in range(0x20) if chr(code) not in "\t\n"} | {0x7F: 0x2421}
+_UNSEEN = (*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
+_SHOWN = _CONTROLS | dict.fromkeys(_UNSEEN, 0xFFFD)
+_SHOWN_STYLED = {code: sign for code, sign in _SHOWN.items() if code != 0x1B}
+_COMMAND = re.compile(r"\x1b(?!\[[0-9;]*m)")
+"""An escape that begins anything but a change of colour or weight."""
+
+
+def plain(text: str) -> str:
+    """Return a text in which control characters are shown instead of obeyed; lines and tabs stay."""
+    return text.translate(_SHOWN)
+
+
+def styled(text: str) -> str:
+    """Return a text in which only colours and weights are obeyed, as of a table that was rendered for a terminal."""
+    return _COMMAND.sub(chr(_SHOWN[0x1B]), text).translate(_SHOWN_STYLED)
