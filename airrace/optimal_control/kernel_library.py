@@ -13,6 +13,7 @@ from pathlib import Path
 import casadi as ca
 
 from airrace.errors import KernelError
+from airrace.optimal_control.private_folder import is_private, make_private
 
 logger = logging.getLogger(__name__)
 
@@ -55,17 +56,26 @@ def generated_source(function: ca.Function, *, hidden: bool = False) -> Source:
 
 
 def cache_folder() -> Path:
-    """Return the folder of compiled kernels: `AIRRACE_CACHE_DIR`, else one in the user's cache folder."""
+    """Return the folder of compiled kernels: `AIRRACE_CACHE_DIR`, else one in the user's cache folder.
+
+    A user without a home has one among the temporary folders.
+    """
     if explicit := os.environ.get("AIRRACE_CACHE_DIR"):
         return Path(explicit)
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "airrace" / "kernels"
+    try:
+        return (Path(base) if base else Path.home() / ".cache") / "airrace" / "kernels"
+    except RuntimeError:  # neither HOME nor an entry in the list of users
+        return Path(tempfile.gettempdir()) / f"airrace-kernels-{os.geteuid()}"
 
 
 def is_intact(library: Path) -> bool:
-    """Return whether a library is what was compiled; loading a truncated one would kill the process."""
+    """Return whether a library is what was compiled, and by this user.
+
+    Loading a truncated one would kill the process, and loading that of a stranger would run the stranger's code.
+    """
     try:
-        return _checksum_file(library).read_bytes() == _checksum(library)
+        return is_private(library) and _checksum_file(library).read_bytes() == _checksum(library)
     except OSError:
         return False
 
@@ -96,7 +106,7 @@ def compile_library(sources: Sequence[Source], target: Path) -> None:
     compiler = find_compiler()
     logger.info("compiling kernels with %s (once per model and machine)", compiler)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_private(target.parent)
         with tempfile.TemporaryDirectory(dir=target.parent) as folder:
             commands = [_compilation(compiler, source, Path(folder)) for source in sources]
             _run(commands)
@@ -104,6 +114,8 @@ def compile_library(sources: Sequence[Source], target: Path) -> None:
             objects = [command[-1] for command in commands]
             _run([[compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"]])
             checksum.write_bytes(_checksum(library))
+            for made in (library, checksum):
+                made.chmod(0o600)  # whatever the umask leaves to others
             os.replace(library, target)
             os.replace(checksum, _checksum_file(target))
     except OSError as error:

@@ -4,8 +4,10 @@ import logging
 import os
 import pickle
 import signal
+import stat
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +21,7 @@ from airrace.optimal_control.kernel_library import cache_folder
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling, prepare
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4
 
+posix_only = pytest.mark.skipif(os.name != "posix", reason="asks for owners and modes of files")
 SLOW_COMPILER = """#!/bin/sh
 touch "$STARTED"
 exec sleep 60
@@ -215,3 +218,48 @@ def test_a_preparation_that_is_ended_leaves_nothing_behind(cache: Path, tmp_path
         assert process.stderr is not None
         assert process.stderr.read() == b""
     assert not list(cache.iterdir())
+
+
+@needs_compiler
+@posix_only
+def test_a_library_that_somebody_else_may_have_written_is_compiled_again(cache: Path) -> None:
+    build_kernels(rich_system(), RK4, compiled=True)
+    (library,) = cache.glob("*.so")
+    assert (mode_of(cache), mode_of(library)) == (0o700, 0o600)
+    library.chmod(0o620)
+    assert needs_compiling(rich_system(), RK4)
+    library.chmod(0o600)
+    cache.chmod(0o777)
+    assert needs_compiling(rich_system(), RK4)
+    build_kernels(rich_system(), RK4, compiled=True)
+    assert mode_of(cache) == 0o755
+    assert not needs_compiling(rich_system(), RK4)
+
+
+@needs_compiler
+@posix_only
+def test_the_folder_of_somebody_else_is_not_used_and_it_is_said(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    cache.mkdir()
+    monkeypatch.setattr(os, "geteuid", lambda: cache.stat().st_uid + 1)
+    if cache.stat().st_uid == 0:
+        os.chown(cache, 54321, -1)  # what belongs to root is trusted
+    assert not build_kernels(rich_system(), RK4, compiled=True).compiled
+    assert "belongs to another user" in caplog.text
+    assert list(cache.iterdir()) == []
+
+
+def test_a_user_without_a_home_has_a_cache_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("AIRRACE_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    assert cache_folder() == Path(tempfile.gettempdir()) / f"airrace-kernels-{os.geteuid()}"
+
+
+def mode_of(path: Path) -> int:
+    """The permissions of a file or folder."""
+    return stat.S_IMODE(path.stat().st_mode)
