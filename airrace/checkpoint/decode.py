@@ -8,6 +8,7 @@ import numpy as np
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
 from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, ExploredSummary, Version
 from airrace.checkpoint.place import Place
+from airrace.checkpoint.possible import ensure_possible
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
@@ -33,7 +34,7 @@ def decode(root: Group) -> Checkpoint:
 
     Raises:
         CheckpointError: another schema; a member that is missing, unknown or of the wrong kind; shapes that
-            contradict each other.
+            contradict each other, or numbers that no flight can have.
     """
     schema = root.attributes.get("schema")
     if schema != SCHEMA:
@@ -84,7 +85,7 @@ def _stage(place: Place, stage: Stage) -> StoredStage:
 
 def _result(place: Place, stage: Stage) -> StageResult:
     trajectory = _trajectory(place)
-    return StageResult(
+    result = StageResult(
         stage=stage,
         outcome=_outcome(place),
         message=place.text("message"),
@@ -99,6 +100,8 @@ def _result(place: Place, stage: Stage) -> StageResult:
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
         explored=_explored(place.group("explored")),
     )
+    ensure_possible(result, place.path)
+    return result
 
 
 def _one_row(place: Place, name: str, record: type[R]) -> R:

@@ -113,8 +113,32 @@ def declarations(count: int) -> st.SearchStrategy[tuple[Quantity, ...]]:
 
 
 @st.composite
+def results(draw: st.DrawFn, stage: Stage) -> StageResult:
+    """Any stage: where a flight was found, one that can be flown."""
+    result = draw(_any_results(stage))
+    return with_possible_numbers(result) if result.is_flight else result
+
+
+def with_possible_numbers(result: StageResult) -> StageResult:
+    """The same with finite numbers, and time that passes."""
+    flown = result.trajectory
+    lengths = np.diff(flown.first_node)
+    durations = 0.5 + lengths
+    parts = [duration / length for duration, length in zip(durations, lengths, strict=True) for _ in range(length)]
+    possible = dataclasses.replace(
+        flown,
+        durations=durations,
+        time=np.concatenate(([0.0], np.cumsum(parts))),
+        state=np.nan_to_num(flown.state),
+        control=np.nan_to_num(flown.control),
+    )
+    multipliers = np.nan_to_num(result.constraint_multipliers)
+    return dataclasses.replace(result, trajectory=possible, constraint_multipliers=multipliers)
+
+
+@st.composite
 def trajectories(draw: st.DrawFn) -> Trajectory:
-    lengths = draw(st.lists(st.integers(0, 4), min_size=1, max_size=3))
+    lengths = draw(st.lists(st.integers(1, 4), min_size=1, max_size=3))
     first_node = np.concatenate(([0], np.cumsum(lengths))).astype(np.int64)
     n_x, n_u, intervals = draw(st.integers(0, 4)), draw(st.integers(0, 3)), int(first_node[-1])
     return Trajectory(
@@ -129,7 +153,7 @@ def trajectories(draw: st.DrawFn) -> Trajectory:
     )
 
 
-def results(stage: Stage) -> st.SearchStrategy[StageResult]:
+def _any_results(stage: Stage) -> st.SearchStrategy[StageResult]:
     return st.builds(
         StageResult,
         stage=st.just(stage),

@@ -1,7 +1,7 @@
 """Damaged and forged files: every one ends in a `CheckpointError`, none in another exception, a hang or a crash."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import h5py
@@ -149,6 +149,11 @@ def many_attributes(file: h5py.File) -> None:
         file["stages"].attrs[f"a{number}"] = 1.0
 
 
+def set_time(file: h5py.File, time: Sequence[float]) -> None:
+    file[f"{STAGE}/time"][:] = time
+    file[f"{STAGE}/interval_time"][:] = time[:-1]
+
+
 FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "soft link": (soft_link, "durations: is a soft or external link"),
     "external link": (external_link, "durations: is a soft or external link"),
@@ -203,6 +208,17 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         "splits: the columns are name, time",
     ),
     "a truth of two": (lambda f: f[f"{STAGE}/attempts"].__setitem__((0, "success"), 2), "neither 0 nor 1"),
+    "no time for a phase": (lambda f: f[f"{STAGE}/durations"].__setitem__(0, 0.0), "a phase takes no time"),
+    "an endless phase": (lambda f: f[f"{STAGE}/durations"].__setitem__(0, np.inf), "durations: holds numbers that"),
+    "a state that is no number": (lambda f: f[f"{STAGE}/states/z"].__setitem__(3, np.nan), "states: holds numbers"),
+    "an infinite control": (lambda f: f[f"{STAGE}/controls/sink"].__setitem__(2, -np.inf), "controls: holds numbers"),
+    "a price that is no number": (
+        lambda f: f[f"{STAGE}/constraint_multipliers"].__setitem__(1, np.nan),
+        "constraint_multipliers: holds numbers",
+    ),
+    "time that runs backwards": (lambda f: set_time(f, [0.0, 1.0, 0.5, 1.5, 2.0, 2.5, 3.0]), "run forwards from 0"),
+    "time that begins later": (lambda f: set_time(f, np.linspace(0.5, 3.5, 7)), "run forwards from 0"),
+    "time that runs fast": (lambda f: set_time(f, 0.995 * np.linspace(0.0, 3.0, 7)), "does not pass as the durations"),
     "two rows of timings": (
         lambda f: renew(f, f"{STAGE}/timings", data=np.repeat(f[f"{STAGE}/timings"][()], 2)),
         "2 rows instead of one",
