@@ -47,7 +47,7 @@ def test_both_solvers_were_asked_before_a_course_is_called_infeasible() -> None:
     assert not any(one.success for one in joint)
 
 
-@pytest.mark.parametrize("n_z_max", [1.5, 2.5])
+@pytest.mark.parametrize("n_z_max", [1.5, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_tight_load_factor_makes_a_slower_race_not_an_impossible_one(n_z_max: float) -> None:
     result = optimum(limited(SMALL, n_z=Interval(-1.0, n_z_max)), settings(GuessKind.PLAN))
     assert result.certified

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 import pytest
-from races import EDGE_540, ROOT, RULES, WINDOW, course, level, optimum, settings
+from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap, optimum, settings
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air
@@ -95,7 +95,11 @@ def test_race_stays_within_its_airspace() -> None:
     [
         (CrowdShape.POINT, ((400.0, 60.0),)),
         (CrowdShape.LINE, ((425.0, -60.0), (415.0, 60.0), (405.0, 200.0))),
-        (CrowdShape.AREA, ((425.0, -60.0), (405.0, 160.0), (600.0, 160.0), (600.0, -60.0))),
+        pytest.param(
+            CrowdShape.AREA,
+            ((425.0, -60.0), (405.0, 160.0), (600.0, 160.0), (600.0, -60.0)),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_crowd_keeps_its_distance(shape: CrowdShape, corners: tuple[tuple[float, float], ...]) -> None:
@@ -152,7 +156,14 @@ def climbs(flown: dict[str, Array]) -> Array:
     return np.arctan2(-R[2][0], np.hypot(R[0][0], R[1][0]))
 
 
-@pytest.mark.parametrize("turning", [Turning.EITHER, Turning.LEFT, Turning.RIGHT])
+@pytest.mark.parametrize(
+    "turning",
+    [
+        pytest.param(Turning.EITHER, marks=pytest.mark.slow),
+        Turning.LEFT,
+        pytest.param(Turning.RIGHT, marks=pytest.mark.slow),
+    ],
+)
 def test_vertical_roll_turns_rises_and_stays_on_its_line(turning: Turning) -> None:
     flown = histories(roll_race(dataclasses.replace(ROLL, turning=turning)), 2, 3)
     turned = rolled(flown)
@@ -177,7 +188,7 @@ def test_every_roll_of_a_race_is_counted_from_its_own_beginning() -> None:
 
 
 def test_quad_is_passed_twice_from_perpendicular_directions_only_because_it_must() -> None:
-    race = load_inputs(ROOT / "tracks" / "sixteen_phases.yaml").race
+    race = one_lap(SIXTEEN)
     quad = [index for index, one in enumerate(race.course.passages) if "/" in one.element.name and one.lap == 1]
     assert len(quad) == 2
     gates = [race.course.passages[index].element for index in quad]
@@ -186,7 +197,7 @@ def test_quad_is_passed_twice_from_perpendicular_directions_only_because_it_must
     assert abs(math.cos(first.heading - second.heading)) < math.sin(math.radians(40.0))  # 20 degrees off at most, each
     ignored = tuple(one for index, one in enumerate(race.course.passages) if index not in quad)
     without = dataclasses.replace(race, course=dataclasses.replace(race.course, passages=ignored))
-    lap = histories(without, 0, 6)
+    lap = histories(without)
     nearest = np.hypot(lap["x"] - gates[0].north, lap["y"] - gates[0].east).min()
     assert nearest > gates[0].width
 
