@@ -27,12 +27,12 @@ def test_a_job_finds_what_a_run_of_its_own_finds(tmp_path: Path) -> None:
     alone = airrace("optimize", HALF_CUBAN, *FAST, *single, "--threads", "1", "--json", cwd=tmp_path)
     assert jobs["half_cuban_eight,speed_kt=10"]["race_time_s"] == pytest.approx(alone.race_time, rel=1e-9)
     assert jobs["half_cuban_eight,speed_kt=10"]["certified"]
-    for job in jobs.values():
-        assert airrace("verify", job["checkpoint"], cwd=tmp_path).code == 0
+    assert airrace("verify", jobs["half_cuban_eight,speed_kt=10"]["checkpoint"], cwd=tmp_path).code == 0
     again = airrace("batch", HALF_CUBAN, *FAST, *WINDS, "--json", cwd=tmp_path)
     assert [job["kept"] for job in again.answer["jobs"]] == [True, True]  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_a_job_whose_limits_contradict_each_other_costs_the_others_nothing(tmp_path: Path) -> None:
     limits = ("--sweep", "rules.ceiling_m=150,1000")
     ran = airrace("batch", HALF_CUBAN, *FAST, *limits, "--json", cwd=tmp_path)
@@ -84,6 +84,7 @@ def test_a_job_or_a_solver_that_is_killed_is_flown_to_its_end_by_the_next_attemp
     assert answer["certified"]
 
 
+@pytest.mark.slow
 def test_a_damaged_checkpoint_is_noticed_and_flown_again(tmp_path: Path) -> None:
     arguments = ("batch", HALF_CUBAN, *FAST, "--json")
     before = airrace(*arguments, cwd=tmp_path).answer["jobs"][0]  # type: ignore[index]
@@ -96,6 +97,7 @@ def test_a_damaged_checkpoint_is_noticed_and_flown_again(tmp_path: Path) -> None
     assert after["race_time_s"] == pytest.approx(before["race_time_s"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_further_stage_is_flown_on_top_of_those_that_are_finished(tmp_path: Path) -> None:
     plan = ("--set", "settings.guess=plan", "--set", "settings.explore=off")
     assert airrace("batch", HALF_CUBAN, "--until", "point-mass", *plan, cwd=tmp_path).code == 0
