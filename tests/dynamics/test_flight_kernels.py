@@ -79,12 +79,12 @@ def test_compiled_steps_have_the_derivatives_of_the_whole_graph(
 
 MODELS = [
     (build_point_mass, WINDY),
-    (build_transfer_functions, Air()),
+    pytest.param(build_transfer_functions, Air(), marks=pytest.mark.slow),
     (build_state_space_inversion, Air()),
-    (build_state_space, Air()),
+    pytest.param(build_state_space, Air(), marks=pytest.mark.slow),
     (build_six_dof, WINDY),
 ]
-OPTIMISED = (build_point_mass, build_transfer_functions)
+OPTIMISED = (build_point_mass,)
 """Of these the bits are compared as they are compiled for flights; of the others as they are compiled quickly."""
 
 

@@ -76,7 +76,7 @@ def airrace(
 
 
 def inside(*arguments: str | Path, cwd: Path) -> Ran:
-    """Run the command in this process, for what is refused before anything is flown."""
+    """Run the command in this process, where neither its signals nor its streams are what is looked at."""
     with contextlib.chdir(cwd):
         ran = CliRunner().invoke(app, [str(one) for one in arguments])
     return Ran(ran.exit_code, ran.stdout, ran.stderr)

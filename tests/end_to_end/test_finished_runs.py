@@ -126,7 +126,7 @@ def test_show_tells_what_was_stored(optimised: Ran, run_file: Path, tmp_path: Pa
     assert ran.code == 0
     assert ran.race_time == optimised.race_time
     assert ran.answer["stages"] == optimised.answer["stages"]
-    said = airrace("show", run_file, cwd=tmp_path)
+    said = inside("show", run_file, cwd=tmp_path)
     assert said.code == 0
     for name in ("0:entry", "1:vertical", "1:down_line", "1:upright", "1:exit", *CERTIFICATE):
         assert name in said.out
@@ -214,7 +214,7 @@ def test_exported_mesh_is_the_flight_at_its_nodes(optimised: Ran, run_file: Path
 
 @pytest.mark.parametrize("rate", [7.5, 100.0])
 def test_exported_rate_begins_and_ends_with_the_race(optimised: Ran, run_file: Path, rate: float) -> None:
-    ran = airrace("export", "csv", run_file, "--rate", str(rate), cwd=run_file.parent)
+    ran = inside("export", "csv", run_file, "--rate", str(rate), cwd=run_file.parent)
     assert ran.code == 0
     _, rows = table(ran.out)
     time = numbers(rows, "time_s")
@@ -227,8 +227,8 @@ def test_exported_rate_begins_and_ends_with_the_race(optimised: Ran, run_file: P
 
 def test_exported_rate_meets_the_exported_mesh(run_file: Path) -> None:
     """Where a node and a sample are close in time, they are close in space."""
-    _, mesh = table(airrace("export", "csv", run_file, cwd=run_file.parent).out)
-    _, rate = table(airrace("export", "csv", run_file, "--rate", "1000", cwd=run_file.parent).out)
+    _, mesh = table(inside("export", "csv", run_file, cwd=run_file.parent).out)
+    _, rate = table(inside("export", "csv", run_file, "--rate", "1000", cwd=run_file.parent).out)
     samples = {round(float(row["time_s"]) * 1000): row for row in rate[:-1]}
     for row in mesh[:-1]:
         node = float(row["time_s"])
@@ -241,7 +241,7 @@ def test_exported_rate_meets_the_exported_mesh(run_file: Path) -> None:
 
 def test_exported_file_has_its_gate_splits_beside_it(optimised: Ran, run_file: Path) -> None:
     output = run_file.with_name("flight.csv")
-    ran = airrace("export", "csv", run_file, "--output", output, cwd=run_file.parent)
+    ran = inside("export", "csv", run_file, "--output", output, cwd=run_file.parent)
     assert (ran.code, ran.out) == (0, "")
     _, rows = table(output.read_text(encoding="utf-8"))
     _, splits = table(output.with_name("flight.splits.csv").read_text(encoding="utf-8"))
@@ -249,12 +249,12 @@ def test_exported_file_has_its_gate_splits_beside_it(optimised: Ran, run_file: P
     assert float(splits[-1]["time_s"]) == float(rows[-1]["time_s"]) == pytest.approx(optimised.race_time, rel=1e-9)
     assert sum(numbers(splits, "leg_s")) == pytest.approx(optimised.race_time, rel=1e-9)
     before = output.read_bytes()
-    assert airrace("export", "csv", run_file, "--output", output, cwd=run_file.parent).code == 2
+    assert inside("export", "csv", run_file, "--output", output, cwd=run_file.parent).code == 2
     assert output.read_bytes() == before
 
 
 def test_checked_course_needs_no_flight(tmp_path: Path) -> None:
-    ran = airrace("check", HALF_CUBAN, "--json", cwd=tmp_path)
+    ran = inside("check", HALF_CUBAN, "--json", cwd=tmp_path)
     assert ran.code == 0
     assert json.loads(ran.out)
     assert not list(tmp_path.iterdir())

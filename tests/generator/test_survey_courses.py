@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[2]
 HALF_CUBAN = ROOT / "tracks" / "half_cuban_eight.yaml"
 
@@ -27,6 +29,7 @@ def test_every_run_has_a_line_and_a_bad_file_does_not_end_the_survey(tmp_path: P
     assert log.read_text(encoding="utf-8") == ran.stdout
 
 
+@pytest.mark.slow
 def test_both_guesses_are_counted_for_themselves_and_together() -> None:
     ran = survey(HALF_CUBAN, "--set", "settings.explore=off")
     assert [line.split(",")[0] for line in ran.stdout.splitlines()[3:]] == [
@@ -42,7 +45,9 @@ def test_a_run_that_takes_too_long_is_stopped() -> None:
     assert ran.stdout.splitlines()[1].startswith("seed_0 ")
 
 
-def test_what_cannot_be_surveyed_is_refused() -> None:
-    for arguments in ((), ("--seeds", "9-3"), ("--seeds", "x")):
-        ran = survey(*arguments)
-        assert (ran.returncode, ran.stdout) == (2, "")
+@pytest.mark.parametrize(
+    "arguments", [("--seeds", "9-3"), *(pytest.param(one, marks=pytest.mark.slow) for one in ((), ("--seeds", "x")))]
+)
+def test_what_cannot_be_surveyed_is_refused(arguments: tuple[str, ...]) -> None:
+    ran = survey(*arguments)
+    assert (ran.returncode, ran.stdout) == (2, "")

@@ -96,7 +96,7 @@ def assert_identical(mine: list[np.ndarray], theirs: list[np.ndarray]) -> None:
 
 
 @pytest.mark.parametrize("instructions", VECTORS, ids=IDS)
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", ["rich", "one phase", pytest.param("branching", marks=pytest.mark.slow)])
 def test_lanes_have_the_bits_of_single_intervals(name: str, instructions: InstructionSet) -> None:
     several, single = kernels(SYSTEMS[name], instructions), kernels(SYSTEMS[name], SINGLE)
     pairs = [(several.step, single.step)]
@@ -105,6 +105,12 @@ def test_lanes_have_the_bits_of_single_intervals(name: str, instructions: Instru
     for mine, theirs in pairs:
         given = intervals(mine, mine.lanes)
         assert_identical(evaluated(mine, given), one_by_one(theirs, given))
+
+
+def test_every_operation_that_is_a_loop_has_the_bits_of_single_intervals() -> None:
+    several, single = (kernels(branching_system(), one).step for one in (VECTORS[-1], SINGLE))
+    given = intervals(several, several.lanes)
+    assert_identical(evaluated(several, given), one_by_one(single, given))
 
 
 def test_the_branching_system_has_all_loops_over_the_lanes() -> None:

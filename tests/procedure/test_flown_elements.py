@@ -94,7 +94,7 @@ def test_race_stays_within_its_airspace() -> None:
     ("shape", "corners"),
     [
         (CrowdShape.POINT, ((400.0, 60.0),)),
-        (CrowdShape.LINE, ((425.0, -60.0), (415.0, 60.0), (405.0, 200.0))),
+        pytest.param(CrowdShape.LINE, ((425.0, -60.0), (415.0, 60.0), (405.0, 200.0)), marks=pytest.mark.slow),
         pytest.param(
             CrowdShape.AREA,
             ((425.0, -60.0), (405.0, 160.0), (600.0, 160.0), (600.0, -60.0)),

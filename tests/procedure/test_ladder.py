@@ -45,6 +45,7 @@ def test_higher_fidelity_is_not_faster(name: str, lower: Stage, higher: Stage) -
     assert seconds(name, higher) > seconds(name, lower) - FASTER
 
 
+@pytest.mark.slow
 def test_what_the_linear_state_space_gains_is_the_thrust_that_carries_the_aircraft(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
