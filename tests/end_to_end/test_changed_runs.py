@@ -8,6 +8,7 @@ from airrace_command import HALF_CUBAN, POINT_MASS, airrace
 FASTER = ("--set", "rules.n_z_max=9.5")
 
 
+@pytest.mark.slow
 def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Path) -> None:
     plan = ("--guess", "plan", "--explore", "off", "--quiet", "--json")
     before = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, "--out", "RUN.h5", cwd=tmp_path)

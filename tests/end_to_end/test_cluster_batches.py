@@ -14,6 +14,7 @@ FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=
 WIND = ("--sweep", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
 
 
+@pytest.mark.slow
 def test_a_cluster_finds_what_this_machine_finds_and_its_checkpoints_can_be_trusted(tmp_path: Path) -> None:
     with Cluster(tmp_path / "cluster") as cluster:
         cluster.worker()

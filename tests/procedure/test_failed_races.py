@@ -31,6 +31,7 @@ def limited(race: Race, **limits: Interval) -> Race:
 CEILING = limited(RACES["half_cuban_eight"], height=Interval(10.0, 100.0))
 
 
+@pytest.mark.slow
 @every_guess
 def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_limit(guess_kind: GuessKind) -> None:
     result = optimum(CEILING, settings(guess_kind))
@@ -41,6 +42,7 @@ def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_l
     assert "height between floor and ceiling (10 to 100 m)" in result.message
 
 
+@pytest.mark.slow
 def test_both_solvers_were_asked_before_a_course_is_called_infeasible() -> None:
     joint = [one for one in optimum(CEILING, settings(GuessKind.PLAN)).attempts if one.purpose.startswith("all")]
     assert [one.solver for one in joint] == ["fatrop", "fatrop", "ipopt", "ipopt"]  # from the plan, from the homotopy
