@@ -23,7 +23,7 @@ def test_every_run_has_a_line_and_a_bad_file_does_not_end_the_survey(tmp_path: P
     headings, refused, flown, *summary = ran.stdout.splitlines()
     assert headings.split()[:2] == ["course", "aircraft"]
     assert refused.split()[:6] == ["bad", "-", "-", "plan", "invalid", "input"]
-    assert flown.split()[:6] == ["half_cuban_eight", "edge540", "5", "plan", "certified", "8.616"]
+    assert flown.split()[:6] == ["half_cuban_eight", "edge540", "5", "plan", "certified", "8.634"]
     assert [line.split(",")[0] for line in summary] == ["plan: certified 1 of 2"]
     assert summary[0].endswith("; 1 invalid input")
     assert log.read_text(encoding="utf-8") == ran.stdout
