@@ -56,6 +56,8 @@ def kept(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.cache
     def recalled(*args: P.args, **kwargs: P.kwargs) -> T:
+        if FOLDER not in os.environ:  # imported by a script, which is one process
+            return function(*args, **kwargs)
         key = hashlib.sha256(repr((name, args, sorted(kwargs.items()))).encode()).hexdigest()[:32]
         path = Path(os.environ[FOLDER]) / f"{key}.pickle"
         with _locked(path.with_suffix(".lock")):

@@ -138,6 +138,7 @@ def test_full_disk_ends_a_run_with_its_own_code(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_full_disk_leaves_the_old_checkpoint_as_it_was(tmp_path: Path) -> None:
     assert airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, "--quiet", cwd=tmp_path).code == 0
     run_file = tmp_path / "half_cuban_eight.h5"
