@@ -29,9 +29,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT / "tests" / "procedure")]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "procedure")]
 
-from matched_laps import PLAN, laps, matched_laps, optimum  # noqa: E402  (the folder above must be on the path first)
+from matched_laps import PLAN, laps, matched_laps, optimum  # noqa: E402  (the folders above must be on the path first)
 
 from airrace.documents import load_inputs  # noqa: E402
 from airrace.track.course import Course  # noqa: E402

@@ -1,7 +1,8 @@
-"""What all tests share: slow ones run only when asked for, and generated examples are the same everywhere."""
+"""What all tests share: slow ones run only when asked for, generated examples do not change, flights are kept."""
 
 import os
 
+import kept
 import pytest
 from hypothesis import settings
 
@@ -11,6 +12,18 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # A shared machine is no place for deadlines, and a test that fails must fail again.
 settings.register_profile("steady", deadline=None, derandomize=True)
 settings.load_profile("steady")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give all processes of this command one folder for what they compute."""
+    if not hasattr(config, "workerinput"):
+        kept.open_folder()
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove it behind the last of them."""
+    if not hasattr(config, "workerinput"):
+        kept.remove_folder()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -249,6 +249,7 @@ def test_a_worker_killed_in_mid_run_loses_no_job_and_doubles_none(tmp_path: Path
     assert {step.action for step in plan_with(tmp_path, notes).steps} == {"keep"}
 
 
+@pytest.mark.slow
 def test_a_task_that_dask_begins_again_by_itself_is_not_flown(tmp_path: Path, log: Log) -> None:
     with Cluster(tmp_path / "cluster") as cluster:
         workers = {worker.pid: worker for worker in (cluster.worker(), cluster.worker())}
@@ -263,6 +264,7 @@ def test_a_task_that_dask_begins_again_by_itself_is_not_flown(tmp_path: Path, lo
     assert log.of("oval") == ["new"]
 
 
+@pytest.mark.slow
 def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path, log: Log) -> None:
     with Cluster(tmp_path / "cluster") as cluster:
         worker = cluster.worker()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from shown_courses import SHIPPED, everything, race
 
@@ -139,6 +139,7 @@ def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> N
     assert "no wind" in rendered(plan_view(seen, None))
 
 
+@settings(max_examples=30)
 @given(height=st.floats(200.0, 5000.0), width=st.floats(200.0, 5000.0))
 def test_a_course_of_any_shape_fits(height: float, width: float) -> None:
     seen = scenery(race(SHIPPED[0]))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from manoeuvres import LADDER, ladder_model
 
@@ -141,6 +141,7 @@ def test_controls_stay_within_their_bounds_whatever_is_commanded(
 
 
 @pytest.mark.parametrize("stage", LADDER)
+@settings(max_examples=25)
 @given(n_x=st.floats(-0.15, 0.05))
 def test_lever_settles_where_the_load_factor_along_the_path_is_the_commanded_one(stage: str, n_x: float) -> None:
     fly = closed_loop(MODELS[stage], CONTROLLERS[stage])

@@ -3,11 +3,13 @@
 import importlib
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from kept import kept
 from pages import ROOT
 
 MODULES = (
@@ -22,14 +24,23 @@ MODULES = (
 )
 
 
+@kept
+def flown_file() -> bytes:
+    """The file of a certified run of Rovinj 2014 up to the point mass, straight from the plan."""
+    with tempfile.TemporaryDirectory() as folder:
+        run = Path(folder) / "rovinj.h5"
+        track = ROOT / "tracks" / "rovinj_2014.yaml"
+        options = ["--until", "point-mass", "--guess", "plan", "--explore", "off", "--out", str(run), "--quiet"]
+        command = [sys.executable, "-c", "from airrace.__main__ import main; main()", "optimize", str(track), *options]
+        subprocess.run(command, check=True)
+        return run.read_bytes()
+
+
 @pytest.fixture(scope="session")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A certified run of Rovinj 2014 up to the point mass, straight from the plan."""
+    """That file in a folder."""
     run = tmp_path_factory.mktemp("flown") / "rovinj.h5"
-    track = ROOT / "tracks" / "rovinj_2014.yaml"
-    options = ["--until", "point-mass", "--guess", "plan", "--explore", "off", "--out", str(run), "--quiet"]
-    command = [sys.executable, "-c", "from airrace.__main__ import main; main()", "optimize", str(track), *options]
-    subprocess.run(command, check=True)
+    run.write_bytes(flown_file())
     return run
 
 

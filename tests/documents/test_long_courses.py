@@ -46,7 +46,11 @@ def test_the_time_to_understand_a_course_grows_with_its_gates_and_no_faster() ->
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [("heading_deg", "headin_deg"), ("north_m", "noth_m"), ("{gate: g", "{gate: h")],
+    [
+        ("heading_deg", "headin_deg"),
+        pytest.param("north_m", "noth_m", marks=pytest.mark.slow),
+        pytest.param("{gate: g", "{gate: h", marks=pytest.mark.slow),
+    ],
 )
 def test_the_time_to_tell_faults_grows_with_their_number_and_no_faster(old: str, new: str) -> None:
     def tell(count: int) -> None:

@@ -2,10 +2,10 @@
 
 import ctypes
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kept import compile_quickly, keep_kernels
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
@@ -57,10 +57,10 @@ def test_compiled_steps_have_the_derivatives_of_the_whole_graph(
     counting: bool,
     edge540: Aircraft,
     rules: Rules,
-    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    keep_kernels(monkeypatch)
+    compile_quickly(monkeypatch)
     model = build(edge540, rules, air, counting=counting)
     compiled = build_kernels(model.system, DORMAND_PRINCE_5, compiled=True)
     if not compiled.compiled:
@@ -79,11 +79,13 @@ def test_compiled_steps_have_the_derivatives_of_the_whole_graph(
 
 MODELS = [
     (build_point_mass, WINDY),
-    (build_transfer_functions, Air()),
+    pytest.param(build_transfer_functions, Air(), marks=pytest.mark.slow),
     (build_state_space_inversion, Air()),
-    (build_state_space, Air()),
+    pytest.param(build_state_space, Air(), marks=pytest.mark.slow),
     (build_six_dof, WINDY),
 ]
+OPTIMISED = (build_point_mass,)
+"""Of these the bits are compared as they are compiled for flights; of the others as they are compiled quickly."""
 
 
 def columns(model: FlightModel, count: int) -> list[np.ndarray]:
@@ -99,10 +101,11 @@ def test_lanes_and_compiled_rates_have_the_bits_of_single_numbers(
     air: Air,
     edge540: Aircraft,
     rules: Rules,
-    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    keep_kernels(monkeypatch)
+    if build not in OPTIMISED:
+        compile_quickly(monkeypatch)
     model = build(edge540, rules, air)
     system = model.system
     lanes = build_kernels(system, DORMAND_PRINCE_5, compiled=True)

@@ -93,6 +93,7 @@ def in_body_axes(
 # --- the equations in body axes ----------------------------------------------------------------------------------
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_accelerations_are_those_of_the_equations_in_body_axes(
     edge540: Aircraft, state: SixDofState[float], air: Air
@@ -107,6 +108,7 @@ def test_accelerations_are_those_of_the_equations_in_body_axes(
     assert pytest.approx(C_L, rel=1e-12, abs=1e-12) == path.C_L
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_the_body_turns_with_its_own_rates(edge540: Aircraft, state: SixDofState[float], air: Air) -> None:
     rate, _ = fly_six_dof(edge540, air, state)
@@ -117,6 +119,7 @@ def test_the_body_turns_with_its_own_rates(edge540: Aircraft, state: SixDofState
     assert (ahead - behind) / (2.0 * step) == pytest.approx(body_attitude(state) @ spin, abs=1e-7)
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_load_factors_are_all_forces_but_the_weight(edge540: Aircraft, state: SixDofState[float], air: Air) -> None:
     number = inner_loop_parameters(edge540)
@@ -128,6 +131,7 @@ def test_load_factors_are_all_forces_but_the_weight(edge540: Aircraft, state: Si
     assert specific == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_aerodynamic_angles_are_those_of_the_air_in_body_axes(
     edge540: Aircraft, state: SixDofState[float], air: Air
@@ -141,6 +145,7 @@ def test_aerodynamic_angles_are_those_of_the_air_in_body_axes(
 # --- laws --------------------------------------------------------------------------------------------------------
 
 
+@settings(max_examples=40)
 @given(bodies)
 def test_energy_in_still_air_changes_by_thrust_along_the_path_less_drag(
     edge540: Aircraft, state: SixDofState[float]
@@ -194,6 +199,7 @@ def test_flight_in_uniform_wind_is_flight_in_still_air_seen_from_a_moving_frame(
     assert [getattr(blown, one) for one in names] == pytest.approx([getattr(still, one) for one in names], abs=1e-6)
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_a_mirrored_aircraft_in_mirrored_wind_has_mirrored_rates(
     edge540: Aircraft, state: SixDofState[float], air: Air
@@ -204,6 +210,7 @@ def test_a_mirrored_aircraft_in_mirrored_wind_has_mirrored_rates(
     assert list(other_path.join()) == pytest.approx(list(mirrored(path).join()), rel=1e-9, abs=1e-8)
 
 
+@settings(max_examples=40)
 @given(bodies)
 def test_wind_of_zero_speed_is_still_air(edge540: Aircraft, state: SixDofState[float]) -> None:
     still, blown = (fly_six_dof(edge540, air, state)[0] for air in (Air(), Air(wind=StaticWind(0.3, 0.0))))

@@ -16,7 +16,7 @@ from bodies import (
     with_airframe,
 )
 from flights import mirrored_air, windy_airs
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
@@ -46,6 +46,7 @@ def inverted(
     return StateSpaceState(**{name: values[name] for name in StateSpaceState.names()})
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs, commands)
 def test_inner_loop_answers_its_inverse_with_the_accelerations_asked_for(
     edge540: Aircraft, some: SixDofState[float], air: Air, wanted: Commands
@@ -67,6 +68,7 @@ def test_inner_loop_answers_its_inverse_with_the_accelerations_asked_for(
     assert rate.r_s == pytest.approx(GAINS.r * (r_des - state.r_s), rel=1e-9, abs=1e-7)
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_controlled_model_is_the_inner_loop_behind_its_inverse(
     edge540: Aircraft, some: SixDofState[float], air: Air
@@ -135,6 +137,7 @@ def test_a_roll_rate_commanded_in_flight_is_reached_within_a_third_of_a_second(e
     assert rolling == pytest.approx(4.0 * (1.0 - np.exp(-GAINS.p * times)), abs=1e-5)
 
 
+@settings(max_examples=40)
 @given(bodies, windy_airs)
 def test_a_mirrored_command_moves_the_surfaces_mirrored(edge540: Aircraft, some: SixDofState[float], air: Air) -> None:
     state = as_state_space_inversion(some)

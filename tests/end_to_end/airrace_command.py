@@ -1,5 +1,6 @@
 """`airrace` as users call it: the installed command in a process of its own."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -9,12 +10,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from typer.testing import CliRunner
+
+from airrace.cli.main import app
+
 ROOT = Path(__file__).parents[2]
 HALF_CUBAN = ROOT / "tracks" / "half_cuban_eight.yaml"
 SIXTEEN = ROOT / "tracks" / "sixteen_phases.yaml"
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"
 POINT_MASS = ("--until", "point-mass")
 """Options of a run that stops before the inner loops."""
+ALONG_THE_PLAN = (*POINT_MASS, "--guess", "plan", "--explore", "off")
+"""Options of the shortest run there is."""
 COMMAND = str(Path(sys.executable).parent / "airrace")
 
 
@@ -66,6 +73,13 @@ def airrace(
     )
     assert "Traceback" not in ran.stderr, ran.stderr
     return Ran(ran.returncode, ran.stdout, ran.stderr)
+
+
+def inside(*arguments: str | Path, cwd: Path) -> Ran:
+    """Run the command in this process, where neither its signals nor its streams are what is looked at."""
+    with contextlib.chdir(cwd):
+        ran = CliRunner().invoke(app, [str(one) for one in arguments])
+    return Ran(ran.exit_code, ran.stdout, ran.stderr)
 
 
 def start(*arguments: str | Path, cwd: Path) -> subprocess.Popen[str]:

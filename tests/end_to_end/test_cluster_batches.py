@@ -11,22 +11,20 @@ pytest.importorskip("distributed")
 from clusters import Cluster
 
 FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
-WINDS = ("--sweep", "environment.wind.speed_kt=0,10", "--set", "environment.wind.from_deg=270")
+WIND = ("--sweep", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
 
 
+@pytest.mark.slow
 def test_a_cluster_finds_what_this_machine_finds_and_its_checkpoints_can_be_trusted(tmp_path: Path) -> None:
     with Cluster(tmp_path / "cluster") as cluster:
         cluster.worker()
-        cluster.worker()
-        ran = airrace("batch", HALF_CUBAN, *FAST, *WINDS, "--cluster", cluster.address, "--json", cwd=tmp_path)
+        ran = airrace("batch", HALF_CUBAN, *FAST, *WIND, "--cluster", cluster.address, "--json", cwd=tmp_path)
     assert ran.code == 0
-    jobs = json.loads(ran.out)["jobs"]
-    assert len(jobs) == 2
+    (job,) = json.loads(ran.out)["jobs"]
     alone = ("--set", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270", "--threads", "1")
     here = airrace("optimize", HALF_CUBAN, *FAST, *alone, "--json", cwd=tmp_path)
-    times = {job["name"]: job["race_time_s"] for job in jobs}
-    assert times["half_cuban_eight,speed_kt=10"] == pytest.approx(here.race_time, rel=1e-9)
-    assert airrace("verify", jobs[0]["checkpoint"], cwd=tmp_path).code == 0
+    assert job["race_time_s"] == pytest.approx(here.race_time, rel=1e-9)
+    assert airrace("verify", job["checkpoint"], cwd=tmp_path).code == 0
     # Flown here or there: it is done.
-    again = airrace("batch", HALF_CUBAN, *FAST, *WINDS, "--json", cwd=tmp_path)
-    assert [job["kept"] for job in json.loads(again.out)["jobs"]] == [True, True]
+    again = airrace("batch", HALF_CUBAN, *FAST, *WIND, "--json", cwd=tmp_path)
+    assert [job["kept"] for job in json.loads(again.out)["jobs"]] == [True]

@@ -3,10 +3,11 @@
 import json
 import resource
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from airrace_command import AIRCRAFT, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace
+from airrace_command import AIRCRAFT, ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace, inside
 
 ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 
@@ -29,10 +30,10 @@ def spoil(path: Path, old: str, new: str) -> int:
     return text[: text.index(old)].count("\n") + 1
 
 
-def refused(track: Path, *arguments: str | Path) -> Ran:
+def refused(track: Path, run: Callable[..., Ran] = inside) -> Ran:
     """Both commands that read a track refuse it with the same findings, and nothing is written."""
-    flown = airrace("optimize", track, *arguments, "--json", cwd=track.parent)
-    checked = airrace("check", track, *arguments, "--json", cwd=track.parent)
+    flown = run("optimize", track, "--json", cwd=track.parent)
+    checked = run("check", track, "--json", cwd=track.parent)
     assert flown.code == checked.code == 3
     assert flown.answer["findings"] == checked.answer["findings"]
     assert not list(track.parent.glob("*.h5"))
@@ -47,7 +48,7 @@ def findings(ran: Ran) -> list[dict[str, object]]:
 
 def test_missing_gate_field_is_named(course: Path) -> None:
     line = spoil(course, "north_m: 955.0, ", "")
-    (finding,) = findings(refused(course))
+    (finding,) = findings(refused(course, airrace))
     assert finding["line"] == line
     assert finding["key"] == "gates.g4.north_m"
     assert "missing" in str(finding["message"])
@@ -74,7 +75,7 @@ def test_missing_aircraft_file_is_named(course: Path) -> None:
 
 
 def test_missing_aircraft_file_on_the_command_line_is_named(course: Path) -> None:
-    ran = airrace("optimize", course, "--aircraft", "nowhere.yaml", "--json", cwd=course.parent)
+    ran = inside("optimize", course, "--aircraft", "nowhere.yaml", "--json", cwd=course.parent)
     assert ran.code == 3
     assert "nowhere.yaml" in ran.err
 
@@ -100,14 +101,14 @@ def test_gate_below_the_floor_is_refused_by_name(course: Path) -> None:
 
 
 def test_missing_track_is_named(tmp_path: Path) -> None:
-    ran = airrace("optimize", "nowhere.yaml", "--json", cwd=tmp_path)
+    ran = inside("optimize", "nowhere.yaml", "--json", cwd=tmp_path)
     assert ran.code == 3
     assert "nowhere.yaml" in ran.err
 
 
 def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path: Path) -> None:
-    limit = ("--set", "rules.ceiling_m=100", "--explore", "off")
-    ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", *limit, "--json", cwd=tmp_path)
+    limit = ("--set", "rules.ceiling_m=100")
+    ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *limit, "--json", cwd=tmp_path)
     assert ran.code == 4
     assert ran.answer["certified"] is False
     assert "height between floor and ceiling (10 to 100 m)" in str(ran.answer["error"])
@@ -119,7 +120,7 @@ def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path
 
 def test_flight_that_is_not_certified_is_no_success(tmp_path: Path) -> None:
     strict = ("--set", "settings.certificate.replay=1e-13", "--set", "settings.mesh.refinements_max=0")
-    ran = airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", *strict, "--json", cwd=tmp_path)
+    ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *strict, "--json", cwd=tmp_path)
     assert ran.code == 5
     assert ran.answer["certified"] is False
     assert "replay_defect" in str(ran.answer["error"])
@@ -132,15 +133,14 @@ def small_files(limit: int) -> None:
 
 
 def test_full_disk_ends_a_run_with_its_own_code(tmp_path: Path) -> None:
-    ran = airrace(
-        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--json", cwd=tmp_path, before=lambda: small_files(4096)
-    )
+    ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, "--json", cwd=tmp_path, before=lambda: small_files(4096))
     assert ran.code == 8
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_full_disk_leaves_the_old_checkpoint_as_it_was(tmp_path: Path) -> None:
-    assert airrace("optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--quiet", cwd=tmp_path).code == 0
+    assert airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, "--quiet", cwd=tmp_path).code == 0
     run_file = tmp_path / "half_cuban_eight.h5"
     before = run_file.read_bytes()
     limit = len(before) - 1000

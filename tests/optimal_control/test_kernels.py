@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kept import compile_quickly
 from kernel_comparison import needs_compiler
 from small_problems import rich_system
 
@@ -34,6 +35,13 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "kernels"
     monkeypatch.setenv("AIRRACE_CACHE_DIR", str(folder))
     return folder
+
+
+@pytest.fixture
+def quick_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty kernel cache, for kernels that are compiled quickly."""
+    compile_quickly(monkeypatch)
+    return cache
 
 
 @pytest.fixture
@@ -59,7 +67,7 @@ def assert_same(one: Kernels, other: Kernels) -> None:
 
 
 @needs_compiler
-@pytest.mark.usefixtures("cache")
+@pytest.mark.usefixtures("quick_cache")
 @pytest.mark.parametrize("scheme", [RK4, DORMAND_PRINCE_5])
 def test_compiled_kernels_equal_the_virtual_machine(scheme) -> None:
     compiled = build_kernels(rich_system(), scheme, compiled=True)
@@ -97,19 +105,19 @@ def test_a_cache_that_cannot_be_written_is_done_without(
 
 
 @needs_compiler
-def test_the_second_build_needs_no_compiler(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_second_build_needs_no_compiler(quick_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = build_kernels(rich_system(), RK4, compiled=True)
-    kept = {path: path.stat().st_mtime_ns for path in cache.iterdir()}
-    assert len(list(cache.glob("*.so"))) == 1
+    kept = {path: path.stat().st_mtime_ns for path in quick_cache.iterdir()}
+    assert len(list(quick_cache.glob("*.so"))) == 1
     monkeypatch.setenv("CC", "")
     second = build_kernels(rich_system(), RK4, compiled=True)
     assert second.compiled
     assert_same(first, second)
-    assert {path: path.stat().st_mtime_ns for path in cache.iterdir()} == kept
+    assert {path: path.stat().st_mtime_ns for path in quick_cache.iterdir()} == kept
 
 
 @needs_compiler
-def test_compiling_is_announced_only_where_it_will_happen(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiling_is_announced_only_where_it_will_happen(quick_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert needs_compiling(rich_system(), RK4)
     monkeypatch.setenv("CC", "")
     assert not needs_compiling(rich_system(), RK4)
@@ -130,10 +138,10 @@ def flipped(library: bytes) -> bytes:
 @needs_compiler
 @pytest.mark.parametrize("damage", [truncated, flipped, lambda library: b"", lambda library: b"not a library"])
 def test_a_damaged_library_is_compiled_again(
-    cache: Path, damage: Callable[[bytes], bytes], monkeypatch: pytest.MonkeyPatch
+    quick_cache: Path, damage: Callable[[bytes], bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     build_kernels(rich_system(), RK4, compiled=True)
-    (library,) = cache.glob("*.so")
+    (library,) = quick_cache.glob("*.so")
     whole = library.read_bytes()
     library.unlink()  # a new file: the old one is mapped into this process
     damaged = damage(whole)
@@ -148,10 +156,10 @@ def test_a_damaged_library_is_compiled_again(
 
 
 @needs_compiler
-def test_every_scheme_has_its_own_library(cache: Path) -> None:
+def test_every_scheme_has_its_own_library(quick_cache: Path) -> None:
     build_kernels(rich_system(), RK4, compiled=True)
     build_kernels(rich_system(), DORMAND_PRINCE_5, compiled=True)
-    assert len(list(cache.glob("*.so"))) == 2
+    assert len(list(quick_cache.glob("*.so"))) == 2
 
 
 def test_cache_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -178,7 +186,7 @@ def test_kernels_prepared_in_the_background_need_no_compiler_later(
 
 
 @needs_compiler
-def test_a_preparation_that_failed_is_made_up_for(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_preparation_that_failed_is_made_up_for(quick_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "false")
     prepare(rich_system(), RK4)
     monkeypatch.delenv("CC")
@@ -186,7 +194,7 @@ def test_a_preparation_that_failed_is_made_up_for(cache: Path, monkeypatch: pyte
 
 
 @needs_compiler
-def test_what_is_there_is_not_prepared_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_there_is_not_prepared_again(quick_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     build_kernels(rich_system(), RK4, compiled=True)
     monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a process was started"))
     prepare(rich_system(), RK4)

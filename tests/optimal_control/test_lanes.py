@@ -2,13 +2,13 @@
 
 import ctypes
 import logging
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from kept import compile_quickly, keep_kernels
 from kernel_comparison import needs_compiler
 from small_problems import PROBLEMS, rich_system
 
@@ -35,12 +35,10 @@ exec {compiler} "$@"
 pytestmark = [needs_compiler, pytest.mark.skipif(not VECTORS, reason="the processor has no vectors")]
 
 
-@pytest.fixture(autouse=True, scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A kernel cache that the tests of this module share."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("AIRRACE_CACHE_DIR", str(tmp_path_factory.mktemp("kernels")))
-        yield
+@pytest.fixture(autouse=True)
+def compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels compiled once."""
+    keep_kernels(monkeypatch)
 
 
 def branching_system() -> System:
@@ -98,7 +96,7 @@ def assert_identical(mine: list[np.ndarray], theirs: list[np.ndarray]) -> None:
 
 
 @pytest.mark.parametrize("instructions", VECTORS, ids=IDS)
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", ["rich", "one phase", pytest.param("branching", marks=pytest.mark.slow)])
 def test_lanes_have_the_bits_of_single_intervals(name: str, instructions: InstructionSet) -> None:
     several, single = kernels(SYSTEMS[name], instructions), kernels(SYSTEMS[name], SINGLE)
     pairs = [(several.step, single.step)]
@@ -107,6 +105,12 @@ def test_lanes_have_the_bits_of_single_intervals(name: str, instructions: Instru
     for mine, theirs in pairs:
         given = intervals(mine, mine.lanes)
         assert_identical(evaluated(mine, given), one_by_one(theirs, given))
+
+
+def test_every_operation_that_is_a_loop_has_the_bits_of_single_intervals() -> None:
+    several, single = (kernels(branching_system(), one).step for one in (VECTORS[-1], SINGLE))
+    given = intervals(several, several.lanes)
+    assert_identical(evaluated(several, given), one_by_one(single, given))
 
 
 def test_the_branching_system_has_all_loops_over_the_lanes() -> None:
@@ -155,8 +159,9 @@ def program_values(layout: Layout, program: NonlinearProgram) -> list[np.ndarray
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_program_has_the_same_bits_with_lanes_and_without(name: str) -> None:
+def test_a_program_has_the_same_bits_with_lanes_and_without(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The numbers of intervals and of nodes are no multiples of the lanes: some lanes are left over."""
+    compile_quickly(monkeypatch)
     layout, system = Layout(PROBLEMS[name]), PROBLEMS[name].system
     expected = program_values(layout, transcribe(layout, kernels(system, SINGLE)))
     for instructions in VECTORS:

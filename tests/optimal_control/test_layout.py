@@ -18,7 +18,7 @@ def meshes(draw: st.DrawFn) -> Problem:
     """The rich system on any mesh."""
     counts = draw(st.lists(st.integers(1, 5), min_size=1, max_size=4))
     phases = tuple(Phase(str(number), (1.0 / n,) * n, Interval(0.1, 3.0)) for number, n in enumerate(counts))
-    rich = rich_problem()
+    rich = PROBLEMS["everything"]
     return Problem(rich.system, rich.parameters, Boundary(), phases, time_scale=draw(st.floats(0.1, 10.0)))
 
 

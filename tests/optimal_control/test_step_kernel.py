@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from kept import compile_quickly, keep_kernels
 from kernel_comparison import assert_equal, assert_equal_patterns, needs_compiler, random_arguments
 from small_problems import PROBLEMS, rich_system
 
@@ -18,9 +18,10 @@ from airrace.system import System
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty kernel cache."""
-    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+def compiled_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels compiled once; optimised ones are compared in every bit, see `test_lanes.py`."""
+    keep_kernels(monkeypatch)
+    compile_quickly(monkeypatch)
 
 
 def system(

@@ -4,6 +4,8 @@ import functools
 import re
 from pathlib import Path
 
+from kept import kept
+
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.prices import Price, prices
 from airrace.procedure.progress import Silent
@@ -12,7 +14,7 @@ from airrace.procedure.run import optimize
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
-FROM_PLAN = Document("settings.yaml", "schema: airrace/settings/1\nguess: plan\n")
+FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nexplore: "off"\n')
 COURSE = """
 schema: airrace/track/1
 name: three gates and a pylon
@@ -52,7 +54,7 @@ def inputs(text: str = COURSE, *overrides: str) -> Inputs:
     return inputs_from_documents(Document("course.yaml", text), AIRCRAFT, FROM_PLAN, overrides)
 
 
-@functools.cache
+@kept
 def optimum(text: str = COURSE, *overrides: str) -> StageResult:
     """The certified point mass."""
     given = inputs(text, *overrides)

@@ -4,6 +4,7 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
+from kept import kept
 from races import RACES, prepared, settings
 
 from airrace.environment.atmosphere import g0
@@ -35,7 +36,7 @@ def climbed(race: Race, chosen: Settings = PLAN) -> tuple[StageResult, ...]:
     return _climbed(race, chosen)
 
 
-@functools.cache
+@kept
 def _climbed(race: Race, chosen: Settings) -> tuple[StageResult, ...]:
     return tuple(optimize(race, chosen, until=Stage.SIX_DOF, threads=1, progress=Silent()))
 

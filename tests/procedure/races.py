@@ -5,6 +5,8 @@ import functools
 import math
 from pathlib import Path
 
+from kept import kept
+
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
 from airrace.planning.cruise import cruise
@@ -22,6 +24,7 @@ from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
 ROOT = Path(__file__).parents[2]
 COURSES = ("half_cuban_eight", "rovinj_2014", "sixteen_phases")
 SHIPPED = {name: load_inputs(ROOT / "tracks" / f"{name}.yaml").race for name in COURSES}
+SIXTEEN = SHIPPED["sixteen_phases"]
 EDGE_540 = SHIPPED["rovinj_2014"].aircraft
 DEGREE = math.pi / 180.0
 KNOT = 1852.0 / 3600.0
@@ -74,12 +77,18 @@ SMALL = Race(
 RACES = {**SHIPPED, "four_gates": SMALL}
 
 
+def one_lap(race: Race) -> Race:
+    """The sixteen phases without the second of their two laps."""
+    return dataclasses.replace(race, course=dataclasses.replace(race.course, passages=race.course.passages[:9]))
+
+
 def blown(race: Race, origin: float, speed: float) -> Race:
     """The race in a constant wind from `origin` (degrees) with `speed` (m/s)."""
     air = dataclasses.replace(race.air, wind=StaticWind(origin * DEGREE, speed) if speed else None)
     return dataclasses.replace(race, air=air)
 
 
+@functools.cache
 def planned(race: Race) -> Plan:
     """The plan of a race."""
     return plan(race.course, cruise(race.aircraft, race.course.rules))
@@ -97,7 +106,7 @@ def settings(guess: GuessKind, *, compiled: bool = True, explore: Explore = Expl
     return dataclasses.replace(silent, guess=guess, solver=solver, explore=explore)
 
 
-@functools.cache
+@kept
 def flown(race: Race, chosen: Settings) -> tuple[StageResult, ...]:
     """All stages of a race; flown once however many tests ask."""
     return tuple(optimize(race, chosen, until=Stage.POINT_MASS, threads=1, progress=Silent()))

@@ -1,7 +1,7 @@
 """Histories of attitudes keep their meaning when signs are aligned or they are turned."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -34,6 +34,7 @@ def test_rows_are_those_of_the_quaternion() -> None:
     assert [PointMassState.names()[row] for row in ROWS] == ["q0", "q1", "q2", "q3"]
 
 
+@settings(max_examples=30)
 @given(histories, signs)
 def test_aligning_changes_no_attitude_and_no_other_row(state: Array, sign: Array) -> None:
     state[ROWS] *= sign
@@ -44,6 +45,7 @@ def test_aligning_changes_no_attitude_and_no_other_row(state: Array, sign: Array
     assert (aligned[others] == state[others]).all()
 
 
+@settings(max_examples=30)
 @given(histories, signs)
 def test_neighbours_lie_on_the_same_side_after_aligning(state: Array, sign: Array) -> None:
     state[ROWS] *= sign
@@ -52,6 +54,7 @@ def test_neighbours_lie_on_the_same_side_after_aligning(state: Array, sign: Arra
     assert ((q[:, 1:] * q[:, :-1]).sum(axis=0) >= 0.0).all()
 
 
+@settings(max_examples=30)
 @given(histories, signs)
 def test_aligning_keeps_the_first_node_and_a_second_time_changes_nothing(state: Array, sign: Array) -> None:
     state[ROWS] *= sign
@@ -63,16 +66,19 @@ def test_aligning_keeps_the_first_node_and_a_second_time_changes_nothing(state: 
     assert (again == aligned).all()
 
 
+@settings(max_examples=30)
 @given(histories, histories)
 def test_turning_from_an_attitude_to_itself_changes_nothing(state: Array, reference: Array) -> None:
     assert np.allclose(turned(state, reference, reference), state[ROWS], atol=1e-12)
 
 
+@settings(max_examples=30)
 @given(histories, histories)
 def test_turning_the_reference_itself_leads_to_where_the_reference_goes(before: Array, after: Array) -> None:
     assert np.allclose(turned(before, before, after), after[ROWS], atol=1e-12)
 
 
+@settings(max_examples=30)
 @given(histories, histories, histories)
 def test_turning_there_and_back_is_a_round_trip(state: Array, before: Array, after: Array) -> None:
     there = state.copy()
@@ -81,6 +87,7 @@ def test_turning_there_and_back_is_a_round_trip(state: Array, before: Array, aft
     assert np.allclose(turned(there, after, before), state[ROWS], atol=1e-12)
 
 
+@settings(max_examples=30)
 @given(histories, histories, histories)
 def test_directions_turn_with_the_reference(state: Array, before: Array, after: Array) -> None:
     """What `before` is turned by, in O, is what `state` is turned by: R_new R_old^T is the same for both."""

@@ -31,6 +31,7 @@ def limited(race: Race, **limits: Interval) -> Race:
 CEILING = limited(RACES["half_cuban_eight"], height=Interval(10.0, 100.0))
 
 
+@pytest.mark.slow
 @every_guess
 def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_limit(guess_kind: GuessKind) -> None:
     result = optimum(CEILING, settings(guess_kind))
@@ -41,13 +42,14 @@ def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_l
     assert "height between floor and ceiling (10 to 100 m)" in result.message
 
 
+@pytest.mark.slow
 def test_both_solvers_were_asked_before_a_course_is_called_infeasible() -> None:
     joint = [one for one in optimum(CEILING, settings(GuessKind.PLAN)).attempts if one.purpose.startswith("all")]
     assert [one.solver for one in joint] == ["fatrop", "fatrop", "ipopt", "ipopt"]  # from the plan, from the homotopy
     assert not any(one.success for one in joint)
 
 
-@pytest.mark.parametrize("n_z_max", [1.5, 2.5])
+@pytest.mark.parametrize("n_z_max", [1.5, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_tight_load_factor_makes_a_slower_race_not_an_impossible_one(n_z_max: float) -> None:
     result = optimum(limited(SMALL, n_z=Interval(-1.0, n_z_max)), settings(GuessKind.PLAN))
     assert result.certified

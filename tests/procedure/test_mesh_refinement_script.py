@@ -141,6 +141,7 @@ def test_the_exit_code_is_the_verdict(
     assert "none" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_figure_is_drawn(course: Any, script: ModuleType, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     importlib.import_module("mesh_refinement_figure").draw([course], tmp_path / "figure.png")

@@ -1,5 +1,6 @@
 """A phase's family leads from straight and level to the real gate."""
 
+import functools
 import math
 
 import numpy as np
@@ -14,6 +15,7 @@ from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 
 
+@functools.cache
 def families(name: str) -> list[PhaseFamily]:
     """All phases of a race, each beginning as planned."""
     plan = planned(RACES[name])

@@ -77,14 +77,7 @@ def test_highest_stage_is_the_start_and_those_below_are_left_out() -> None:
     assert result.trajectory.race_time == pytest.approx(whole[1].trajectory.race_time, abs=1e-3)
 
 
-def test_stages_above_the_start_are_climbed() -> None:
-    results = started(WINDY, stored(), until=Stage.TRANSFER_FUNCTION)
-    assert [result.stage for result in results] == [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION]
-    assert [result.facts.source for result in results] == ["point-mass of calm.h5", "point-mass"]
-    assert all(result.certified for result in results)
-
-
-def test_other_equations_make_the_next_lower_stage_the_start_and_it_is_said() -> None:
+def test_other_equations_make_the_next_lower_stage_the_start_and_those_above_it_are_climbed() -> None:
     higher = climbed(SMALL)[1]
     first, *rest = higher.trajectory.states
     other = with_trajectory(higher, states=(dataclasses.replace(first, name="unheard_of"), *rest))
@@ -93,6 +86,8 @@ def test_other_equations_make_the_next_lower_stage_the_start_and_it_is_said() ->
     assert results[0].message.startswith("calm.h5: from its transfer-function, which flies other equations")
     assert results[0].message.endswith("so the start is its point-mass")
     assert results[1].message == ""
+    assert [result.facts.source for result in results] == ["point-mass of calm.h5", "point-mass"]
+    assert all(result.certified for result in results)
 
 
 def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is_said(

@@ -237,6 +237,7 @@ def test_what_cannot_be_studied_is_refused(modules: dict[str, ModuleType], capsy
         assert "error:" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_job_is_flown_in_a_process_and_one_that_takes_too_long_is_stopped(modules: dict[str, ModuleType]) -> None:
     jobs = modules["jobs"]
     flight = jobs.Job(COURSE, ("settings.guess=plan", "settings.explore=off"), change="mirrored")

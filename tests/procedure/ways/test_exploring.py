@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from explored_races import OFF, PLAN, QUICK, WOUND, optimum, wound
+from explored_races import OFF, PLAN, QUICK, WOUND, explored, optimum, wound
 from races import SHIPPED, SMALL, prepared
 from transformations import mirrored
 from ways_bench import workbench
@@ -29,7 +29,7 @@ HALF_CUBAN = SHIPPED["half_cuban_eight"]
 each_small_race = pytest.mark.parametrize(
     "race",
     [
-        pytest.param(SMALL, id="four gates"),
+        pytest.param(SMALL, id="four gates", marks=pytest.mark.slow),
         pytest.param(WOUND, id="wound"),
         pytest.param(HALF_CUBAN, id="half cuban eight"),
     ],
@@ -51,8 +51,8 @@ def test_flight_that_rounds_its_pylon_backwards_is_corrected() -> None:
     assert seconds(optimum(WOUND)) < seconds(optimum(WOUND, OFF)) - 5.0
 
 
-def test_tighter_limit_makes_no_race_faster() -> None:
-    limits = (8.0, 7.0, 6.0)
+@pytest.mark.parametrize("limits", [(7.0, 6.0), pytest.param((8.0, 7.0, 6.0), marks=pytest.mark.slow)])
+def test_tighter_limit_makes_no_race_faster(limits: tuple[float, ...]) -> None:
     times = [seconds(optimum(wound(n_z))) for n_z in limits]
     for looser, tighter in itertools.pairwise(times):
         assert looser <= tighter + SAME
@@ -88,9 +88,9 @@ def assert_same_flight(one: StageResult, other: StageResult) -> None:
         np.testing.assert_array_equal(getattr(one.trajectory, name), getattr(other.trajectory, name))
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_result_is_the_same_in_every_bit_whoever_does_the_work(threads: int) -> None:
-    again = optimum.__wrapped__(WOUND, QUICK, threads)
+    again = explored.__wrapped__(WOUND, QUICK, threads)
     assert_same_flight(optimum(WOUND), again)
 
 
