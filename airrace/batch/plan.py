@@ -23,6 +23,8 @@ class Result:
         retries: why earlier attempts did not.
         findings: what is wrong with the inputs.
         ways: which way round was flown; None where no other was tried.
+        stage: the last one that is finished; empty where none is.
+        laps: lap times of that stage, s; empty for a race of one lap.
     """
 
     code: int
@@ -32,12 +34,24 @@ class Result:
     retries: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     ways: Ways | None = None
+    stage: str = ""
+    laps: tuple[float, ...] = ()
 
 
 def result_of(record: Record) -> Result:
     """What a record says."""
-    ways = ways_of(record.run)
-    return Result(record.code, record.message, record.race_time, record.wall, record.retries, record.findings, ways)
+    stages = (record.run or {}).get("stages") or [{}]
+    return Result(
+        record.code,
+        record.message,
+        record.race_time,
+        record.wall,
+        record.retries,
+        record.findings,
+        ways_of(record.run),
+        stage=stages[-1].get("stage", ""),
+        laps=tuple(stages[-1].get("lap_times_s", ())),
+    )
 
 
 def invalid(findings: tuple[Finding, ...]) -> Result:

@@ -18,6 +18,7 @@ from airrace.cli.compare import compare
 from airrace.cli.export import export
 from airrace.cli.init import init
 from airrace.cli.optimize import optimize
+from airrace.cli.plot import plot
 from airrace.cli.prices import prices
 from airrace.cli.resume import resume
 from airrace.cli.schema import schema
@@ -39,6 +40,7 @@ app.command()(resume)
 app.add_typer(export)
 app.command()(show)
 app.command()(compare)
+app.command()(plot)
 app.command()(verify)
 app.command()(prices)
 app.command()(check)
