@@ -1,7 +1,9 @@
 """What a batch is going to do: its jobs, which of them are done already, and why the others are flown."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from airrace.batch.job import Job
 from airrace.batch.record import Record
@@ -40,7 +42,7 @@ class Result:
 
 def result_of(record: Record) -> Result:
     """What a record says."""
-    stages = (record.run or {}).get("stages") or [{}]
+    stages: Sequence[Mapping[str, Any]] = (record.run or {}).get("stages") or ({},)  # Any: JSON
     return Result(
         record.code,
         record.message,

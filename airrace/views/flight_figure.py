@@ -10,7 +10,7 @@ from airrace.flights import Flight
 from airrace.quantities import KNOT
 from airrace.trajectory import Array
 from airrace.views.course_drawing import write_labels
-from airrace.views.drawing import COLOURS, GREY, RED, Axes, Figure, new_figure, save_figure
+from airrace.views.drawing import COLOURS, GREY, RED, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.flown_line import draw_coloured, draw_map, flown_scenery
 
 WIDTH, HEIGHT = 15.0, 9.6  # inches
@@ -54,6 +54,7 @@ def draw_flight(flight: Flight, path: Path) -> None:
     save_figure(flight_figure(flight), path)
 
 
+@names_as_they_are
 def flight_figure(flight: Flight) -> Figure:
     """The drawing: plan and profile on the left, histories on the right."""
     strips = [strip for strip in STRIPS if any(name in flight for name, _ in strip.histories)]
@@ -67,9 +68,10 @@ def flight_figure(flight: Flight) -> Figure:
     plan.set(xlabel="east, m", ylabel="north, m")
     figure.colorbar(line, ax=plan, label="load, g", shrink=0.6, pad=0.01)
     _draw_profile(profile, flight)
-    places = right.subgridspec(len(strips), 1, hspace=0.04).subplots(sharex=True) if strips else []
-    for axes, strip in zip(np.atleast_1d(places).tolist(), strips, strict=True):
-        _draw_strip(axes, flight, strip)
+    if strips:
+        places = right.subgridspec(len(strips), 1, hspace=0.04).subplots(sharex=True, squeeze=False)
+        for axes, strip in zip(places[:, 0].tolist(), strips, strict=True):
+            _draw_strip(axes, flight, strip)
     figure.draw_without_rendering()  # only then is it known where the axes lie
     if len(seen.marks) <= LABELS_MAX:
         write_labels(figure, plan, seen, frame)

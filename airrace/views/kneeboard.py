@@ -6,7 +6,7 @@ from pathlib import Path
 from airrace.flights import Flight
 from airrace.flights.leg_facts import LegFacts, leg_facts
 from airrace.quantities import KNOT
-from airrace.views.drawing import BLACK, GREY, Axes, Figure, new_figure, save_figure
+from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.flown_line import draw_map, flown_scenery
 
 WIDTH, HEIGHT = 5.83, 8.27  # inches: A5
@@ -25,6 +25,7 @@ def draw_kneeboard(flight: Flight, path: Path) -> None:
     save_figure(kneeboard_figure(flight), path)
 
 
+@names_as_they_are
 def kneeboard_figure(flight: Flight) -> Figure:
     """The page: A5, upright. Gates are numbered as they are flown; the map's labels are these numbers."""
     figure = new_figure(WIDTH, HEIGHT, layout=None)

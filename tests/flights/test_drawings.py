@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.flights import Crossing
+from airrace.flights.comparison import compared
+from airrace.views.comparison_figure import comparison_figure
 from airrace.views.flight_figure import STRIPS, flight_figure
 from airrace.views.kneeboard import HEIGHT, WIDTH, kneeboard_figure
 
@@ -57,6 +59,13 @@ def test_a_missed_gate_is_a_dash_in_the_kneeboard() -> None:
     flight = replace(flight, crossings=(*flight.crossings[:3], lost, *flight.crossings[4:]))
     told = [text.get_text() for axes in kneeboard_figure(flight).axes for text in axes.texts]
     assert told.count("-") >= 6
+
+
+def test_names_that_look_like_formulas_are_written_as_they_are() -> None:
+    flight = circling(rovinj(), label="a $\\frac{$ b")
+    flight = replace(flight, race=replace(flight.race, course=replace(flight.course, name="$x^2$ {{ $\\nothing$")))
+    for figure in (flight_figure(flight), kneeboard_figure(flight), comparison_figure([compared(flight, flight)])):
+        figure.savefig(io.BytesIO(), format="png", dpi=30)
 
 
 def run(*arguments: str) -> tuple[int, str]:
