@@ -41,9 +41,10 @@ def names_as_they_are(make: Callable[P, Figure]) -> Callable[P, Figure]:
 
     @functools.wraps(make)
     def made(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        from matplotlib import rc_context
+        import matplotlib
 
-        with rc_context({"text.parse_math": False}):
+        library: Any = matplotlib  # Any: its stubs leave paths untyped
+        with library.rc_context({"text.parse_math": False}):
             return make(*args, **kwargs)
 
     return made
