@@ -11,9 +11,11 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.check import check
+from airrace.cli.compare import compare
 from airrace.cli.export import export
 from airrace.cli.init import init
 from airrace.cli.optimize import optimize
+from airrace.cli.plot import plot
 from airrace.cli.prices import prices
 from airrace.cli.resume import resume
 from airrace.cli.schema import schema
@@ -34,6 +36,8 @@ app.command()(optimize)
 app.command()(resume)
 app.add_typer(export)
 app.command()(show)
+app.command()(compare)
+app.command()(plot)
 app.command()(verify)
 app.command()(prices)
 app.command()(check)

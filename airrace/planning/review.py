@@ -16,26 +16,15 @@ from airrace.planning.clearances import beyond_border, beyond_line, crowd_distan
 from airrace.planning.cruise import top_speed
 from airrace.planning.legs import Leg, legs, place, tightest
 from airrace.planning.race import Race
-from airrace.quantities import Interval
+from airrace.quantities import KNOT, Interval
 from airrace.track.course import Course, Direction, Passage
 
-KNOT = 1852.0 / 3600.0  # m/s
-WIND_MAX = 30.0 * KNOT
-"""The strongest wind in which races are flown by the rules of 2014 to 2019, m/s."""
-LOOP = math.pi
-"""The angle, rad, by which a way that goes round a loop turns more than straight lines do."""
-SAME_PLACE = 1.0
-"""The distance below which two passings are of one spot, m; a quad's are meant to be flown round a loop."""
-NEARLY = 0.5
-"""The violation that is not remarked on, m: what rounding to metres would not show."""
-ASIDE = math.radians(90.0)
-"""The angle beyond which a gate is flown the wrong way, rad: between its course and the way from and to its
-neighbours.
-"""
-BACK = math.radians(135.0)
-"""The angle beyond which a start or finish is flown the wrong way, rad: between its course and the way to its
-neighbour.
-"""
+WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
+LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
+SAME_PLACE = 1.0  # m: passings of one spot, as of a quad, are meant to be flown round a loop
+NEARLY = 0.5  # m: what rounding to metres would not show
+ASIDE = math.radians(90.0)  # a gate that points further away from both of its neighbours is flown the wrong way
+BACK = math.radians(135.0)  # likewise a start or finish, which has but one
 
 
 class Kind(Enum):

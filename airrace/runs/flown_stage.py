@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from airrace.documents import Inputs
-from airrace.errors import NotCertified
+from airrace.errors import NotCertified, UsageError
 from airrace.export import Provenance, export_csv
 from airrace.export.columns import Derived
 from airrace.export.flight_table import FlightTable, flight_table
 from airrace.export.sampling import Sampler
+from airrace.flights import Flight, Source, flight_of
+from airrace.flights.derivation import table_columns
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Stage, StageResult
@@ -90,6 +92,26 @@ class FlownStage:
     def splits(self) -> Splits:
         """The gate splits: when and how every gate was passed; empty if no flight was found."""
         return Splits(self.result.splits if self.result.is_flight else ())
+
+    def flight(self, label: str | None = None) -> Flight:
+        """The flight with all histories that follow from it, and its gate crossings; see `airrace.flights`.
+
+        Args:
+            label: what people call it; None for the track's name and the stage.
+
+        Raises:
+            UsageError: the stage found no flight.
+        """
+        if not self.result.is_flight:
+            raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
+        source = Source(
+            label or f"{Path(self.inputs.track.path).stem}:{self.name}",
+            stage=self.name,
+            certified=self.certified,
+            version=self.versions.get("airrace", ""),
+            remark=self.message,
+        )
+        return flight_of(self.inputs.race, self.result, source)
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
@@ -175,7 +197,11 @@ class FlownStage:
 
     @property
     def _derived(self) -> Derived:
-        return procedure.derived_quantities(self.inputs.race, self.result)
+        race, states = self.inputs.race, [one.name for one in self.result.trajectory.states]
+        return {
+            **procedure.derived_quantities(race, self.inputs.settings, self.result),
+            **table_columns(race, states),
+        }
 
     def _sampler(self, rate: float | None) -> Sampler | None:
         """Return what integrates between the nodes; None without a rate, for on the mesh it is not needed."""

@@ -17,11 +17,13 @@ from airrace.checkpoint import read_checkpoint
 from airrace.cli.main import app
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
+from airrace.documents import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
 from airrace.runs.run_object import run_object, stage_object
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
+PASSINGS = [passage.name for passage in load_inputs(TRACK).race.course.passages]
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LOOP = "g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
@@ -39,8 +41,8 @@ def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
     return Explored(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
 
 
-def contested(found: Explored) -> StageResult:
-    own = stage_result(Stage.POINT_MASS)
+def contested(found: Explored, own: StageResult | None = None) -> StageResult:
+    own = own or stage_result(Stage.POINT_MASS, passings=PASSINGS)
     return replace(own, explored=found, rivals=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
 
 
@@ -63,9 +65,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
         for result in canned_procedure.optimize(*arguments, **named):
-            yield contested(explored(loops=(LOOP,))) if result.stage is Stage.POINT_MASS else result
+            yield contested(explored(loops=(LOOP,)), result) if result.stage is Stage.POINT_MASS else result
 
-    for name in ("STAGES", "derived_quantities", "recertified", "sampler"):
+    for name in ("STAGES", "continuous", "derived_quantities", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path
@@ -148,7 +150,7 @@ def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it
 ) -> None:
     def optimize(*_: Any, **__: Any) -> Iterator[StageResult]:
         yield contested(explored(loops=(LOOP,)))
-        yield stage_result(Stage.TRANSFER_FUNCTION)
+        yield stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
     monkeypatch.setattr(procedure, "optimize", optimize)
     flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")
