@@ -1,0 +1,56 @@
+"""Flights as the script of a report is told of them."""
+
+from collections.abc import Mapping, Sequence
+
+from airrace.flights import Flight
+from airrace.flights.glossary import BODY_ATTITUDE
+from airrace.report.contents import Contents, FlightContents
+from airrace.report.course_contents import course_contents
+from airrace.report.differences import differences_of, started
+from airrace.report.shown import colours_of, histories_shown, strips_of
+from airrace.views.scenery import Scenery
+
+
+def contents_of(flights: Sequence[Flight], seen: Scenery) -> Contents:
+    """All that the script is told.
+
+    Args:
+        flights: the first is what the page is about, the others are its ghosts.
+        seen: the course of the first from above.
+
+    Raises:
+        UsageError: a flight is of a course with other passings.
+    """
+    first = flights[0]
+    return Contents(
+        course=course_contents(seen, places_passed(first)),
+        flights=[flight_contents(flight) for flight in flights],
+        strips=strips_of(flights),
+        colours=colours_of(first),
+        differences=differences_of(flights),
+    )
+
+
+def flight_contents(flight: Flight) -> FlightContents:
+    """One flight, with its clock beginning at its first passing."""
+    begin = started(flight)
+    pose = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
+    attitude = {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
+    return FlightContents(
+        label=flight.label,
+        aircraft=flight.aircraft.name,
+        span=flight.aircraft.airframe.b,
+        race_time=flight.race_time,
+        passings=[(one.name, one.time - begin) for one in flight.crossings if one.found],
+        time=flight.time - begin,
+        histories={**pose, **attitude, **histories_shown(flight)},
+    )
+
+
+def places_passed(flight: Flight) -> Mapping[str, tuple[float, float, float]]:
+    """Where elements were passed first: north, east, height (m), by their names."""
+    places: dict[str, tuple[float, float, float]] = {}
+    for one in flight.crossings:
+        if one.found:
+            places.setdefault(one.passage.element.name, (one.value("x"), one.value("y"), one.value("height")))
+    return places
