@@ -13,6 +13,7 @@ import numpy as np
 from airrace.errors import InputError, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.planning.race import Race
+from airrace.procedure.continuous import Continuous
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
 from airrace.procedure.settings import Settings
@@ -124,6 +125,14 @@ def derived_quantities(race: Race, settings: Settings, result: StageResult) -> M
     return {}
 
 
+def continuous(race: Race, result: StageResult, longest_step: float) -> Continuous:
+    """At the nodes alone."""
+    flown = result.trajectory
+    interval = np.minimum(np.arange(len(flown.time)), flown.control.shape[1] - 1)
+    controls = dict(zip(flown.controls, flown.control[:, interval], strict=True))
+    return Continuous(flown.time, dict(zip(flown.states, flown.state, strict=True)) | controls, {})
+
+
 def sampler(race: Race, settings: Settings, result: StageResult) -> "Sampler":
     return Sampler(result)
 
@@ -144,7 +153,7 @@ def main() -> None:
     from airrace.cli.main import main as airrace
     from airrace.procedure import run
 
-    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
+    for name in ("STAGES", "continuous", "derived_quantities", "optimize", "recertified", "sampler"):
         setattr(run, name, globals()[name])
     airrace()
 

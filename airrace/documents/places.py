@@ -6,10 +6,13 @@ north-east-down frame; its height in that frame (the earth's curvature) is ignor
 
 import math
 from dataclasses import dataclass
-from typing import cast
+
+import numpy as np
 
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.place_schema import OriginEntry, PlacedEntry
+from airrace.track.course import Origin
+from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
 
 REACH_M = 50_000.0
@@ -71,14 +74,11 @@ class Places:
         return self._seen_from_origin(given[0], given[1], path)
 
     def _seen_from_origin(self, latitude: float, longitude: float, path: KeyPath) -> Point | None:
-        # Imported here: most courses are given in metres. ignore: the library leaves its arguments untyped.
-        from pymap3d import geodetic2ned  # pyright: ignore[reportUnknownVariableType]
-
-        o, h = self.origin, self.origin.elevation_m
-        seen = cast(
-            tuple[float, float, float], geodetic2ned(latitude, longitude, h, o.latitude_deg, o.longitude_deg, h)
-        )
-        north, east, down = (float(component) for component in seen)
+        o = self.origin
+        assert o.latitude_deg is not None  # asked for above
+        assert o.longitude_deg is not None
+        origin = Origin(math.radians(o.latitude_deg), math.radians(o.longitude_deg), o.elevation_m)
+        north, east, down = (float(one) for one in metres(np.radians(latitude), np.radians(longitude), origin))
         away = math.hypot(north, east, down)
         if away > REACH_M:
             self.reporter.value(

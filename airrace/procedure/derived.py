@@ -1,6 +1,7 @@
 """What follows from the states and controls of a flight: angles, coefficients, load factors and forces."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,10 +23,38 @@ FORCES = (
 )
 
 
+@dataclass(frozen=True)
+class _Group:
+    """Quantities that one function of the named histories yields together."""
+
+    quantities: tuple[Quantity, ...]
+    of: Callable[[Histories], Histories]
+
+
 def derived_quantities(
     race: Race, settings: Settings, result: StageResult
 ) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
+    groups = _groups(race, result)
+    own = {one: _entry(group.of, one.name) for group in groups for one in group.quantities}
+    return {**fidelity_of(result.stage).columns, **own}
+
+
+def derived_histories(race: Race, result: StageResult, histories: Histories) -> Mapping[Quantity, Array]:
+    """The same quantities as values, each of shape (n,); every function is evaluated once.
+
+    Args:
+        histories: of all states and controls, by name, each of shape (n,).
+    """
+    columns = {one: function(histories) for one, function in fidelity_of(result.stage).columns.items()}
+    for group in _groups(race, result):
+        values = group.of(histories)
+        columns.update({one: values[one.name] for one in group.quantities})
+    return columns
+
+
+def _groups(race: Race, result: StageResult) -> tuple[_Group, ...]:
+    """What the model limits along the path, then load factors and forces."""
     model = stage_model(result.stage, race)
     system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}
@@ -48,11 +77,8 @@ def derived_quantities(
         weight = race.aircraft.airframe.m * g0
         return vars(n) | {"F_x": weight * n.n_x, "F_y": weight * n.n_y, "F_z": -weight * n.n_z}
 
-    return {
-        **fidelity_of(result.stage).columns,
-        **{one: _entry(along_path, one.name) for one in path},
-        **{one: _entry(loads, one.name) for one in (*load, *FORCES)},
-    }
+    of_path = (_Group(tuple(path), along_path),) if path else ()
+    return (*of_path, _Group((*load, *FORCES), loads))
 
 
 def _entry(of: Callable[[Histories], Histories], name: str) -> Callable[[Histories], Array]:

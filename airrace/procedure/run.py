@@ -7,6 +7,7 @@ from airrace.dynamics import handling
 from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
+from airrace.procedure.continuous import continuous
 from airrace.procedure.derived import derived_quantities
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import Ladder, wanted_stages
@@ -20,7 +21,7 @@ from airrace.procedure.stored import recertified, recertify, sampler
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["STAGES", "derived_quantities", "optimize", "recertified", "recertify", "sampler"]
+__all__ = ["STAGES", "continuous", "derived_quantities", "optimize", "recertified", "recertify", "sampler"]
 
 
 def optimize(

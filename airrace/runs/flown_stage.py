@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from airrace.documents import Inputs
-from airrace.errors import NotCertified
+from airrace.errors import NotCertified, UsageError
 from airrace.export import Provenance, export_csv
 from airrace.export.columns import Derived
 from airrace.export.flight_table import FlightTable, flight_table
 from airrace.export.sampling import Sampler
+from airrace.flights import Flight, Source, flight_of
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Stage, StageResult
@@ -90,6 +91,26 @@ class FlownStage:
     def splits(self) -> Splits:
         """When and how every gate was passed; empty where no flight was found."""
         return Splits(self.result.splits if self.result.is_flight else ())
+
+    def flight(self, label: str | None = None) -> Flight:
+        """The flight with all histories that follow from it, and its gate crossings; see `airrace.flights`.
+
+        Args:
+            label: what people call it; None for the track's name and the stage.
+
+        Raises:
+            UsageError: the stage found no flight.
+        """
+        if not self.result.is_flight:
+            raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
+        source = Source(
+            label or f"{Path(self.inputs.track.path).stem}:{self.name}",
+            stage=self.name,
+            certified=self.certified,
+            version=self.versions.get("airrace", ""),
+            remark=self.message,
+        )
+        return flight_of(self.inputs.race, self.result, source)
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """The flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.

@@ -19,6 +19,7 @@ from airrace.runs.run_page import run_line, run_page
 from airrace.runs.splits import Splits
 
 if TYPE_CHECKING:
+    from airrace.flights import Flight
     from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
     from airrace.runs.priced import Prices
     from airrace.runs.verification import Verification
@@ -209,6 +210,10 @@ class Run:
             return compared(*common)
         except ValueError as error:
             raise UsageError(f"{other.label} has other passings than {self.label}") from error
+
+    def flight(self, stage: str | Stage | None = None, label: str | None = None) -> "Flight":
+        """The flight of a stage, by default of the last one; see `FlownStage.flight`."""
+        return self.stage(stage).flight(label)
 
     def as_object(self) -> dict[str, object]:
         """The object that `airrace show --json` prints."""

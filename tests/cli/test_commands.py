@@ -56,7 +56,7 @@ class Ran:
 @pytest.fixture
 def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
+    for name in ("STAGES", "continuous", "derived_quantities", "optimize", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     return Shell(tmp_path, monkeypatch)
 

@@ -65,7 +65,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         for result in canned_procedure.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,))) if result.stage is Stage.POINT_MASS else result
 
-    for name in ("STAGES", "derived_quantities", "recertified", "sampler"):
+    for name in ("STAGES", "continuous", "derived_quantities", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path

@@ -23,7 +23,7 @@ ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that computes nothing."""
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "derived_quantities", "optimize", "recertified", "sampler"):
+    for name in ("STAGES", "continuous", "derived_quantities", "optimize", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     return tmp_path
 

@@ -1,0 +1,69 @@
+"""What the air does to a flight: true and indicated airspeed, and where the air comes from."""
+
+import functools
+
+import casadi as ca
+import numpy as np
+
+from airrace.dynamics.flight_model import column, named_symbols
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import (
+    P_ISA,
+    RHO_ISA,
+    AtmosphereParameters,
+    atmosphere_parameters,
+    density,
+    pressure,
+)
+from airrace.environment.wind import WindField
+from airrace.quantities import Quantity
+from airrace.trajectory import Array
+
+KAPPA = 1.4
+"""Ratio of the specific heats of air."""
+
+
+def wind(air: Air, x: Array, y: Array, z: Array) -> Array:
+    """North, east and down component of the wind at places of the track's frame (m), shape (3, n), m/s."""
+    field = WindField.of(air)
+    if not field.present:
+        return np.zeros((3, len(x)))
+    p = np.repeat(np.array(field.values(air))[:, None], len(x), axis=1)
+    return np.asarray(_wind_function(field).map(len(x))(np.stack([x, y, z]), p))
+
+
+def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:
+    """What an airspeed indicator without errors shows, m/s, shape (n,).
+
+    It shows the speed at which the standard atmosphere at sea level has the same impact pressure (calibrated airspeed):
+
+        q_c = p [(1 + (kappa - 1)/2 M^2)^(kappa/(kappa - 1)) - 1]      and the inverse with p_0, a_0
+
+    Args:
+        V_A: true airspeed, m/s.
+        z: down from the track's origin, m.
+        air: of the day.
+    """
+    day = atmosphere_parameters(air)
+    p, rho = _pressure(z, day), _density(z, day)
+    M2 = V_A**2 * rho / (KAPPA * p)
+    impact = p * ((1.0 + 0.5 * (KAPPA - 1.0) * M2) ** (KAPPA / (KAPPA - 1.0)) - 1.0)
+    a_02 = KAPPA * P_ISA / RHO_ISA
+    ratio = (impact / P_ISA + 1.0) ** ((KAPPA - 1.0) / KAPPA) - 1.0
+    return np.sqrt(2.0 / (KAPPA - 1.0) * a_02 * ratio)
+
+
+def _pressure(z: Array, day: AtmosphereParameters[float]) -> Array:
+    return np.asarray(pressure(z, day), np.float64).reshape(z.shape)
+
+
+def _density(z: Array, day: AtmosphereParameters[float]) -> Array:
+    return np.asarray(density(z, day), np.float64).reshape(z.shape)
+
+
+@functools.lru_cache(maxsize=16)
+def _wind_function(field: WindField) -> ca.Function:
+    place = named_symbols([Quantity(name, "m") for name in ("x", "y", "z")])
+    numbers = named_symbols(field.parameters)
+    velocity = field.velocity(place["x"], place["y"], place["z"], list(numbers.values()))
+    return ca.Function("wind", [column(place.values()), column(numbers.values())], [column(velocity)], {"cse": True})

@@ -1,0 +1,89 @@
+"""How the body lies in space, from the flight path and the angles of the flow.
+
+Models with angles know it: `R_OB = R_OKbar R_BKbar(alpha_K, beta_K)^T`. For the others the body is turned into the air
+that meets it, as their load factors are: x_A along the velocity relative to the air, z_A in the plane of that and of
+z_Kbar, the body at the angle of attack that the lift takes and at the sideslip of the side force.
+"""
+
+import numpy as np
+
+from airrace.aircraft.aircraft import Lift
+from airrace.frames import Scalar, rotation
+from airrace.trajectory import Array
+
+Axes = Array
+"""Rotation matrices over time, shape (3, 3, n)."""
+
+
+def path_axes(q: list[Array]) -> Axes:
+    """`R_OKbar` over time, from the rows of its quaternion, each of shape (n,)."""
+    return _stacked(rotation(q), q[0])
+
+
+def body_axes(R_OKbar: Axes, alpha_K: Array, beta_K: Array) -> Axes:
+    """`R_OB` of a body at kinematic angles, rad, shape (n,)."""
+    return np.einsum("ijn,kjn->ikn", R_OKbar, _to_body(alpha_K, beta_K))
+
+
+def air_axes(R_OKbar: Axes, V_O: Array) -> Axes:
+    """`R_OA` of the flow that meets an aircraft.
+
+    Args:
+        R_OKbar: of the flight path.
+        V_O: velocity relative to the air, components in O, m/s, shape (3, n).
+    """
+    x = _unit(V_O)
+    z_Kbar = np.asarray(R_OKbar[:, 2], np.float64)
+    z = _unit(z_Kbar - np.sum(z_Kbar * x, axis=0) * x)
+    return np.stack([x, np.cross(z, x, axis=0), z], axis=1)
+
+
+def angle_of_attack(C_L: Array, lift: Lift) -> Array:
+    """The angle of attack that a lift coefficient takes on the linear lift curve, controls neutral, rad."""
+    return (C_L - lift.C_L0) / lift.C_Lalpha
+
+
+def quaternions(R: Axes) -> list[Array]:
+    """The rows of the quaternions of rotation matrices, scalar first, without jumps of sign; four of shape (n,).
+
+    The largest of the four components is computed from the diagonal and divides the others, so nothing is divided by a
+    small number.
+    """
+    traces = np.stack(
+        [
+            1.0 + R[0, 0] + R[1, 1] + R[2, 2],
+            1.0 + R[0, 0] - R[1, 1] - R[2, 2],
+            1.0 - R[0, 0] + R[1, 1] - R[2, 2],
+            1.0 - R[0, 0] - R[1, 1] + R[2, 2],
+        ]
+    )
+    a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    # products[i, j] is four times component i times component j
+    products = np.array([[traces[0], a, b, c], [a, traces[1], d, e], [b, d, traces[2], f], [c, e, f, traces[3]]])
+    largest = np.argmax(traces, axis=0)
+    q = np.take_along_axis(products, largest[None, None, :], axis=0)[0]
+    q = q / np.linalg.norm(q, axis=0)
+    flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
+    return list(q * np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0)))))
+
+
+def euler_angles(R: Axes) -> tuple[Array, Array, Array]:
+    """Heading, pitch and roll (or course, climb and bank) of rotation matrices, rad, shape (n,)."""
+    theta = -np.arcsin(np.clip(R[2, 0], -1.0, 1.0))
+    return np.arctan2(R[1, 0], R[0, 0]), theta, np.arctan2(R[2, 1], R[2, 2])
+
+
+def _to_body(alpha: Array, beta: Array) -> Axes:
+    """`R_BKbar` of kinematic angles, `R_BA` of aerodynamic ones [theory/model.md]."""
+    ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+    return _stacked([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]], alpha)
+
+
+def _stacked(rows: list[list[Scalar]], like: Array) -> Axes:
+    return np.stack([np.stack([np.broadcast_to(entry, like.shape) for entry in row]) for row in rows])
+
+
+def _unit(vectors: Array) -> Array:
+    """Columns of length one, shape (3, n)."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=0), np.float64)

@@ -1,0 +1,84 @@
+"""Legs and laps of a flight: from passing to passing, and from lap to lap."""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.flights.flight import Crossing, Flight
+
+
+@dataclass(frozen=True)
+class Leg:
+    """From one passing to the next.
+
+    Attributes:
+        number: counts from 1; leg `i` ends in passing `i`.
+        before, after: the passings at its ends.
+        rows: indices into the flight's time axis of the times from end to end, both included, shape (m,); empty where
+            one of the passings is missing.
+    """
+
+    number: int
+    before: Crossing
+    after: Crossing
+    rows: NDArray[np.int64]
+
+    @property
+    def name(self) -> str:
+        """The name of the passing that it ends in."""
+        return self.after.name
+
+    @property
+    def lap(self) -> int:
+        """The lap that it belongs to."""
+        return self.after.lap
+
+    @property
+    def time(self) -> float:
+        """How long it takes, s; NaN where one of the passings is missing."""
+        return self.after.time - self.before.time
+
+    @property
+    def flown(self) -> bool:
+        """Whether both passings were made."""
+        return math.isfinite(self.time)
+
+
+@dataclass(frozen=True)
+class Lap:
+    """One lap: from the last passing before it to its own last one.
+
+    Attributes:
+        number: counts from 1.
+        legs: of it, in order.
+    """
+
+    number: int
+    legs: tuple[Leg, ...]
+
+    @property
+    def time(self) -> float:
+        """How long it takes, s; NaN where its first or its last passing is missing."""
+        return self.legs[-1].after.time - self.legs[0].before.time
+
+
+def legs_of(flight: Flight) -> tuple[Leg, ...]:
+    """All legs in order, also those that were not flown."""
+    pairs = itertools.pairwise(flight.crossings)
+    return tuple(_leg(flight, number, *pair) for number, pair in enumerate(pairs, start=1))
+
+
+def laps_of(flight: Flight) -> tuple[Lap, ...]:
+    """All laps in order; one where the course has no laps."""
+    grouped = itertools.groupby(legs_of(flight), key=lambda leg: leg.lap)
+    return tuple(Lap(number, tuple(legs)) for number, legs in grouped)
+
+
+def _leg(flight: Flight, number: int, before: Crossing, after: Crossing) -> Leg:
+    if not before.found or not after.found:
+        return Leg(number, before, after, np.zeros(0, np.int64))
+    inside = (flight.time >= before.time) & (flight.time <= after.time)
+    return Leg(number, before, after, np.flatnonzero(inside))
