@@ -1,17 +1,17 @@
 """A course as the script of a report is told of it.
 
-    elements    what is passed
-      name
-      posts       feet of pylons, [[north, east], ...]
-      top         height of the pylons, m
-      window      ends [[north, east], [north, east]] of the stretch that is flown through; null where there is none
-      reach       likewise, of the stretch beside a pylon in which a passing counts
-      heights     [lowest, highest] of the passing, m
-      place       [north, east, height] of its name; where it stands nowhere, where the first flight passed it
-    crowd       [{name, corners, closed, distance, height}]
-    lines       safety lines, [{name, start, end, keep_right}]
-    airspace    corners [[north, east], ...]; empty where there is none
-    frame       [south, north, west, east] of what is to be seen, m
+elements    what is passed
+  name
+  posts       feet of pylons, [[north, east], ...]
+  top         height of the pylons, m
+  window      ends [[north, east], [north, east]] of the stretch that is flown through; null where there is none
+  reach       likewise, of the stretch beside a pylon in which a passing counts
+  heights     [lowest, highest] of the passing, m
+  place       [north, east, height] of its name; where it stands nowhere, where the first flight passed it
+crowd       [{name, corners, closed, distance, height}]
+lines       safety lines, [{name, start, end, keep_right}]
+airspace    corners [[north, east], ...]; empty where there is none
+frame       [south, north, west, east] of what is to be seen, m
 """
 
 import math

@@ -39,7 +39,8 @@ def behind(first: Flight, other: Flight) -> tuple[Array, Array]:
     made = [(one.time, two.time) for one, two in pairs if math.isfinite(one.time) and math.isfinite(two.time)]
     if len(made) < 2:
         raise UsageError(f"{other.label} and {first.label} have fewer than two passings in common")
-    at_first, at_other = np.array(made).T
+    at_first = np.array([one for one, _ in made])
+    at_other = np.array([two for _, two in made])
     inside = first.time[(first.time > at_first[0]) & (first.time < at_first[-1])]
     time = np.unique(np.concatenate([inside, at_first]))
     way, other_way = _way(first), _way(other)

@@ -24,20 +24,26 @@ def contents_of(flights: Sequence[Flight], seen: Scenery) -> Contents:
     first = flights[0]
     return Contents(
         course=course_contents(seen, places_passed(first)),
-        flights=[flight_contents(flight) for flight in flights],
+        flights=[flight_contents(*one) for one in zip(flights, short_labels(flights), strict=True)],
         strips=strips_of(flights),
         colours=colours_of(first),
         differences=differences_of(flights),
     )
 
 
-def flight_contents(flight: Flight) -> FlightContents:
-    """One flight, with its clock beginning at its first passing."""
+def short_labels(flights: Sequence[Flight]) -> list[str]:
+    """Labels without what they all begin with, up to a colon: stages alone, where all flights are of one run."""
+    files = {flight.label.rpartition(":")[0] for flight in flights}
+    return [flight.label.rpartition(":")[2] if len(files) == 1 else flight.label for flight in flights]
+
+
+def flight_contents(flight: Flight, label: str) -> FlightContents:
+    """One flight under a label, with its clock beginning at its first passing."""
     begin = started(flight)
     pose = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
     attitude = {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
     return FlightContents(
-        label=flight.label,
+        label=label,
         aircraft=flight.aircraft.name,
         span=flight.aircraft.airframe.b,
         race_time=flight.race_time,

@@ -7,7 +7,7 @@ import numpy as np
 
 from airrace.flights import Flight, Leg, laps_of, legs_of
 from airrace.report.differences import started
-from airrace.report.html_tables import Cell, Head, Row, note, number, section, table
+from airrace.report.html_tables import DASH, Cell, Head, Row, note, number, section, table
 from airrace.report.shown import DEGREE, KNOT
 from airrace.trajectory import Array
 
@@ -88,7 +88,7 @@ def _range(values: Array, digits: int) -> str:
     """From the least to the greatest; a dash where nothing is known."""
     known = values[np.isfinite(values)]
     if not len(known):
-        return "–"
+        return DASH
     least, greatest = number(float(known.min()), digits), number(float(known.max()), digits)
     return least if least == greatest else f"{least} … {greatest}"
 

@@ -5,6 +5,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+DASH = "\N{EN DASH}"
+"""Stands where nothing is known."""
+
 
 @dataclass(frozen=True)
 class Head:
@@ -49,15 +52,18 @@ class Row:
 def number(value: float, digits: int, *, signed: bool = False) -> str:
     """A number for people; a dash where there is none."""
     if not math.isfinite(value):
-        return "–"
-    return f"{value:{'+' if signed else ''}z.{digits}f}".replace("-", "−")
+        return DASH
+    return with_minus(f"{value:{'+' if signed else ''}z.{digits}f}")
+
+
+def with_minus(text: str) -> str:
+    """A number's text with a minus sign instead of a hyphen."""
+    return text.replace("-", "\N{MINUS SIGN}")
 
 
 def table(heads: Sequence[Head], rows: Iterable[Row], caption: str = "") -> str:
     """A table that scrolls within its place where it is too wide."""
-    head = "".join(
-        f'<th scope="col"{_class(one)}>{html.escape(one.title)}{_unit(one.unit)}</th>' for one in heads
-    )
+    head = "".join(f'<th scope="col"{_class(one)}>{html.escape(one.title)}{_unit(one.unit)}</th>' for one in heads)
     body = "".join(_row(row, heads) for row in rows)
     told = f"<caption>{html.escape(caption)}</caption>" if caption else ""
     return f'<div class="scroll"><table>{told}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'

@@ -9,7 +9,6 @@ returns what the module exports. Two forms of import and of export are known, th
 
 import functools
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
@@ -80,12 +79,21 @@ def _wrapped(path: Path, number: dict[Path, int]) -> str:
     text = path.read_text(encoding="utf-8")
     exports: list[str] = [*GLOBALS.get(path, ())]
 
-    def module(name: str) -> str:
-        return f"modules[{number[_file(path, name)]}]"
+    def imported(found: re.Match[str]) -> str:
+        names, name = found.groups()
+        return f"const {{{_pairs(names)}}} = {_module(path, name, number)};"
 
-    text = _replaced(_IMPORT, text, lambda names, source: f"const {{{_pairs(names, ': ')}}} = {module(source)};")
-    text = _replaced(_EXPORT_FROM, text, lambda names, source: _kept(exports, _passed_on(names, module(source))))
-    text = _replaced(_EXPORT_LIST, text, lambda names: _kept(exports, _listed(names)))
+    def passed_on(found: re.Match[str]) -> str:
+        names, name = found.groups()
+        exports.extend(f"{other}: {_module(path, name, number)}.{one}" for one, other in _names(names))
+        return ";"
+
+    def exported(found: re.Match[str]) -> str:
+        exports.extend(one if one == other else f"{other}: {one}" for one, other in _names(found[1]))
+        return ";"
+
+    for form, by in ((_IMPORT, imported), (_EXPORT_FROM, passed_on), (_EXPORT_LIST, exported)):
+        text = form.sub(by, text)
     exports += [name for _, name in _EXPORTED.findall(text)]
     text = _EXPORTED.sub(r"\1 \2", text)
     for form in _LEFT_OVER:
@@ -94,14 +102,8 @@ def _wrapped(path: Path, number: dict[Path, int]) -> str:
     return f"// {path.name}\nmodules.push((() => {{\n{text}\nreturn {{{', '.join(exports)}}};\n}})());\n"
 
 
-def _replaced(form: re.Pattern[str], text: str, by: Callable[..., str]) -> str:
-    return form.sub(lambda found: by(*found.groups()), text)
-
-
-def _kept(exports: list[str], found: list[str]) -> str:
-    """Nothing in the text: the names go to what the module returns."""
-    exports += found
-    return ";"
+def _module(importer: Path, name: str, number: dict[Path, int]) -> str:
+    return f"modules[{number[_file(importer, name)]}]"
 
 
 def _names(text: str) -> list[tuple[str, str]]:
@@ -113,13 +115,5 @@ def _names(text: str) -> list[tuple[str, str]]:
     return pairs
 
 
-def _pairs(text: str, between: str) -> str:
-    return ", ".join(name if name == other else f"{name}{between}{other}" for name, other in _names(text))
-
-
-def _listed(text: str) -> list[str]:
-    return [name if name == other else f"{other}: {name}" for name, other in _names(text)]
-
-
-def _passed_on(text: str, module: str) -> list[str]:
-    return [f"{other}: {module}.{name}" for name, other in _names(text)]
+def _pairs(text: str) -> str:
+    return ", ".join(name if name == other else f"{name}: {other}" for name, other in _names(text))

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from airrace.documents import Inputs
-from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.certificate import Certificate, Item
 from airrace.prices import Activity, Price
 from airrace.procedure.result import Explored, StageResult
-from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table
+from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus
 from airrace.report.shown import KNOT
 
 PRICES_SHOWN = 40
@@ -37,15 +37,20 @@ def certificate_section(certificate: Certificate | None) -> str:
     rows = [
         Row((
             item.name,
-            f"{item.value:.3g}",
-            f"{item.limit:.3g}",
-            item.unit,
+            *_measured(item),
             Cell("yes" if item.holds else "no", bad=not item.holds),
             item.where,
         ))
         for item in certificate.items
     ]  # fmt: skip
     return section("Certificate", table(CERTIFICATE, rows) + note(f"The solver says: {certificate.solver_status}."))
+
+
+def _measured(item: Item) -> tuple[str, str, str]:
+    """Value, limit and unit; angles in degrees."""
+    turned = item.unit.startswith("rad")
+    factor, unit = (math.degrees(1.0), item.unit.replace("rad", "°", 1)) if turned else (1.0, item.unit)
+    return f"{item.value * factor:.3g}", f"{item.limit * factor:.3g}", unit
 
 
 def ways_section(explored: Explored) -> str:
@@ -70,7 +75,7 @@ def prices_section(prices: Mapping[str, Price] | None) -> str:
             price.key,
             f"{price.value:.6g}",
             price.unit,
-            f"{price.price:+.3g}".replace("-", "−"),
+            with_minus(f"{price.price:+.3g}"),
             f"{price.usual_step:.3g}",
             number(1e3 * price.cost_up, 1, signed=True),
         ))

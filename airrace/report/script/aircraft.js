@@ -14,7 +14,7 @@ import {
 
 const SPAN = 7.43; // m, of the drawing below
 const AROUND = 14; // faces around the fuselage
-const EYE = [-0.75, 0, -0.78]; // m, the pilot's
+const EYE = [-0.75, 0, -0.9]; // m, the pilot's
 const PAINT = { body: "#173f86", wing: "#f7f8fa", mark: "#ef6a1a", glass: "#1d2b38", dark: "#2a2f36" };
 
 // Fuselage: distance to the nose, half width, half height, height of the middle (down is positive), m.
@@ -48,14 +48,15 @@ const FIN = [
   [-3.5, 0.72, 0.03, 1.3],
 ];
 
-/** The aircraft as a group; `eye` is the pilot's, in body axes, and `inside(is)` hides what would be in its way. */
-export function aircraftOf(span, colour = null) {
+/**
+ * The aircraft as a group; `eye` is the pilot's, in body axes, and `inside(is)` hides what would be in its way. A ghost is
+ * translucent, and of one colour, which `paint(colour)` gives it.
+ */
+export function aircraftOf(span, ghost) {
   const group = new Group();
   const scale = span / SPAN;
-  const look = (name) =>
-    colour === null
-      ? new MeshLambertMaterial({ color: PAINT[name], side: DoubleSide })
-      : new MeshLambertMaterial({ color: colour, side: DoubleSide, transparent: true, opacity: 0.62 });
+  const pale = new MeshLambertMaterial({ side: DoubleSide, transparent: true, opacity: 0.62 });
+  const look = (name) => (ghost ? pale : new MeshLambertMaterial({ color: PAINT[name], side: DoubleSide }));
   const body = new Mesh(loft(FUSELAGE.map(ring)), look("body"));
   const canopy = new Mesh(new SphereGeometry(1, 14, 10), look("glass"));
   canopy.scale.set(0.95, 0.3, 0.42);
@@ -63,6 +64,7 @@ export function aircraftOf(span, colour = null) {
   group.add(body, canopy, ...lifting(look), ...gear(look), propeller());
   group.scale.setScalar(scale);
   group.eye = EYE.map((one) => one * scale);
+  group.paint = (colour) => pale.color.set(colour);
   group.inside = (is) => {
     canopy.visible = !is;
   };

@@ -73,8 +73,11 @@ function grid(box, step, extent, bold) {
   const [west, east] = [begin(box.min.x), end(box.max.x)];
   const [north, south] = [begin(box.min.z), end(box.max.z)];
   const places = [];
-  for (let x = west; x <= east + 1e-6; x += step) places.push(x, 0, north, x, 0, south);
-  for (let z = north; z <= south + 1e-6; z += step) places.push(west, 0, z, east, 0, z);
+  // In pieces, for some renderers lose a line that begins far behind the eye.
+  for (let x = west; x <= east + 1e-6; x += step)
+    for (let z = north; z < south - 1e-6; z += step) places.push(x, 0, z, x, 0, z + step);
+  for (let z = north; z <= south + 1e-6; z += step)
+    for (let x = west; x < east - 1e-6; x += step) places.push(x, 0, z, x + step, 0, z);
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(new Float32Array(places), 3));
   const lines = new LineSegments(geometry, new LineBasicMaterial({ depthWrite: false }));

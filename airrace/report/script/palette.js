@@ -5,16 +5,21 @@ import { Color } from "three";
 // Every colour stands out from pale and from dark ground alike, and lightness rises along the scale.
 const SEQUENTIAL = ["#3b2f8f", "#7a2a9a", "#b82b86", "#e04760", "#f2743c", "#f5a623"];
 const DIVERGING = ["#1f5fbf", "#5a8fd0", "#93a4ad", "#d9776a", "#c22f2f"];
-const GHOSTS = ["#00857c", "#8a5a00", "#9c27b0", "#3f6b1f", "#0d5fb3"];
+const GHOSTS = 5; // colours for flights beside the first, in the style sheet
 
 /** A colour of the style sheet, by the name of its variable. */
 export function themed(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
+/** The name of the colour of the flights beside the first. */
+export function ghostName(number) {
+  return `ghost-${1 + ((number - 1) % GHOSTS)}`;
+}
+
 /** The colour of the flights beside the first. */
 export function ghostColour(number) {
-  return GHOSTS[(number - 1) % GHOSTS.length];
+  return themed(ghostName(number));
 }
 
 /** The colours of a scale from its low to its high end. */

@@ -7,7 +7,7 @@ import { extent } from "./numbers.js";
 
 const RIB_EVERY = 1; // s, between the lines across the ribbon that show its bank
 
-/** The way of a flight as a group with `fit(width, height)`, `colour(scale)` and `restyle()`. */
+/** The way of a flight as a group with `fit(width, height)`, `colour(scale)`, `wings(shown)` and `restyle()`. */
 export function ribbonOf(flight) {
   const group = new Group();
   const centre = Array.from({ length: flight.count }, (_, i) => flight.positionOf(i));
@@ -17,10 +17,13 @@ export function ribbonOf(flight) {
   shadow.renderOrder = -5;
   group.add(shadow, middle);
   group.fit = (across, down) => [middle, shadow].forEach((one) => one.fit(across, down));
-  group.restyle = () => shadow.paintAll(themed("shadow"));
+  group.restyle = () => {
+    shadow.paintAll(themed("shadow"));
+    if (flight.number > 0) middle.paintAll(ghostColour(flight.number));
+  };
   if (flight.number > 0) {
-    middle.paintAll(ghostColour(flight.number));
     group.colour = () => {};
+    group.wings = () => {};
     return group;
   }
   const [left, right] = wingTips(flight, centre);
@@ -28,6 +31,9 @@ export function ribbonOf(flight) {
   const ribs = acrossTheWay(flight, left, right);
   group.add(wings, ...ribs);
   group.fit = (across, down) => [middle, shadow, ...ribs].forEach((one) => one.fit(across, down));
+  group.wings = (shown) => {
+    wings.visible = shown;
+  };
   group.colour = (scale) => {
     const values = flight.history(scale.history) ?? new Float32Array(flight.count);
     const colour = colourOf(scale, rangeOf(scale, extent(values)));

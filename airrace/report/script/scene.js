@@ -19,12 +19,14 @@ import { courseOf } from "./course.js";
 import { placed } from "./flight.js";
 import { watchGestures } from "./gestures.js";
 import { groundOf } from "./ground.js";
-import { labelsOver } from "./labels.js";
+import { labelsOver, writeLabels } from "./labels.js";
 import { roundStep } from "./numbers.js";
 import { ghostColour, themed } from "./palette.js";
 import { ribbonOf } from "./ribbon.js";
 import { Chase, Cockpit, Orbit, Parallel } from "./views.js";
 
+const NEAR = 12; // m, from the eye in the cockpit, within which no other aircraft is drawn
+const SHARP = 3; // pixels of a picture for print per pixel of the page
 const DOT = 4; // pixels, of the marker by which a small aircraft is found
 
 export class RaceScene {
@@ -50,7 +52,8 @@ export class RaceScene {
     this.pending = false;
     this.frames = 0;
     const north = { text: "N", place: this.ground.arrow.position, kind: "north" };
-    this.showLabels = labelsOver(element.querySelector(".labels"), [north, ...this.course.labels]);
+    this.labels = [north, ...this.course.labels];
+    this.showLabels = labelsOver(element.querySelector(".labels"), this.labels);
     watchGestures(this.canvas, this.wishes());
     new ResizeObserver(() => this.invalidate()).observe(element);
     clock.watch(() => this.invalidate());
@@ -116,11 +119,17 @@ export class RaceScene {
     this.renderer.render(this.scene, view.camera);
   }
 
-  /** A picture of a view as the address of an image, for print. */
+  /** A picture of a view with its names, as the address of an image, for print. */
   picture(name, width, height) {
     const view = this.views.get(name);
-    this.draw(width, height, 2, view);
-    return this.canvas.toDataURL("image/jpeg", 0.9);
+    this.draw(width, height, SHARP, view);
+    const sheet = document.createElement("canvas");
+    [sheet.width, sheet.height] = [SHARP * width, SHARP * height];
+    const context = sheet.getContext("2d");
+    context.drawImage(this.canvas, 0, 0, sheet.width, sheet.height);
+    context.scale(SHARP, SHARP);
+    writeLabels(context, this.labels, view.camera, width, height);
+    return sheet.toDataURL("image/jpeg", 0.9);
   }
 
   /** Metres per pixel where the view has a scale that holds all over the picture; else null. */
@@ -139,7 +148,7 @@ class Actor {
   constructor(flight) {
     this.flight = flight;
     this.way = ribbonOf(flight);
-    this.model = aircraftOf(flight.aircraft.span, flight.number === 0 ? null : ghostColour(flight.number));
+    this.model = aircraftOf(flight.aircraft.span, flight.number > 0);
     this.plumb = new Line(new BufferGeometry().setFromPoints([new Vector3(), new Vector3()]), new LineBasicMaterial());
     this.plumb.frustumCulled = false;
     this.dot = new Mesh(new SphereGeometry(1, 12, 8), new MeshBasicMaterial({ transparent: true, depthTest: false }));
@@ -152,6 +161,7 @@ class Actor {
     const colour = this.flight.number === 0 ? themed("ink") : ghostColour(this.flight.number);
     this.plumb.material.color.set(colour);
     this.dot.material.color.set(colour);
+    this.model.paint(colour);
   }
 
   show(scene, view, width, height) {
@@ -169,14 +179,20 @@ class Actor {
     this.model.inside(inside);
     if (inside) this.model.scale.setScalar(this.size);
     this.plumb.visible &&= !inside;
+    this.way.wings(view.name !== "cockpit");
+    // A ghost that flies in one's own seat would hide everything.
+    if (view.name === "cockpit" && !inside) this.model.visible &&= this.away(view.camera) > NEAR * scene.enlarged;
     this.showDot(scene, view, height, inside);
+  }
+
+  away(camera) {
+    return camera.position.distanceTo(this.model.position);
   }
 
   /** Only where the aircraft itself is too small to be seen. */
   showDot(scene, view, height, inside) {
     const { camera } = view;
-    const away = camera.position.distanceTo(this.model.position);
-    const pixel = view.pixel ?? (2 * away * Math.tan((camera.fov * Math.PI) / 360)) / height;
+    const pixel = view.pixel ?? (2 * this.away(camera) * Math.tan((camera.fov * Math.PI) / 360)) / height;
     const seen = (this.flight.aircraft.span * scene.enlarged) / pixel;
     this.dot.visible = this.flight.visible && !inside && seen < 26;
     this.dot.material.opacity = seen < 14 ? 0.9 : 0.25;

@@ -1,7 +1,7 @@
 // Histories over time, one strip per kind of quantity, with limits and gates drawn and the clock's time marked in all.
 
 import { uPlot } from "uplot";
-import { ghostColour, themed } from "./palette.js";
+import { ghostColour, ghostName, themed } from "./palette.js";
 import { extent, signed, written } from "./numbers.js";
 
 const HEIGHT = 118; // pixels of a strip
@@ -18,10 +18,9 @@ export class Strips {
     this.leg = -1;
     this.grid = commonTimes(flights);
     this.duration = this.grid[this.grid.length - 1];
-    this.strips = strips
-      .map((strip) => this.strip(strip, (line, flight) => sampled(flight, line.history, this.grid, strip.wraps)))
-      .filter((strip) => strip !== null);
-    if (differences.length) this.strips.unshift(this.differenceStrip(differences));
+    const values = (strip) => (line, flight) => sampled(flight, line.history, this.grid, strip.wraps);
+    this.strips = differences.length ? [this.differenceStrip(differences)] : [];
+    this.strips.push(...strips.map((strip) => this.strip(strip, values(strip))).filter((strip) => strip !== null));
     new ResizeObserver(() => this.resize()).observe(element);
     clock.watch((time) => this.mark(time));
     this.mark(clock.time);
@@ -138,13 +137,17 @@ export class Strips {
     this.mark(this.clock.time);
   }
 
-  resize(width = this.element.clientWidth) {
+  /** Fit the strips into a width, side by side as the style has it, or in so many columns. */
+  resize(width = this.element.clientWidth, columns = columnsOf(this.element)) {
     if (!width) return;
-    const columns = getComputedStyle(this.element).gridTemplateColumns.split(" ").length;
-    const gap = 20 * (columns - 1);
-    for (const { plot } of this.strips) plot.setSize({ width: Math.floor((width - gap) / columns), height: HEIGHT });
+    const each = Math.floor((width - 20 * (columns - 1)) / columns) - 14;
+    for (const { plot } of this.strips) plot.setSize({ width: each, height: HEIGHT });
     this.mark(this.clock.time);
   }
+}
+
+function columnsOf(element) {
+  return getComputedStyle(element).gridTemplateColumns.split(" ").length;
 }
 
 /** All times at which any flight is shown: those of the first, and beyond them those of the longest. */
@@ -186,7 +189,7 @@ function unitOf(unit) {
 function valueOf(head, { label, flight, place }) {
   const entry = document.createElement("span");
   const key = document.createElement("s");
-  key.className = flight.number > 0 ? `ghost ghost-${flight.number % 5}` : LINES[place % LINES.length];
+  key.className = flight.number > 0 ? `ghost ${ghostName(flight.number)}` : LINES[place % LINES.length];
   const name = document.createElement("em");
   name.textContent = flight.number > 0 ? flight.label : label;
   const value = document.createElement("output");
@@ -216,9 +219,11 @@ function rangeOf(told, series) {
   if (told.wraps) return [-0.53 * told.wraps, 0.53 * told.wraps];
   const [least, largest] = extent(series.flatMap((one) => extent(one.data.filter((value) => value !== null)) ?? [])) ?? [0, 1];
   const reach = Math.max(largest - least, told.least ?? 1e-3);
-  const near = told.limits.map(({ value }) => value).filter((value) => value > least - NEAR * reach && value < largest + NEAR * reach);
+  const isNear = (value) => value > least - NEAR * reach && value < largest + NEAR * reach;
+  const near = told.limits.map(({ value }) => value).filter(isNear);
   const [low, high] = extent([least, largest, ...near]);
-  const margin = 0.08 * Math.max(high - low, told.least ?? 1e-3);
+  const lacking = Math.max((told.least ?? 1e-3) - (high - low), 0);
+  const margin = 0.5 * lacking + 0.08 * (high - low + lacking);
   return [low - margin, high + margin];
 }
 
