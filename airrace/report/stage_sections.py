@@ -1,7 +1,7 @@
 """What a report tells of the stage that found a flight: certificate, ways that were tried, prices, inputs."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 
 from airrace.documents import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
@@ -99,11 +99,6 @@ def inputs_section(inputs: Inputs, result: StageResult, versions: Mapping[str, s
     documents = [("Course", inputs.track), ("Aircraft", inputs.aircraft), ("Settings", inputs.settings_file)]
     texts = [folded(f"{name} file", one.text) for name, one in documents if one is not None]
     return section("Inputs", facts(pairs) + "".join(texts))
-
-
-def joined(sections: Iterable[str]) -> Sequence[str]:
-    """Those that say anything."""
-    return [one for one in sections if one]
 
 
 def _wind(inputs: Inputs) -> str:
