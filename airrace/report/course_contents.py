@@ -2,6 +2,7 @@
 
 elements    what is passed
   name
+  label       what is written beside it; empty where another one on the same spot carries it
   posts       feet of pylons, [[north, east], ...]
   top         height of the pylons, m
   window      ends [[north, east], [north, east]] of the stretch that is flown through; null where there is none
@@ -39,10 +40,15 @@ def course_contents(seen: Scenery, passed: Mapping[str, tuple[float, float, floa
         passed: where the first flight passed the elements, by their names: north, east, height, m.
     """
     course = seen.course
+    labels = {mark.element.name: mark.label for mark in seen.marks}
     elements = {passage.element.name: passage.element for passage in course.passages}
     extent = max(seen.north - seen.south, seen.east - seen.west)
     return {
-        "elements": [_element(one, passed) for one in elements.values() if _placed(one, passed)],
+        "elements": [
+            {"name": one.name, "label": labels.get(one.name, one.name), **_element(one, passed)}
+            for one in elements.values()
+            if _placed(one, passed)
+        ],
         "crowd": [_crowd(crowd) for crowd in course.crowd],
         "lines": [_line(line, ENDLESS * extent) for line in seen.lines],
         "airspace": [_place(corner) for corner in course.airspace],
@@ -59,7 +65,6 @@ def _element(element: Element, passed: Mapping[str, tuple[float, float, float]])
     place = element.position or passed[element.name]
     low, high = _heights(element.heights, place[2])
     return {
-        "name": element.name,
         "posts": [_place(post) for post in drawing.posts],
         "top": max(INFLATED, high + ABOVE) if high < place[2] + 4.0 * INFLATED else place[2] + INFLATED,
         "window": None if drawing.window is None else [_place(end) for end in drawing.window],

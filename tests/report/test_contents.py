@@ -125,6 +125,7 @@ def test_a_course_with_everything_is_told(tmp_path: Path) -> None:
     course = told(flight)["course"]
     elements = {element["name"]: element for element in course["elements"]}
     assert set(elements) == {passage.element.name for passage in flight.course.passages}
+    assert (elements["q/1"]["label"], elements["q/2"]["label"], elements["roll"]["label"]) == ("q", "", "roll")
     assert len(elements["start"]["posts"]) == 2
     assert len(elements["corner"]["posts"]) == 1
     assert elements["corner"]["reach"] is not None

@@ -54,7 +54,7 @@ function addElement(element, add, labels) {
   if (!element.posts.length) addMark(element, add);
   const height = element.posts.length ? element.top : element.place[2];
   const place = placed(element.place[0], element.place[1], height);
-  labels.push({ text: element.name, place, kind: "element" });
+  labels.push({ text: element.label, place, kind: "element" });
 }
 
 /** An inflated pylon: a cone in bands of white and red. */
