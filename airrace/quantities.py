@@ -20,6 +20,9 @@ from typing import Any, Generic, Self, TypeVar, dataclass_transform
 
 T = TypeVar("T")
 
+KNOT = 1852.0 / 3600.0
+"""One knot in m/s."""
+
 
 @dataclass(frozen=True)
 class Quantity:

@@ -30,18 +30,25 @@ def certificate(*, kkt_error: float = 1e-9) -> Certificate:
     )
 
 
-def stage_result(stage: Stage, outcome: Outcome = Outcome.SOLVED, *, kkt_error: float = 1e-9) -> StageResult:
-    """A straight flight of two phases, 10 s long."""
-    time_of = np.linspace(0.0, 10.0, 5)
+def stage_result(
+    stage: Stage,
+    outcome: Outcome = Outcome.SOLVED,
+    *,
+    kkt_error: float = 1e-9,
+    passings: Sequence[str] = ("1:start", "1:g1", "1:finish"),
+) -> StageResult:
+    """A straight flight, 10 s long, in phases of equal length and two intervals each."""
+    legs = len(passings) - 1
+    time_of = np.linspace(0.0, 10.0, 2 * legs + 1)
     trajectory = Trajectory(
-        phases=("1:start", "1:g1"),
-        first_node=np.array([0, 2, 4]),
-        durations=np.array([5.0, 5.0]),
+        phases=tuple(passings[:-1]),
+        first_node=2 * np.arange(legs + 1),
+        durations=np.full(legs, 10.0 / legs),
         time=time_of,
         states=(Quantity("x", "m", 100.0), Quantity("V_K", "m/s", 50.0)),
-        state=np.stack([80.0 * time_of, np.full(5, 80.0)]),
+        state=np.stack([80.0 * time_of, np.full(len(time_of), 80.0)]),
         controls=(Quantity("n_z_dot", "1/s", 10.0),),
-        control=np.zeros((1, 4)),
+        control=np.zeros((1, 2 * legs)),
     )
     return StageResult(
         stage=stage,
@@ -52,8 +59,7 @@ def stage_result(stage: Stage, outcome: Outcome = Outcome.SOLVED, *, kkt_error: 
         bound_multipliers=np.zeros(2),
         certificate=None if stage is Stage.HOMOTOPY else certificate(kkt_error=kkt_error),
         splits=tuple(
-            GateSplit(name, 5.0 * index, 80.0, 20.0, 1.0, 0.0, 0.0, 0.0)
-            for index, name in enumerate(("1:start", "1:g1", "1:finish"))
+            GateSplit(name, 10.0 * index / legs, 80.0, 20.0, 1.0, 0.0, 0.0, 0.0) for index, name in enumerate(passings)
         ),
         attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Outcome.SOLVED, 12, 0.5),),
         timings=Timings(solve=0.5, derivatives=0.4, wall=0.75),
@@ -82,7 +88,7 @@ def optimize(
         progress.iteration(Iteration(1, 10.5, 1e-3))
         if stage is Stage.POINT_MASS:
             _end(scenario, progress)
-        result = _result(stage, scenario)
+        result = _result(stage, scenario, [passage.name for passage in race.course.passages])
         progress.stage_finished(result)
         yield result
 
@@ -105,13 +111,13 @@ def _end(scenario: str, progress: Progress) -> None:
             raise InputError([])
 
 
-def _result(stage: Stage, scenario: str) -> StageResult:
+def _result(stage: Stage, scenario: str, passings: Sequence[str]) -> StageResult:
     if stage is Stage.HOMOTOPY:
-        return stage_result(stage)
+        return stage_result(stage, passings=passings)
     if scenario == "loose":
-        return stage_result(stage, kkt_error=1e-3)
+        return stage_result(stage, kkt_error=1e-3, passings=passings)
     outcomes = {outcome.value: outcome for outcome in Outcome}
-    return stage_result(stage, outcomes.get(scenario, Outcome.SOLVED))
+    return stage_result(stage, outcomes.get(scenario, Outcome.SOLVED), passings=passings)
 
 
 def recertified(

@@ -25,7 +25,7 @@ def check(
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
         if plot is not None:
             from airrace.runs.output import ensure_free
-            from airrace.views.course_figure import ensure_drawable
+            from airrace.views.drawing import ensure_drawable
 
             ensure_drawable(plot)
             ensure_free(plot, force=force)

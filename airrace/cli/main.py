@@ -14,6 +14,7 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.check import check
+from airrace.cli.compare import compare
 from airrace.cli.export import export
 from airrace.cli.init import init
 from airrace.cli.optimize import optimize
@@ -39,6 +40,7 @@ app.command()(resume)
 app.add_typer(export)
 app.command()(report)
 app.command()(show)
+app.command()(compare)
 app.command()(verify)
 app.command()(prices)
 app.command()(check)

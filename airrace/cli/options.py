@@ -17,6 +17,16 @@ TrackFile = Annotated[
     ),
 ]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN.h5", readable=False, help="The checkpoint of a run.")]
+FlightNames = Annotated[
+    list[str],
+    typer.Argument(metavar="FLIGHT...", help="RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass."),
+]
+StageOfFlights = Annotated[
+    str | None,
+    typer.Option(
+        metavar="STAGE", autocompletion=completion.stages, help="The stage of runs that name none; the last by default."
+    ),
+]
 AircraftFile = Annotated[
     Path | None,
     typer.Option(

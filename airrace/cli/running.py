@@ -1,7 +1,7 @@
 """Flying a run at the terminal: watched on stderr, told in tables. What `optimize` and `resume` share."""
 
 from airrace.cli.comparison import comparison_table
-from airrace.cli.tables import rendered, result_tables, stages_table
+from airrace.cli.tables import PAGE, rendered, result_tables, stages_table
 from airrace.cli.ways_table import ways_table
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
@@ -25,6 +25,7 @@ def fly(answer: Answer, task: Task, *, threads: int | None, quiet: bool) -> None
         climbed = [stages_table(results)] if any(result.certified for result in results) else []
         answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.certified and one.message)
         ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
-        answer.texts.extend(rendered(table) for table in (*climbed, *ways, *result_tables(results[-1])))
+        tables = (*climbed, *ways, *result_tables(results[-1]))
+        answer.texts.extend(rendered(table, columns=PAGE) for table in tables)
         difference = None if task.start is None else comparison_table(task.start, results)
-        answer.texts.extend(() if difference is None else [rendered(difference)])
+        answer.texts.extend(() if difference is None else [rendered(difference, columns=PAGE)])

@@ -1,27 +1,33 @@
 """`airrace show`: what a checkpoint holds."""
 
-from pathlib import Path
+from typing import Annotated
 
+import typer
+
+from airrace.cli import completion
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson, RunFile
 
 
-def show(run_file: RunFile, as_json: AsJson = False) -> None:
-    """Show stages, times and certificates."""
+def show(
+    run_file: RunFile,
+    stage: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Show this stage alone; by default all."),
+    ] = None,
+    legs: Annotated[
+        bool, typer.Option("--legs", help="Tell every leg of the stage, by default of the last one.")
+    ] = False,
+    certificate: Annotated[bool, typer.Option("--certificate", help="List every item of the certificates.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show stages, times, legs and certificates."""
     with answering(as_json=as_json) as answer:
         from airrace.checkpoint import read_checkpoint
-        from airrace.cli.mesh_table import mesh_table
-        from airrace.cli.tables import rendered, result_tables, stages_table
-        from airrace.runs.run_object import is_certified, run_object
+        from airrace.cli.show_texts import shown_texts
+        from airrace.runs.shown import shown_object, shown_of
 
-        checkpoint = read_checkpoint(run_file)
-        results = [stored.result for stored in checkpoint.stages]
-        wall = sum(result.timings.wall for result in results)
-        track = Path(checkpoint.inputs.track.path).stem
-        answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
-        answer.texts.append(rendered(stages_table(results)) if results else "no stage is finished yet")
-        answer.texts.extend(f"{result.stage.value}: {result.message}" for result in results if result.message)
-        answer.texts.extend(f"a needless loop: {loop}" for result in results for loop in result.explored.loops)
-        for result in results:
-            meshes = [mesh_table(result)] if len(result.mesh.why) else []
-            answer.texts.extend(rendered(table) for table in [*result_tables(result), *meshes])
+        shown = shown_of(read_checkpoint(run_file), run_file, stage)
+        answer.fields.update(shown_object(shown))
+        if not as_json:
+            answer.texts.extend(shown_texts(shown, legs=legs, certificates=certificate))

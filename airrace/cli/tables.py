@@ -18,15 +18,21 @@ from airrace.procedure.result import Outcome, StageResult
 
 # Wide enough for every table where nobody's terminal sets a limit.
 UNLIMITED_WIDTH = 200
+PAGE = 80
+"""Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
-def rendered(content: RenderableType) -> str:
+def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
     """A table or a picture as text for stdout; without a terminal as plain text, whatever the environment says of
     colours, and where stdout takes no Unicode with rules of ASCII.
 
     A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
+
+    Args:
+        content: what is shown.
+        columns: to use where there is no terminal; more where the content cannot be narrower.
     """
     terminal = sys.stdout.isatty()
     written = io.BytesIO()
@@ -35,7 +41,7 @@ def rendered(content: RenderableType) -> str:
         file=text,
         force_terminal=terminal,
         no_color=None if terminal else True,
-        width=None if terminal else UNLIMITED_WIDTH,
+        width=None if terminal else columns,
         highlight=False,
     )
     narrowest = console.measure(content, options=console.options.update(max_width=UNLIMITED_WIDTH)).minimum
@@ -55,11 +61,18 @@ def terminal_columns() -> int | None:
     return Console().width if sys.stdout.isatty() else None
 
 
-def result_tables(result: StageResult) -> list[Table]:
-    """What a finished stage shows: its gate splits and its certificate; without a flight nothing."""
+def result_tables(result: StageResult, *, certificate: bool = True) -> list[Table]:
+    """What a finished stage shows: its gate splits and its certificate; without a flight nothing.
+
+    Args:
+        result: the stage.
+        certificate: whether the items of its certificate are listed.
+    """
     tables = [splits_table(result)] if result.splits and result.is_flight else []
     tables += [ways_table(result.explored)] if result.explored.ways else []
-    return [*tables, certificate_table(result.certificate)] if result.certificate is not None else tables
+    if certificate and result.certificate is not None:
+        tables.append(certificate_table(result.certificate))
+    return tables
 
 
 def splits_table(result: StageResult) -> Table:
@@ -81,6 +94,18 @@ def splits_table(result: StageResult) -> Table:
         )
         before = split.time
     return table
+
+
+def certificate_line(certificate: Certificate) -> str:
+    """The verdict and the item that comes nearest to its limit; of one that does not hold, the items that fail."""
+    items, failed = certificate.items, certificate.failed
+    if not certificate.certified:
+        told = ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} {item.unit}".rstrip() for item in failed)
+        return f"certificate: NOT certified ({certificate.solver_status}): {told or 'nothing was measured'}"
+    limited = [item for item in items if item.limit > 0.0]
+    nearest = max(limited, key=lambda item: item.value / item.limit, default=None)
+    tightest = "" if nearest is None else f"; nearest to its limit: {nearest.name}, {nearest.value / nearest.limit:.0%}"
+    return f"certificate: certified ({certificate.solver_status}), all {len(items)} items hold{tightest}"
 
 
 def certificate_table(certificate: Certificate) -> Table:

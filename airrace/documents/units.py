@@ -2,10 +2,9 @@
 
 import math
 
-from airrace.quantities import Interval
+from airrace.quantities import KNOT, Interval
 
-KNOT = 1852.0 / 3600.0
-"""One knot in m/s."""
+__all__ = ["KNOT", "interval", "interval_deg", "radians_or_none"]
 
 
 def radians_or_none(degrees: float | None) -> float | None:

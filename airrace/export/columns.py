@@ -8,10 +8,9 @@ import numpy as np
 
 from airrace.export.sampling import QUATERNION, Samples
 from airrace.frames import rotation
-from airrace.quantities import Quantity
+from airrace.quantities import KNOT, Quantity
 from airrace.trajectory import Array, Trajectory
 
-KNOT = 1852.0 / 3600.0  # m/s
 DEGREE = math.pi / 180.0  # rad
 
 # Further columns: a declaration, and its values from the sampled states and controls, in the declared unit.

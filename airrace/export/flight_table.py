@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from airrace.export.columns import DEGREE, KNOT, Column, Derived, columns_of
+from airrace.export.columns import DEGREE, Column, Derived, columns_of
 from airrace.export.sampling import Sampler, Samples, at_nodes, at_rate
 from airrace.procedure.result import GateSplit
-from airrace.quantities import Quantity
+from airrace.quantities import KNOT, Quantity
 from airrace.trajectory import Array, Trajectory
 
 NO_DERIVED: Derived = MappingProxyType({})

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.flight import Crossing, Flight
+from airrace.trajectory import Array
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,12 @@ def laps_of(flight: Flight) -> tuple[Lap, ...]:
     """All laps in order; one where the course has no laps."""
     grouped = itertools.groupby(legs_of(flight), key=lambda leg: leg.lap)
     return tuple(Lap(number, tuple(legs)) for number, legs in grouped)
+
+
+def way(flight: Flight, leg: Leg) -> Array:
+    """The way flown from the beginning of a leg on, at its rows, m, shape (m,)."""
+    places = np.stack([flight[name][leg.rows] for name in ("x", "y", "z")])
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=1), axis=0))])
 
 
 def _leg(flight: Flight, number: int, before: Crossing, after: Crossing) -> Leg:

@@ -13,10 +13,9 @@ from airrace.planning.clearances import beyond_border, beyond_line, crowd_distan
 from airrace.planning.cruise import top_speed
 from airrace.planning.legs import Leg, legs, place, tightest
 from airrace.planning.race import Race
-from airrace.quantities import Interval
+from airrace.quantities import KNOT, Interval
 from airrace.track.course import Course, Direction, Passage
 
-KNOT = 1852.0 / 3600.0  # m/s
 WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
 LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
 SAME_PLACE = 1.0  # m: passings of one spot, as of a quad, are meant to be flown round a loop

@@ -7,9 +7,10 @@ from pathlib import Path
 from airrace.documents import Document, Inputs, load_inputs
 from airrace.planning.race import Race
 from airrace.planning.review import Remark, review
-from airrace.views.course_figure import draw_course, ensure_drawable
+from airrace.views.course_figure import draw_course
 from airrace.views.course_page import course_page
 from airrace.views.course_rows import course_object
+from airrace.views.drawing import ensure_drawable
 from airrace.views.scenery import scenery
 
 

@@ -39,8 +39,8 @@ def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
     return Explored(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
 
 
-def contested(found: Explored) -> StageResult:
-    own = stage_result(Stage.POINT_MASS)
+def contested(found: Explored, own: StageResult | None = None) -> StageResult:
+    own = own or stage_result(Stage.POINT_MASS)
     return replace(own, explored=found, rivals=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
 
 
@@ -63,7 +63,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
         for result in canned_procedure.optimize(*arguments, **named):
-            yield contested(explored(loops=(LOOP,))) if result.stage is Stage.POINT_MASS else result
+            yield contested(explored(loops=(LOOP,)), result) if result.stage is Stage.POINT_MASS else result
 
     for name in ("STAGES", "continuous", "derived_quantities", "recertified", "sampler"):
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))

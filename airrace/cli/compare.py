@@ -1,0 +1,47 @@
+"""`airrace compare`: flights of the same passings on one clock."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+from airrace.cli.options import AsJson, FlightNames, StageOfFlights
+
+
+def compare(
+    names: FlightNames,
+    stage: StageOfFlights = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the comparison into this file (needs matplotlib); or .svg, .pdf."),
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="List the legs that are ties as well.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing drawing.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Hold flights against the first one: where time is lost, leg by leg, and what is flown otherwise there."""
+    with answering(as_json=as_json) as answer:
+        from airrace.errors import UsageError
+        from airrace.runs.output import ensure_free
+        from airrace.views.drawing import ensure_drawable
+
+        if len(names) < 2:
+            raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
+        if plot is not None:
+            ensure_drawable(plot)
+            ensure_free(plot, force=force)
+        from airrace.cli.compare_tables import comparison_texts
+        from airrace.flights.comparison import compared
+        from airrace.runs.compared import compared_object
+        from airrace.runs.flight_sources import opened_flights
+
+        reference, *others = opened_flights(names, stage=stage)
+        comparisons = [compared(reference, other) for other in others]
+        answer.fields.update(compared_object(reference, comparisons))
+        if plot is not None:
+            from airrace.views.comparison_figure import draw_comparison
+
+            draw_comparison(comparisons, plot)
+        if not as_json:
+            answer.texts += [text for one in comparisons for text in comparison_texts(one, every=every)]

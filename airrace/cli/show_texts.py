@@ -1,0 +1,43 @@
+"""What `airrace show` prints of a run."""
+
+from collections.abc import Iterator
+
+from airrace.cli.leg_tables import laps_line, leg_tables
+from airrace.cli.mesh_table import mesh_table
+from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
+from airrace.procedure.result import StageResult
+from airrace.runs.shown import Shown
+
+
+def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str]:
+    """The stages, what each of them says, then splits, ways, legs and certificates; at most 80 columns wide.
+
+    Args:
+        shown: what is told.
+        legs: whether every leg of the chosen flight is told.
+        certificates: whether the items of the certificates are listed instead of told in a line.
+    """
+    results = shown.results
+    yield rendered(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
+    yield from (f"{result.stage.value}: {result.message}" for result in results if result.message)
+    yield from (f"a needless loop: {loop}" for result in results for loop in result.explored.loops)
+    for result in results:
+        yield from _stage_texts(result, certificates=certificates)
+        if result.stage.value == shown.stage:
+            yield from _flight_texts(shown, legs=legs)
+
+
+def _stage_texts(result: StageResult, *, certificates: bool) -> Iterator[str]:
+    meshes = [mesh_table(result)] if len(result.mesh.why) else []
+    for table in (*result_tables(result, certificate=certificates), *meshes):
+        yield rendered(table, columns=PAGE)
+    if result.certificate is not None and not certificates:
+        yield certificate_line(result.certificate)
+
+
+def _flight_texts(shown: Shown, *, legs: bool) -> Iterator[str]:
+    assert shown.flight is not None  # its stage is known
+    if line := laps_line(shown.flight):
+        yield line
+    if legs:
+        yield from (rendered(table, columns=PAGE) for table in leg_tables(shown.flight))

@@ -1,0 +1,174 @@
+"""How close a flight comes to what it must keep away from: pylons, people, safety lines, borders, floor and ceiling.
+
+A pylon is an upright of `PYLON_HEIGHT`; the distance is that of the wing, from tip to tip, seen from above, and above
+its top the height is counted as well. All other distances are those of the aircraft's centre, as the rules measure it.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.flights.attitude import path_axes
+from airrace.flights.flight import Flight
+from airrace.flights.glossary import BODY_ATTITUDE
+from airrace.flights.legs import Leg
+from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.track.element import Element
+from airrace.track.limits import Crowd, SafetyLine
+from airrace.track.passing import Passing, Tolerant
+from airrace.track.polygons import Point
+from airrace.trajectory import Array
+
+PYLON_HEIGHT = 25.0
+"""m, of the air-filled pylons of the races from 2014 to 2019."""
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """The least distance from one thing on one leg.
+
+    Attributes:
+        kind: `pylon`, `crowd`, `safety line`, `airspace`, `floor` or `ceiling`.
+        name: of the thing; empty where there is but one of its kind.
+        distance: m; negative beyond a line or a border.
+        required: the least distance that the rules ask for, m.
+        time: when, s after the start.
+        north, east, height: where the aircraft is then, m.
+    """
+
+    kind: str
+    name: str
+    distance: float
+    required: float
+    time: float
+    north: float
+    east: float
+    height: float
+
+    @property
+    def margin(self) -> float:
+        """What is left beyond the required distance, m; negative where it is not kept."""
+        return self.distance - self.required
+
+    @property
+    def text(self) -> str:
+        """What it is the distance from, e.g. `pylon g3`."""
+        return f"{self.kind} {self.name}".rstrip()
+
+
+@dataclass(frozen=True)
+class Distance:
+    """The distance from one thing all along a flight, m, shape (n,).
+
+    `legs` are the numbers of the legs on which it has to be kept; None for all.
+    """
+
+    kind: str
+    name: str
+    required: float
+    values: Array
+    legs: frozenset[int] | None = None
+
+
+def distances(flight: Flight) -> tuple[Distance, ...]:
+    """From everything that the course names, as far as the flight's histories tell."""
+    if not flight.has("x", "y", "height"):
+        return ()
+    return (*_pylons(flight), *_crowds(flight), *_lines(flight), *_borders(flight))
+
+
+def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearance, ...]:
+    """The least distance from every thing that counts on a leg, that with the least margin first.
+
+    Args:
+        flight: whose leg it is.
+        leg: a leg that was flown.
+        known: what `distances` says of the flight.
+    """
+    found: list[Clearance] = []
+    for one in known:
+        if one.legs is not None and leg.number not in one.legs:
+            continue
+        row = int(leg.rows[int(np.argmin(one.values[leg.rows]))])
+        north, east, height = (float(flight[name][row]) for name in ("x", "y", "height"))
+        nearest = float(one.values[row])
+        found.append(Clearance(one.kind, one.name, nearest, one.required, float(flight.time[row]), north, east, height))
+    return tuple(sorted(found, key=lambda one: one.margin))
+
+
+def _pylons(flight: Flight) -> Iterator[Distance]:
+    elements: dict[str, Element] = {one.element.name: one.element for one in flight.course.passages}
+    posts = [(element, post) for element in elements.values() for post in element.drawing().posts]
+    if not posts:
+        return
+    left, right = _wing_tips(flight)
+    over = np.maximum(np.minimum(left[2], right[2]) - PYLON_HEIGHT, 0.0)
+    for name, element in elements.items():
+        away = [_from_wing(left, right, post) for one, post in posts if one is element]
+        if away:
+            yield Distance("pylon", name, _required(element), np.hypot(np.minimum.reduce(away), over))
+
+
+def _required(element: Element) -> float:
+    if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
+        return element.tolerances.clearance
+    return 0.0
+
+
+def _wing_tips(flight: Flight) -> tuple[Array, Array]:
+    """North, east and height of the left and of the right wing tip, shape (3, n), m; of the centre without an
+    attitude."""
+    centre = np.stack([flight["x"], flight["y"], flight["height"]])
+    if not flight.has(*BODY_ATTITUDE):
+        return centre, centre
+    wing = path_axes([flight[name] for name in BODY_ATTITUDE])[:, 1] * np.array([[1.0], [1.0], [-1.0]])
+    half = 0.5 * flight.aircraft.airframe.b * wing
+    return centre - half, centre + half
+
+
+def _from_wing(left: Array, right: Array, post: Point) -> Array:
+    """Distance of an upright from the wing, seen from above, m, shape (n,)."""
+    place = np.array([[post.north], [post.east]])
+    along = right[:2] - left[:2]
+    squared = np.sum(along**2, axis=0)
+    share = np.sum((place - left[:2]) * along, axis=0) / np.where(squared > 0.0, squared, 1.0)
+    foot = left[:2] + np.clip(share, 0.0, 1.0) * along
+    return np.hypot(*(place - foot))
+
+
+def _crowds(flight: Flight) -> Iterator[Distance]:
+    for crowd in flight.course.crowd:
+        yield Distance("crowd", crowd.name, crowd.distance, _from_crowd(flight, crowd))
+
+
+def _from_crowd(flight: Flight, crowd: Crowd) -> Array:
+    ground = ground_distance(np.stack([flight["x"], flight["y"]], axis=1), crowd)
+    return np.hypot(ground, flight["height"] - crowd.height) if crowd.slant else ground
+
+
+def _lines(flight: Flight) -> Iterator[Distance]:
+    """A safety line counts on the legs that name it."""
+    places = np.stack([flight["x"], flight["y"]], axis=1)
+    legs: dict[str, set[int]] = {}
+    lines: dict[str, SafetyLine] = {}
+    for number, passage in enumerate(flight.course.passages):
+        for line in passage.safety_lines:
+            lines[line.name] = line
+            legs.setdefault(line.name, set()).add(number)
+    for name, line in lines.items():
+        yield Distance("safety line", name, line.margin, beside_line(places, line), frozenset(legs[name]))
+
+
+def _borders(flight: Flight) -> Iterator[Distance]:
+    course, height = flight.course, flight["height"]
+    if course.airspace:
+        places = np.stack([flight["x"], flight["y"]], axis=1)
+        yield Distance("airspace", "", 0.0, beside_border(places, course.airspace))
+    bounds: tuple[tuple[str, float, Callable[[float], Array]], ...] = (
+        ("floor", course.rules.height.lower, lambda bound: height - bound),
+        ("ceiling", course.rules.height.upper, lambda bound: bound - height),
+    )
+    for kind, bound, values in bounds:
+        if np.isfinite(bound):
+            yield Distance(kind, "", 0.0, values(bound))

@@ -1,0 +1,72 @@
+"""What `airrace show` tells of a checkpoint: its stages, and legs and laps of one of them."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+from airrace.checkpoint import Checkpoint
+from airrace.errors import InputError, UsageError
+from airrace.flights import Flight
+from airrace.procedure.result import StageResult
+from airrace.runs.leg_object import legs_object
+from airrace.runs.run_object import is_certified, run_object, stage_object
+from airrace.runs.stored import stored_run
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Stages to be shown.
+
+    Attributes:
+        checkpoint: that holds them.
+        results: the stages that are shown, in their order.
+        flight: that of the stage that was asked for, by default of the last one that found a flight; None where there
+            is none, or where this version of airrace does not accept the stored inputs.
+        stage: the name of the stage that the flight belongs to; empty without one.
+    """
+
+    checkpoint: Checkpoint
+    results: tuple[StageResult, ...]
+    flight: Flight | None
+    stage: str
+
+
+def shown_of(checkpoint: Checkpoint, path: Path, stage: str | None) -> Shown:
+    """Choose what is shown.
+
+    Args:
+        checkpoint: read from a file.
+        path: of that file.
+        stage: the name of the only stage that is shown; None for all.
+
+    Raises:
+        UsageError: the run has no such stage.
+    """
+    results = tuple(stored.result for stored in checkpoint.stages)
+    if stage is not None:
+        names = ", ".join(result.stage.value for result in results) or "none"
+        results = tuple(result for result in results if result.stage.value == stage)
+        if not results:
+            raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
+    flown = next((result for result in reversed(results) if result.is_flight), None)
+    if flown is None:
+        return Shown(checkpoint, results, None, "")
+    name = flown.stage.value
+    try:
+        return Shown(checkpoint, results, stored_run(checkpoint, path).flight(name), name)
+    except InputError as error:
+        logger.warning("legs and laps are left out: this version of airrace refuses the inputs: %s", error.findings[0])
+        return Shown(checkpoint, results, None, "")
+
+
+def shown_object(shown: Shown) -> dict[str, object]:
+    """The object of the run, with `legs` and `laps` in the stage whose flight is told."""
+    checkpoint, results = shown.checkpoint, shown.results
+    every = [stored.result for stored in checkpoint.stages]
+    wall = sum(result.timings.wall for result in every)
+    track = Path(checkpoint.inputs.track.path).stem
+    legs = {} if shown.flight is None else {shown.stage: legs_object(shown.flight)}
+    stages = [stage_object(result) | legs.get(result.stage.value, {}) for result in results]
+    return run_object(track, results, wall, certified=is_certified(every)) | {"stages": stages}

@@ -1,0 +1,55 @@
+"""Drawings in files. Needs matplotlib, which comes with the extra `plot`."""
+
+import io
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+from airrace.checkpoint.atomic import replace_file
+from airrace.errors import UsageError
+
+# Any: the stubs of matplotlib leave keyword arguments untyped.
+Figure = Any
+Axes = Any
+
+Layout = Literal["constrained", "compressed"]
+
+FORMATS = (".png", ".svg", ".pdf")
+DOTS_PER_INCH = 150
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe & Ito: told apart by all eyes
+RED, AMBER, BLUE, GREY, BLACK = "#c0392b", "#b8860b", "#34568b", "#777777", "#222222"
+
+
+def ensure_drawable(path: Path) -> None:
+    """Find out now whether a drawing can be made in the format that the name of the file says.
+
+    Raises:
+        UsageError: the name says no known format, or matplotlib is not installed.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise UsageError(f"cannot draw into {path}; its name must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    if find_spec("matplotlib") is None:
+        raise UsageError("drawing needs matplotlib: pip install 'airrace[plot]'")
+
+
+def new_figure(
+    width: float, height: float, *, layout: Literal["constrained", "compressed"] | None = "constrained"
+) -> Figure:
+    """An empty drawing that no window shows; inches."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure as Drawing
+
+    figure: Figure = Drawing(figsize=(width, height), layout=layout)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a drawing in the format that the name of the file says, replacing the file as a whole.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    content = io.BytesIO()
+    figure.savefig(content, format=path.suffix.lower().removeprefix("."), dpi=DOTS_PER_INCH)
+    replace_file(path, content.getvalue())
