@@ -3,23 +3,22 @@
 from collections.abc import Mapping, Sequence
 
 from airrace.flights import Flight
+from airrace.flights.comparison import Comparison
 from airrace.flights.glossary import BODY_ATTITUDE
 from airrace.report.contents import Contents, FlightContents
 from airrace.report.course_contents import course_contents
-from airrace.report.differences import differences_of, started
+from airrace.report.differences import difference_of, started
 from airrace.report.shown import colours_of, histories_shown, strips_of
 from airrace.views.scenery import Scenery
 
 
-def contents_of(flights: Sequence[Flight], seen: Scenery) -> Contents:
+def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: Scenery) -> Contents:
     """All that the script is told.
 
     Args:
         flights: the first is what the page is about, the others are its ghosts.
+        comparisons: of the others with the first, in their order.
         seen: the course of the first from above.
-
-    Raises:
-        UsageError: a flight is of a course with other passings.
     """
     first = flights[0]
     return Contents(
@@ -27,7 +26,7 @@ def contents_of(flights: Sequence[Flight], seen: Scenery) -> Contents:
         flights=[flight_contents(*one) for one in zip(flights, short_labels(flights), strict=True)],
         strips=strips_of(flights),
         colours=colours_of(first),
-        differences=differences_of(flights),
+        differences=[difference_of(one, number) for number, one in enumerate(comparisons, start=1)],
     )
 
 

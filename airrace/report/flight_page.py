@@ -6,11 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.flights import Flight
-from airrace.quantities import Quantity
+from airrace.flights.comparison import Comparison, compared
+from airrace.quantities import KNOT, Quantity
 from airrace.report.flight_contents import contents_of
-from airrace.report.flight_sections import flights_section, legs_section
+from airrace.report.flight_sections import flights_section, legs_section, lost_section
 from airrace.report.page import Page
-from airrace.report.shown import KNOT, READINGS
+from airrace.report.shown import READINGS
 from airrace.trajectory import Trajectory
 from airrace.views.plan_svg import plan_svg
 from airrace.views.scenery import scenery
@@ -30,6 +31,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         UsageError: a flight is of a course with other passings.
     """
     first = flights[0]
+    comparisons = [compared(first, other) for other in flights[1:]]
     seen = scenery(first.race)
     certified = first.source.certified
     return Page(
@@ -40,10 +42,14 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         good=certified is not False,
         readings=[one for one in READINGS if one.history in first],
         plan=plan_svg(seen, _ground_track(first)),
-        sections=[one for one in (flights_section(flights), legs_section(flights), *sections) if one],
+        sections=[one for one in (*_flight_sections(flights, comparisons), *sections) if one],
         footer=footer,
-        contents=contents_of(flights, seen),
+        contents=contents_of(flights, comparisons, seen),
     )
+
+
+def _flight_sections(flights: Sequence[Flight], comparisons: Sequence[Comparison]) -> list[str]:
+    return [flights_section(flights), legs_section(flights[0]), *(lost_section(one) for one in comparisons)]
 
 
 def _subtitle(flight: Flight) -> str:

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from airrace.flights import Flight
+from airrace.quantities import KNOT
 from airrace.report.contents import Scale, Strip
 from airrace.report.page import Reading
 from airrace.trajectory import Array
 
-KNOT = 1852.0 / 3600.0
 DEGREE = math.pi / 180.0
 
 

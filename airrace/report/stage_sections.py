@@ -7,8 +7,8 @@ from airrace.documents import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.prices import Activity, Price
 from airrace.procedure.result import Explored, StageResult
+from airrace.quantities import KNOT
 from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus
-from airrace.report.shown import KNOT
 
 PRICES_SHOWN = 40
 CERTIFICATE = (

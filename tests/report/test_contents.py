@@ -14,15 +14,22 @@ from hypothesis import strategies as st
 from pages_told import HOSTILE, circle, dense, everything_flown, renamed
 
 from airrace.flights import Flight
+from airrace.flights.comparison import compared
+from airrace.quantities import KNOT
 from airrace.report.contents import FORMAT, POSE, Contents, packed, unpacked
 from airrace.report.flight_contents import contents_of, short_labels
-from airrace.report.shown import KNOT, STRIPS
+from airrace.report.shown import STRIPS
 from airrace.views.scenery import scenery
 
 
 def told(*flights: Flight) -> Any:
     """What the script reads. Any: it is JSON."""
-    return json.loads(contents_of(flights, scenery(flights[0].race)).as_json())
+    return json.loads(text_of(*flights))
+
+
+def text_of(*flights: Flight) -> str:
+    comparisons = [compared(flights[0], other) for other in flights[1:]]
+    return contents_of(flights, comparisons, scenery(flights[0].race)).as_json()
 
 
 @given(st.lists(st.floats(width=32)))
@@ -103,16 +110,12 @@ def test_labels_are_as_short_as_tells_flights_of_one_file_apart() -> None:
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_survive_and_hold_nothing_that_could_end_a_script(name: str) -> None:
     flight = renamed(name)
-    text = contents_of([flight, circle_like(flight)], scenery(flight.race)).as_json()
+    text = text_of(flight, flight.labelled(f"{flight.label} again"))
     assert not set("<>&") & set(text)
     assert text.isascii()
     page = json.loads(text)
     assert page["flights"][0]["aircraft"]["name"] == name
     assert name in {element["name"] for element in page["course"]["elements"]}
-
-
-def circle_like(flight: Flight) -> Flight:
-    return flight.labelled(f"{flight.label} again")
 
 
 def test_numbers_that_json_does_not_know_are_refused() -> None:

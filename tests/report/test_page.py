@@ -9,6 +9,8 @@ import pytest
 from flown import half_cuban, windy
 from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
 
+from airrace.flights.comparison import compared
+from airrace.flights.leg_facts import leg_facts
 from airrace.report.flight_page import flight_page
 from airrace.report.html_tables import Cell, Head, Row, number, table
 from airrace.runs.reported import stage_sections
@@ -116,3 +118,19 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
     assert "&lt;1&gt;" in shown
     assert '<td class="text no">&amp;</td>' in shown
     assert "caption &lt;" in shown
+
+
+def test_the_legs_of_a_comparison_come_with_what_differs() -> None:
+    comparison = compared(half_cuban().flight(), windy().flight(label="windy"))
+    page = flight_page([comparison.reference, comparison.other]).as_html()
+    cells = read(page).texts["td"]
+    for leg in comparison.legs:
+        assert ", ".join(one.text for one in leg.differences) in cells
+    assert "wind: 20 kt from 70 deg against none." in page
+
+
+def test_the_legs_tell_what_they_come_near_to() -> None:
+    flight = half_cuban().flight()
+    cells = read(flight_page([flight]).as_html()).texts["td"]
+    for facts in leg_facts(flight):
+        assert {facts.clearances[0].text, number(facts.clearances[0].distance, 1)} <= set(cells)

@@ -110,7 +110,7 @@ function gear(look) {
 
 /** The disc that a turning propeller looks like. */
 function propeller() {
-  const look = { color: "#5a6670", transparent: true, opacity: 0.22, side: DoubleSide, depthWrite: false };
+  const look = { color: "#5a6670", transparent: true, opacity: 0.14, side: DoubleSide, depthWrite: false };
   const disc = new Mesh(new CircleGeometry(1.0, 28), new MeshBasicMaterial(look));
   disc.rotation.y = Math.PI / 2;
   disc.position.x = 1.85;

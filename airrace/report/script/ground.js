@@ -67,7 +67,7 @@ function paintSky(sky) {
 }
 
 function grid(box, step, extent, bold) {
-  const beyond = bold ? 1.0 : 0.6;
+  const beyond = bold ? 2.0 : 0.6;
   const begin = (least) => Math.floor((least - beyond * extent) / step) * step;
   const end = (largest) => Math.ceil((largest + beyond * extent) / step) * step;
   const [west, east] = [begin(box.min.x), end(box.max.x)];

@@ -41,7 +41,8 @@ export class Strips {
   differenceStrip(differences) {
     const told = { title: "Difference of time", unit: "s", digits: 3, limits: [{ value: 0, label: "" }], signed: true };
     const series = differences.map(({ flight, at }) => {
-      const data = Array.from(this.grid, (time) => (time > this.flights[0].duration ? null : at(time)));
+      const known = (time) => time <= this.flights[0].duration && Number.isFinite(at(time));
+      const data = Array.from(this.grid, (time) => (known(time) ? at(time) : null));
       return { label: this.flights[flight].label, flight: this.flights[flight], place: 0, data };
     });
     return this.made(told, series);
