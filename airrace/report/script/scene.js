@@ -63,7 +63,7 @@ export class RaceScene {
   light() {
     const sun = new DirectionalLight("#ffffff", 2.2);
     sun.position.set(0.5, 1, 0.35);
-    this.scene.add(new AmbientLight("#ffffff", 1.5), sun);
+    this.scene.add(new AmbientLight("#ffffff", 1.9), sun);
   }
 
   wishes() {
