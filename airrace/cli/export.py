@@ -1,5 +1,6 @@
 """`airrace export`: a flight for other programs. One subcommand per format."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -7,9 +8,24 @@ import typer
 
 from airrace.cli import completion
 from airrace.cli.answer import answering
-from airrace.cli.options import RunFile
+from airrace.cli.options import FlightNames, RunFile, StageOfFlights
 
 export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True)
+
+
+FORMATS = {
+    "kml": "KML for Google Earth and map viewers: gates, people, lines, the line flown, and the flight in time.",
+    "kmz": "KML, zipped.",
+    "acmi": "Tacview 2.2: several aircraft with attitude, airspeeds and load factors; passings are events.",
+    "fdr": "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight.",
+    "czml": "CZML for Cesium: the course, and the flights in time with their attitude.",
+    "gpx": "GPX 1.1: gates and pylons as waypoints, a track for every flight.",
+    "geojson": "GeoJSON: the course, the lines flown and their passings.",
+    "parquet": "Parquet: all histories of all flights in one table (needs pyarrow).",
+    "netcdf": "netCDF after the CF conventions: all histories with units; every flight is a trajectory.",
+    "mat": "MATLAB: a structure for every flight.",
+}
+"""The formats that take several flights, and what their subcommands say of themselves."""
 
 
 @export.callback()
@@ -52,3 +68,35 @@ def csv_table(
         answer.texts.extend([text] if output is None else [])
         for path in beside:
             passings.to_csv(path)
+
+
+def _subcommand(name: str) -> Callable[..., None]:
+    """The subcommand of a format."""
+
+    def write(
+        names: FlightNames,
+        output: Annotated[Path, typer.Option(metavar="FILE", help="The file to be written.")],
+        stage: StageOfFlights = None,
+        rate: Annotated[
+            float | None, typer.Option(metavar="HZ", help="Samples per second; by default what suits the format.")
+        ] = None,
+        origin: Annotated[
+            str | None,
+            typer.Option(metavar="LAT,LON,ELEV", help="Where the course lies: degrees, and metres above the sea."),
+        ] = None,
+        start: Annotated[
+            str | None,
+            typer.Option(metavar="TIME", help="When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000."),
+        ] = None,
+        force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    ) -> None:
+        with answering(as_json=False):
+            from airrace.runs.exported import write_flights
+
+            write_flights(name, names, output, stage=stage, rate=rate, origin=origin, start=start, force=force)
+
+    return write
+
+
+for _name, _help in FORMATS.items():
+    export.command(_name, help=_help)(_subcommand(_name))

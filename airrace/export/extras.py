@@ -6,12 +6,13 @@ from types import ModuleType
 from airrace.errors import UsageError
 
 
-def extra(package: str, what: str) -> ModuleType:
-    """A package that comes with the extra of the same name.
+def extra(package: str, what: str, name: str = "") -> ModuleType:
+    """A package that comes with an extra.
 
     Args:
-        package: its name.
+        package: its name, or that of a module in it.
         what: what it is needed for.
+        name: of the extra; empty where it has the name of the package.
 
     Raises:
         UsageError: it is not installed; says how to install it.
@@ -19,4 +20,5 @@ def extra(package: str, what: str) -> ModuleType:
     try:
         return import_module(package)
     except ModuleNotFoundError as error:
-        raise UsageError(f"{what} needs {package}: pip install 'airrace[{package}]'") from error
+        needed = package.partition(".")[0]
+        raise UsageError(f"{what} needs {needed}: pip install 'airrace[{name or needed}]'") from error

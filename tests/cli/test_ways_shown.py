@@ -17,11 +17,13 @@ from airrace.checkpoint import read_checkpoint
 from airrace.cli.main import app
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
+from airrace.documents import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
 from airrace.runs.run_object import run_object, stage_object
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
+PASSINGS = [passage.name for passage in load_inputs(TRACK).race.course.passages]
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LOOP = "g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
@@ -40,7 +42,7 @@ def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
 
 
 def contested(found: Explored, own: StageResult | None = None) -> StageResult:
-    own = own or stage_result(Stage.POINT_MASS)
+    own = own or stage_result(Stage.POINT_MASS, passings=PASSINGS)
     return replace(own, explored=found, rivals=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
 
 
@@ -148,7 +150,7 @@ def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it
 ) -> None:
     def optimize(*_: Any, **__: Any) -> Iterator[StageResult]:
         yield contested(explored(loops=(LOOP,)))
-        yield stage_result(Stage.TRANSFER_FUNCTION)
+        yield stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
     monkeypatch.setattr(procedure, "optimize", optimize)
     flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")

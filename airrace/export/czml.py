@@ -1,0 +1,97 @@
+"""CZML for Cesium: the course, and the flights in time with their attitude.
+
+Cesium counts heights from the ellipsoid; those of the course are written as they are, so where the terrain of a viewer
+hides a flight, the undulation of the geoid at that place has to be added to the elevation of `--origin`.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from datetime import datetime
+
+import numpy as np
+
+from airrace.export.globe import Feature, Shape, courses, features, printable, stamp
+from airrace.flights import Flight
+from airrace.flights.attitude import path_axes, quaternions
+from airrace.flights.glossary import BODY_ATTITUDE
+from airrace.trajectory import Array
+
+COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))
+KINDS = {"crowd": (192, 57, 43), "safety line": (184, 134, 11), "airspace": (52, 86, 139)}
+BLACK = (34, 34, 34)
+
+
+def czml(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """A document with the courses and the flights.
+
+    Args:
+        flights: on the globe.
+        begin: when their clocks start.
+    """
+    first = min(float(flight.time[0]) for flight in flights)
+    last = max(float(flight.time[-1]) for flight in flights)
+    interval = f"{stamp(begin, first)}/{stamp(begin, last)}"
+    name = ", ".join(dict.fromkeys(printable(flight.course.name) for flight in flights))
+    clock = {"interval": interval, "currentTime": stamp(begin, first), "multiplier": 1, "range": "LOOP_STOP"}
+    packets: list[object] = [{"id": "document", "name": name, "version": "1.0", "clock": clock}]
+    things = [(course.origin.elevation, one) for course in courses(flights) for one in features(course)]
+    packets += [_thing(f"thing-{number}", one, up) for number, (up, one) in enumerate(things)]
+    packets += [_flight(f"flight-{number}", flight, begin, number) for number, flight in enumerate(flights)]
+    return (json.dumps(packets, allow_nan=False) + "\n").encode()
+
+
+def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str, object]:
+    longitude, latitude = np.degrees(flight["longitude"]), np.degrees(flight["latitude"])
+    places = np.stack([flight.time, longitude, latitude, flight["altitude"]], axis=1)
+    colour = {"rgba": [*COLOURS[number % len(COLOURS)], 255]}
+    told: dict[str, object] = {
+        "id": key,
+        "name": printable(flight.label),
+        "description": f"{printable(flight.aircraft.name)}, {flight.race_time:.3f} s",
+        "availability": f"{stamp(begin, float(flight.time[0]))}/{stamp(begin, float(flight.time[-1]))}",
+        "position": {
+            "epoch": stamp(begin, 0.0),
+            "interpolationAlgorithm": "LAGRANGE",
+            "interpolationDegree": 1,
+            "cartographicDegrees": np.round(places, 9).ravel().tolist(),
+        },
+        "path": {"width": 3, "leadTime": 1e6, "trailTime": 1e6, "material": {"solidColor": {"color": colour}}},
+        "point": {"pixelSize": 8, "color": colour},
+        "label": {"text": printable(flight.label), "font": "12pt sans-serif", "pixelOffset": {"cartesian2": [0, -20]}},
+    }
+    if flight.has(*BODY_ATTITUDE):
+        q = np.stack([flight.time, *_fixed_attitude(flight)], axis=1)
+        told["orientation"] = {"epoch": stamp(begin, 0.0), "unitQuaternion": np.round(q, 9).ravel().tolist()}
+    return told
+
+
+def _fixed_attitude(flight: Flight) -> tuple[Array, Array, Array, Array]:
+    """Quaternions (x, y, z, scalar last) from the body's axes (forward, left, up) to the axes fixed in the earth."""
+    R_OB = path_axes([flight[name] for name in BODY_ATTITUDE])
+    flip = np.diag([1.0, -1.0, -1.0])
+    origin = flight.course.origin
+    R_EO = earth_axes(origin.latitude or 0.0, origin.longitude or 0.0)
+    q0, q1, q2, q3 = quaternions(np.einsum("ij,jkn,kl->iln", R_EO, R_OB, flip))
+    return q1, q2, q3, q0
+
+
+def earth_axes(latitude: float, longitude: float) -> Array:
+    """`R_EO`: from components north, east, down at a place (rad) to components fixed in the earth, shape (3, 3)."""
+    sp, cp, sl, cl = math.sin(latitude), math.cos(latitude), math.sin(longitude), math.cos(longitude)
+    return np.array([[-sp * cl, -sl, -cp * cl], [-sp * sl, cl, -cp * sl], [cp, 0.0, -sp]])
+
+
+def _thing(key: str, feature: Feature, up: float) -> dict[str, object]:
+    name = printable(f"{feature.kind} {feature.name}")
+    packet: dict[str, object] = {"id": key, "name": name, "description": feature.note}
+    corners = [*feature.places, *(feature.places[:1] if feature.shape is Shape.AREA else ())]
+    places = [one for east, north in corners for one in (east, north, up)]
+    colour = {"rgba": [*KINDS.get(feature.kind, BLACK), 255]}
+    if feature.shape is Shape.POINT:
+        return packet | {
+            "position": {"cartographicDegrees": places},
+            "point": {"pixelSize": 8, "color": colour},
+        }
+    line = {"positions": {"cartographicDegrees": places}, "width": 4, "clampToGround": True}
+    return packet | {"polyline": line | {"material": {"solidColor": {"color": colour}}}}

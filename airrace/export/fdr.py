@@ -1,0 +1,88 @@
+"""X-Plane's flight data recorder, version 4: one flight, with a mark in the replay at every passing.
+
+The first seven columns of a row are prescribed: time of day, longitude, latitude (degrees), altitude (feet), heading,
+pitch and roll (degrees). Further columns are declared before by `DREF` lines, in their order.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+
+from airrace.errors import UsageError
+from airrace.export.globe import compass, printable, stamp
+from airrace.flights import Flight
+from airrace.quantities import KNOT
+
+FOOT = 0.3048
+DEGREE = math.pi / 180.0
+AIRCRAFT = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf"
+"""X-Plane shows the flight with this aircraft, which every installation has; another path may be put in its place."""
+COLUMNS: tuple[tuple[str, str, float, int], ...] = (
+    ("sim/cockpit2/gauges/indicators/airspeed_kts_pilot", "V_I", KNOT, 2),
+    ("sim/cockpit2/gauges/indicators/true_airspeed_kts_pilot", "V_A", KNOT, 2),
+    ("sim/cockpit2/gauges/indicators/ground_speed_kt", "V_K", KNOT, 2),
+    ("sim/flightmodel/forces/g_nrml", "n_z", 1.0, 3),
+    ("sim/flightmodel/forces/g_side", "n_y", 1.0, 3),
+    ("sim/flightmodel/position/alpha", "alpha_A", DEGREE, 3),
+    ("sim/flightmodel/position/beta", "beta_A", DEGREE, 3),
+    ("sim/cockpit2/engine/actuators/throttle_ratio_all", "delta_T", 1.0, 4),
+)
+"""Datarefs of X-Plane, the histories they show, their units in SI, and decimals."""
+
+
+def fdr(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """The recording of one flight.
+
+    Args:
+        flights: one, on the globe.
+        begin: when its clock starts.
+
+    Raises:
+        UsageError: there are several flights.
+    """
+    if len(flights) != 1:
+        raise UsageError(f"an fdr file holds one flight, not {len(flights)}; write a file for each")
+    (flight,) = flights
+    return ("\n".join([*_header(flight, begin), *_rows(flight, begin)]) + "\n").encode()
+
+
+def _header(flight: Flight, begin: datetime) -> Iterator[str]:
+    when = begin.astimezone(UTC)
+    known = [one for one in COLUMNS if one[1] in flight]
+    yield from ("A", "4", "")
+    yield f"COMM, {_plain(flight.course.name)} flown by {_plain(flight.aircraft.name)}: {_plain(flight.label)}"
+    yield "COMM, headings are true; altitudes are the course's heights above mean sea level"
+    yield f"ACFT, {AIRCRAFT}"
+    yield "TAIL, AIRRACE"
+    yield f"TIME, {when:%H:%M:%S}"
+    yield f"DATE, {when:%m/%d/%Y}"
+    if flight.air.wind is not None:
+        yield f"WIND, {compass(flight.air.wind.origin):.0f},{flight.air.wind.speed / KNOT:.0f}"
+    yield ""
+    first = float(flight.time[0])
+    for crossing in flight.crossings:
+        if crossing.found:
+            yield f"MARK, {crossing.time - first:.3f},{_plain(crossing.name)}"
+    yield ""
+    for dataref, history, _, _ in known:
+        yield f"DREF, {dataref}\t1.0\t// {history}"
+    yield ""
+    yield f"COMM, time, longitude, latitude, altitude, heading, pitch, roll, {', '.join(one[1] for one in known)}"
+
+
+def _rows(flight: Flight, begin: datetime) -> Iterator[str]:
+    known = [(flight[history] / unit, digits) for _, history, unit, digits in COLUMNS if history in flight]
+    names = ("longitude", "latitude", "altitude", "psi", "theta", "phi")
+    rows = zip(*(np.nan_to_num(flight.values(name)).tolist() for name in names), strict=True)  # the columns are a must
+    for row, (time, (east, north, up, psi, theta, phi)) in enumerate(zip(flight.time.tolist(), rows, strict=True)):
+        place = f"{math.degrees(east):.8f}, {math.degrees(north):.8f}, {up / FOOT:.2f}"
+        angles = f"{compass(psi):.3f}, {math.degrees(theta):.3f}, {math.degrees(phi):.3f}"
+        told = "".join(f", {values[row]:.{digits}f}" for values, digits in known)
+        yield f"{stamp(begin, time)[11:23]}, {place}, {angles}{told}"
+
+
+def _plain(text: str) -> str:
+    """Commas separate fields."""
+    return printable(text).replace(",", ";")

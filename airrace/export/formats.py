@@ -1,0 +1,46 @@
+"""The formats that flights can be written in, by the names that users give them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from airrace.export.acmi import acmi
+from airrace.export.czml import czml
+from airrace.export.fdr import fdr
+from airrace.export.geojson import geojson
+from airrace.export.gpx import gpx
+from airrace.export.kml import kml, kmz
+from airrace.export.mat import mat
+from airrace.export.netcdf import netcdf
+from airrace.export.parquet import parquet
+from airrace.flights import Flight
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format.
+
+    Attributes:
+        write: from flights and the instant at which their clocks start to the content of a file.
+        rate_hz: samples per second unless somebody asks otherwise; None for all that a flight has.
+        globe: whether it wants latitudes and longitudes.
+    """
+
+    write: Callable[[Sequence[Flight], datetime], bytes]
+    rate_hz: float | None
+    globe: bool = True
+
+
+FORMATS = {
+    "kml": Format(kml, 10.0),
+    "kmz": Format(kmz, 10.0),
+    "acmi": Format(acmi, 20.0),
+    "fdr": Format(fdr, 20.0),
+    "czml": Format(czml, 10.0),
+    "gpx": Format(gpx, 5.0),
+    "geojson": Format(geojson, 10.0),
+    "parquet": Format(parquet, None, globe=False),
+    "netcdf": Format(netcdf, None, globe=False),
+    "mat": Format(mat, None, globe=False),
+}
+"""By the name of the command's subcommand."""

@@ -1,0 +1,79 @@
+"""GeoJSON (RFC 7946): the course, the lines flown, and their passings."""
+
+import json
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+
+import numpy as np
+
+from airrace.export.globe import Feature, Shape, courses, features, printable, stamp
+from airrace.flights import Crossing, Flight
+
+
+def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """A collection of features; positions are longitude, latitude (degrees) and altitude (m).
+
+    Args:
+        flights: on the globe.
+        begin: when their clocks start.
+    """
+    found = [_thing(one) for course in courses(flights) for one in features(course)]
+    for flight in flights:
+        found.append(_line(flight, begin))
+        found.extend(_passing(flight, one) for one in flight.crossings if one.found)
+    return (json.dumps({"type": "FeatureCollection", "features": found}, allow_nan=False) + "\n").encode()
+
+
+def _thing(feature: Feature) -> dict[str, object]:
+    places = [list(place) for place in feature.places]
+    properties = {"kind": feature.kind, "name": printable(feature.name), "note": feature.note}
+    match feature.shape:
+        case Shape.POINT:
+            return _feature("Point", places[0], properties)
+        case Shape.LINE:
+            return _feature("LineString", places, properties)
+        case Shape.AREA:
+            turns = places if _area(places) > 0.0 else places[::-1]  # an outline runs counterclockwise
+            return _feature("Polygon", [[*turns, turns[0]]], properties)
+
+
+def _line(flight: Flight, begin: datetime) -> dict[str, object]:
+    return _feature(
+        "LineString",
+        list(_places(flight)),
+        {
+            "kind": "flight",
+            "name": printable(flight.label),
+            "track": printable(flight.course.name),
+            "aircraft": printable(flight.aircraft.name),
+            "stage": flight.source.stage or None,
+            "certified": flight.source.certified,
+            "race_time_s": flight.race_time if np.isfinite(flight.race_time) else None,
+            "begin": stamp(begin, 0.0),
+            "time_s": np.round(flight.time, 4).tolist(),
+        },
+    )
+
+
+def _passing(flight: Flight, crossing: Crossing) -> dict[str, object]:
+    told = {name: crossing.value(name) for name in ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")}
+    numbers = {name: round(value, 6) for name, value in told.items() if np.isfinite(value)}
+    properties = {"kind": "passing", "name": crossing.name, "flight": printable(flight.label), "time_s": crossing.time}
+    (place,) = _places(flight.at([crossing.time]))
+    return _feature("Point", place, properties | numbers)
+
+
+def _places(flight: Flight) -> Iterator[list[float]]:
+    columns = (np.degrees(flight["longitude"]), np.degrees(flight["latitude"]), flight["altitude"])
+    for east, north, up in zip(*(one.tolist() for one in columns), strict=True):
+        yield [round(east, 8), round(north, 8), round(up, 3)]
+
+
+def _feature(kind: str, coordinates: object, properties: dict[str, object]) -> dict[str, object]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
+
+
+def _area(places: Sequence[Sequence[float]]) -> float:
+    """Positive where the corners, east and north, run counterclockwise."""
+    following = [*places[1:], places[0]]
+    return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(places, following, strict=True))

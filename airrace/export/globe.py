@@ -1,0 +1,122 @@
+"""Flights and courses on the globe, for formats that know latitude and longitude alone."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from enum import Enum
+
+import numpy as np
+
+from airrace.errors import UsageError
+from airrace.flights import Basis, Flight, History
+from airrace.flights.glossary import GLOSSARY
+from airrace.track.course import Course, Origin
+from airrace.track.geodetic import geodetic, placed
+from airrace.track.polygons import Point
+
+BEGIN = datetime(2000, 1, 1, 12, tzinfo=UTC)
+"""When a flight starts where nobody says otherwise: viewers want a date, and an optimum has none."""
+
+
+class Shape(Enum):
+    """What the places of a feature are."""
+
+    POINT = "point"
+    LINE = "line"
+    AREA = "area"
+
+
+@dataclass(frozen=True)
+class Feature:
+    """Something of a course, on the globe.
+
+    Attributes:
+        kind: `gate`, `pylon`, `manoeuvre`, `crowd`, `safety line` or `airspace`.
+        name: of it.
+        shape: what `places` are.
+        places: longitude and latitude, degrees, of every corner; an area's outline is not closed.
+        note: a sentence about it; often empty.
+    """
+
+    kind: str
+    name: str
+    shape: Shape
+    places: tuple[tuple[float, float], ...]
+    note: str = ""
+
+
+def on_globe(flight: Flight, origin: Origin | None) -> Flight:
+    """The flight with latitude, longitude and altitude.
+
+    Args:
+        flight: of any course.
+        origin: where the track's frame lies; None for what its course says.
+
+    Raises:
+        UsageError: the course says nothing.
+    """
+    where = origin or flight.course.origin
+    if not placed(where):
+        raise UsageError(
+            f"the course of {flight.label} has no origin on the globe; say where it lies with --origin LAT,LON,ELEV"
+        )
+    latitude, longitude = geodetic(flight["x"], flight["y"], where)
+    columns = {"latitude": latitude, "longitude": longitude, "altitude": flight["height"] + where.elevation}
+    found = {name: History(GLOSSARY[name], values, Basis.DERIVED) for name, values in columns.items()}
+    race = replace(flight.race, course=replace(flight.course, origin=where))
+    return replace(flight, race=race, histories={**flight.histories, **found})
+
+
+def features(course: Course) -> Iterator[Feature]:
+    """Gates, pylons, people, lines and borders of a course whose origin is known."""
+    elements = {passage.element.name: passage.element for passage in course.passages}
+    for name, element in elements.items():
+        drawing = element.drawing()
+        kind = "manoeuvre" if not element.stands else "gate" if drawing.window else "pylon"
+        if drawing.across is not None:
+            yield _feature(course, kind, name, Shape.LINE, drawing.across)
+        elif drawing.posts or element.place is not None:
+            posts = drawing.posts or (Point(*(element.place or (0.0, 0.0))),)
+            yield _feature(course, kind, name, Shape.POINT, posts[:1])
+    for crowd in course.crowd:
+        note = f"keep {crowd.distance:g} m away, measured {'in space' if crowd.slant else 'over ground'}"
+        yield _feature(course, "crowd", crowd.name, Shape(crowd.shape.value), crowd.corners, note)
+    lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
+    for name, line in lines.items():
+        note = f"keep to the {'right' if line.keep_right else 'left'}, at least {line.margin:g} m away"
+        yield _feature(course, "safety line", name, Shape.LINE, (line.start, line.end), note)
+    if course.airspace:
+        yield _feature(course, "airspace", "airspace", Shape.AREA, course.airspace)
+
+
+def _feature(course: Course, kind: str, name: str, shape: Shape, corners: Sequence[Point], note: str = "") -> Feature:
+    north, east = np.array([one.north for one in corners]), np.array([one.east for one in corners])
+    latitude, longitude = geodetic(north, east, course.origin)
+    places = zip(np.degrees(longitude).tolist(), np.degrees(latitude).tolist(), strict=True)
+    return Feature(kind, name, shape, tuple(places), note)
+
+
+def courses(flights: Sequence[Flight]) -> list[Course]:
+    """The different courses of some flights."""
+    found: list[Course] = []
+    for flight in flights:
+        if flight.course not in found:
+            found.append(flight.course)
+    return found
+
+
+def stamp(begin: datetime, seconds: float) -> str:
+    """An instant as ISO 8601, UTC, to the millisecond."""
+    when = begin.astimezone(UTC) + timedelta(milliseconds=round(1000.0 * seconds))
+    return when.strftime("%Y-%m-%dT%H:%M:%S.") + f"{when.microsecond // 1000:03d}Z"
+
+
+def compass(angle: float) -> float:
+    """An angle as degrees from 0 up to, not including, 360."""
+    return math.degrees(angle) % 360.0
+
+
+def printable(text: str) -> str:
+    """A name in one line, without characters that XML and viewers cannot take."""
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())

@@ -1,0 +1,58 @@
+"""MATLAB's MAT-files, level 5: one structure per flight."""
+
+import io
+import re
+from collections.abc import Sequence
+from datetime import datetime
+
+import numpy as np
+from scipy.io import savemat  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
+
+from airrace.export.globe import stamp
+from airrace.flights import Flight
+
+LONGEST = 31
+"""Letters of a name."""
+
+
+def mat(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """Every flight as a structure named after its label: `time`, the histories (SI, radians), `units`, `passings`.
+
+    Args:
+        flights: any.
+        begin: when their clocks start.
+    """
+    names = _names([flight.label for flight in flights])
+    written = io.BytesIO()
+    content = {name: _structure(flight, begin) for name, flight in zip(names, flights, strict=True)}
+    savemat(written, content, long_field_names=True, oned_as="column")
+    return written.getvalue()
+
+
+def _structure(flight: Flight, begin: datetime) -> dict[str, object]:
+    found = [crossing for crossing in flight.crossings if crossing.found]
+    return {
+        "label": flight.label,
+        "track": flight.course.name,
+        "aircraft": flight.aircraft.name,
+        "stage": flight.source.stage,
+        "race_time": flight.race_time,
+        "begin": stamp(begin, 0.0),
+        "time": flight.time,
+        **{name: one.values for name, one in flight.histories.items()},
+        "units": {"time": "s"} | {name: one.quantity.unit for name, one in flight.histories.items()},
+        "passings": {
+            "name": np.array([crossing.name for crossing in found], object),
+            "time": np.array([crossing.time for crossing in found]),
+        },
+    }
+
+
+def _names(labels: Sequence[str]) -> list[str]:
+    """Names of variables: letters, digits and underscores, unique."""
+    names: list[str] = []
+    for number, label in enumerate(labels, start=1):
+        name = re.sub(r"\W", "_", label, flags=re.ASCII)
+        name = (name if name[:1].isalpha() else f"flight_{name}")[:LONGEST]
+        names.append(f"{name[: LONGEST - 4]}_{number}" if name in names else name)
+    return names

@@ -1,0 +1,65 @@
+"""netCDF (classic, 64-bit offsets) after the CF conventions: every flight is a trajectory of one ragged array."""
+
+import io
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from scipy.io import netcdf_file  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
+
+from airrace.export.globe import stamp
+from airrace.flights import Flight
+
+
+def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """All histories in SI units and radians along the dimension `obs`, flight after flight.
+
+    `rowSize` says how many of them belong to each flight, `flight` what it is called. A history that a flight does not
+    have is NaN. Units, meanings and where values come from are attributes.
+    """
+    written = io.BytesIO()
+    file: Any = netcdf_file(written, "w", version=2)  # Any: untyped in scipy
+    file.Conventions, file.featureType, file.source = "CF-1.11", "trajectory", "airrace"
+    file.title = _text(", ".join(dict.fromkeys(flight.course.name for flight in flights)))
+    file.createDimension("trajectory", len(flights))
+    file.createDimension("obs", sum(len(flight.time) for flight in flights))
+    _texts(file, "flight", [flight.label for flight in flights], {"cf_role": "trajectory_id", "long_name": "flight"})
+    _texts(file, "track", [flight.course.name for flight in flights], {"long_name": "course that is flown"})
+    _texts(file, "aircraft", [flight.aircraft.name for flight in flights], {"long_name": "aircraft that flies"})
+    _texts(file, "stage", [flight.source.stage for flight in flights], {"long_name": "stage of the run"})
+    size = file.createVariable("rowSize", "i", ("trajectory",))
+    size[:] = np.array([len(flight.time) for flight in flights])
+    size.sample_dimension, size.long_name = "obs", "number of observations of this flight"
+    race_time = file.createVariable("race_time", "d", ("trajectory",))
+    race_time[:] = np.array([flight.race_time for flight in flights])
+    race_time.units, race_time.long_name = "s", "race time"
+    time = file.createVariable("time", "d", ("obs",))
+    time[:] = np.concatenate([flight.time for flight in flights])
+    time.units = f"seconds since {stamp(begin, 0.0)[:19].replace('T', ' ')}"
+    time.long_name, time.standard_name, time.axis = "time since the start", "time", "T"
+    for name, one in {name: one for flight in flights for name, one in flight.histories.items()}.items():
+        variable = file.createVariable(name, "d", ("obs",))
+        variable[:] = np.concatenate([flight.values(name) for flight in flights])
+        variable.units, variable.long_name = one.quantity.unit, _text(one.quantity.text or name)
+        variable.basis = one.basis.value
+    file.flush()
+    content = written.getvalue()
+    file.close()
+    return content
+
+
+def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
+    """A row of characters for each text; the classic format knows no strings."""
+    encoded = [_text(text).encode() for text in texts]
+    width = max(1, *(len(one) for one in encoded))
+    file.createDimension(f"{name}_length", width)
+    variable = file.createVariable(name, "c", ("trajectory", f"{name}_length"))
+    variable[:] = np.array([list(one.ljust(width).decode("latin-1")) for one in encoded], "S1")
+    for key, value in about.items():
+        setattr(variable, key, value)
+
+
+def _text(text: str) -> str:
+    """Attributes are ASCII in the classic format."""
+    return text.encode("ascii", "replace").decode()

@@ -1,0 +1,58 @@
+"""Parquet: all histories of some flights as one table, units and meanings in its metadata. Needs pyarrow."""
+
+import io
+import json
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from airrace.export.extras import extra
+from airrace.export.globe import stamp
+from airrace.flights import Flight
+
+
+def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
+    """One row per time of every flight: `flight` (its label), `time` (s), and the histories in SI units and radians.
+
+    A history that a flight does not have is NaN in its rows. Every column has the metadata `unit`, `long_name` and
+    `basis`; the table has `airrace`, a JSON object about the flights.
+
+    Raises:
+        UsageError: pyarrow is not installed.
+    """
+    pyarrow: Any = extra("pyarrow", "a Parquet file", "parquet")  # Any: without pyarrow there are no types
+    files: Any = extra("pyarrow.parquet", "a Parquet file", "parquet")
+    declared = {name: one for flight in flights for name, one in flight.histories.items()}
+    labels = pyarrow.array([flight.label for flight in flights for _ in flight.time]).dictionary_encode()
+    columns = [labels, np.concatenate([flight.time for flight in flights])]
+    fields = [
+        pyarrow.field("flight", labels.type, metadata={"long_name": "which flight"}),
+        pyarrow.field("time", pyarrow.float64(), metadata={"unit": "s", "long_name": "time since the start"}),
+    ]
+    for name, one in declared.items():
+        about = {"unit": one.quantity.unit, "long_name": one.quantity.text or name, "basis": one.basis.value}
+        fields.append(pyarrow.field(name, pyarrow.float64(), metadata=about))
+        columns.append(np.concatenate([flight.values(name) for flight in flights]))
+    schema = pyarrow.schema(fields, metadata={"airrace": json.dumps(about_flights(flights, begin))})
+    written = io.BytesIO()
+    files.write_table(pyarrow.table(columns, schema=schema), written)
+    return written.getvalue()
+
+
+def about_flights(flights: Sequence[Flight], begin: datetime) -> list[dict[str, object]]:
+    """Which flights these are, as plain values: labels, tracks, aircraft, race times and passings."""
+    return [
+        {
+            "label": flight.label,
+            "track": flight.course.name,
+            "aircraft": flight.aircraft.name,
+            "stage": flight.source.stage,
+            "certified": flight.source.certified,
+            "race_time_s": flight.race_time if np.isfinite(flight.race_time) else None,
+            "begin": stamp(begin, 0.0),
+            "passings": [{"name": one.name, "time_s": one.time} for one in flight.crossings if one.found],
+        }
+        for flight in flights
+    ]
