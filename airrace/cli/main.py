@@ -17,6 +17,7 @@ from airrace.cli.init import init
 from airrace.cli.optimize import optimize
 from airrace.cli.plot import plot
 from airrace.cli.prices import prices
+from airrace.cli.report import report
 from airrace.cli.resume import resume
 from airrace.cli.schema import schema
 from airrace.cli.show import show
@@ -35,6 +36,7 @@ app = typer.Typer(
 app.command()(optimize)
 app.command()(resume)
 app.add_typer(export)
+app.command()(report)
 app.command()(show)
 app.command()(compare)
 app.command()(plot)

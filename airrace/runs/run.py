@@ -215,6 +215,31 @@ class Run:
         """The flight of a stage, by default of the last one; see `FlownStage.flight`."""
         return self.stage(stage).flight(label)
 
+    def report(self, path: str | Path, *others: str, stage: str | Stage | None = None, prices: bool = False) -> Path:
+        """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
+
+        A file that exists is replaced as a whole.
+
+        Args:
+            path: the page.
+            others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
+            stage: which stage; None for the last one.
+            prices: whether the prices of the inputs' numbers are computed and told, which takes some seconds.
+
+        Returns:
+            The path.
+
+        Raises:
+            UsageError: there is no such stage, or it found no flight, or another flight is of other passings.
+            NotCertified: prices were asked for, and the stage is no certified optimum.
+            StorageError: the system refused.
+        """
+        from airrace.runs.output import write_text
+        from airrace.runs.reported import report_page
+
+        write_text(Path(path), report_page(self.stage(stage), others, priced=prices))
+        return Path(path)
+
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace show --json` prints."""
         return run_object(self.name, self.results, wall_of(self.results), certified=self.certified)

@@ -1,0 +1,38 @@
+"""`airrace report`: flights as one page that opens in any browser, without a network."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli import completion
+from airrace.cli.answer import answering
+from airrace.cli.options import RunFile
+
+
+def report(
+    run_file: RunFile,
+    flights: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FLIGHT", help="Flights that fly beside it: `RUN.h5` or `RUN.h5:STAGE`, as many as you like."
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option(metavar="FILE", help="The page.")] = Path("report.html"),
+    stage: Annotated[
+        str | None,
+        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
+    ] = None,
+    prices: Annotated[
+        bool, typer.Option("--prices", help="Compute what every number costs, and tell it; takes some seconds.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+) -> None:
+    """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
+    with answering(as_json=False) as answer:
+        from airrace.runs.output import ensure_free, write_text
+        from airrace.runs.reported import opened_report
+
+        ensure_free(output, force=force)
+        write_text(output, opened_report([str(run_file), *(flights or [])], stage=stage, priced=prices))
+        answer.texts.append(f"{output} is written; any browser opens it")

@@ -1,0 +1,222 @@
+// What stands on the course: gates and pylons, the windows between them, people, safety lines, the airspace.
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  CylinderGeometry,
+  DoubleSide,
+  Group,
+  LineBasicMaterial,
+  LineDashedMaterial,
+  LineSegments,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+  NotEqualStencilFunc,
+  OctahedronGeometry,
+  ReplaceStencilOp,
+  Shape,
+  ShapeGeometry,
+  Vector3,
+} from "three";
+import { placed } from "./flight.js";
+import { themed } from "./palette.js";
+
+const FOOT = 2.5; // m, radius of an inflated pylon at the ground
+const TOP = 0.4; // m, at its top
+const BANDS = 5; // of colour, from the ground to the top
+const ROUND = 24; // corners of a circle around people
+const FENCE = 30; // m, the height at which airspace and safety lines are drawn
+
+/** All of the course as a group; `labels` are what is to be named in it, `restyle()` repaints. */
+export function courseOf(course) {
+  const group = new Group();
+  const painters = [];
+  const labels = [];
+  const add = (mesh, paint) => {
+    group.add(mesh);
+    painters.push(paint);
+  };
+  for (const element of course.elements) addElement(element, add, labels);
+  course.crowd.forEach((crowd, number) => addCrowd(crowd, number, add, labels));
+  for (const safety of course.lines) addSafetyLine(safety, add, labels);
+  if (course.airspace.length) addAirspace(course.airspace, add, labels);
+  group.labels = labels;
+  group.restyle = () => painters.forEach((paint) => paint());
+  return group;
+}
+
+function addElement(element, add, labels) {
+  for (const [north, east] of element.posts) addPylon(placed(north, east, 0), element.top, add);
+  if (element.window) addWindow(element, add);
+  if (element.reach) addReach(element.reach, add);
+  if (!element.posts.length) addMark(element, add);
+  const height = element.posts.length ? element.top : element.place[2];
+  const place = placed(element.place[0], element.place[1], height);
+  labels.push({ text: element.label, place, kind: "element" });
+}
+
+/** An inflated pylon: a cone in bands of white and red. */
+function addPylon(foot, top, add) {
+  for (let band = 0; band < BANDS; band += 1) {
+    const radius = (share) => FOOT + (TOP - FOOT) * share;
+    const [low, high] = [band / BANDS, (band + 1) / BANDS];
+    const geometry = new CylinderGeometry(radius(high), radius(low), top / BANDS, 16, 1, band < BANDS - 1);
+    const mesh = new Mesh(geometry, new MeshLambertMaterial());
+    mesh.position.set(foot.x, top * (low + high) * 0.5, foot.z);
+    add(mesh, () => mesh.material.color.set(themed(band % 2 ? "pylon-band" : "pylon")));
+  }
+}
+
+/** The opening that the aircraft flies through, at the heights that count. */
+function addWindow({ window, heights }, add) {
+  const [left, right] = window;
+  const [low, high] = heights[1] - heights[0] < 1 ? [heights[0] - 0.5, heights[1] + 0.5] : heights;
+  const corners = [
+    placed(left[0], left[1], low),
+    placed(right[0], right[1], low),
+    placed(right[0], right[1], high),
+    placed(left[0], left[1], high),
+  ];
+  const mesh = new Mesh(polygon(corners), translucent(0.2));
+  const frame = new LineSegments(outline(corners), new LineBasicMaterial());
+  add(mesh, () => mesh.material.color.set(themed("accent")));
+  add(frame, () => frame.material.color.set(themed("accent")));
+}
+
+/** How far beside a pylon its passing counts, on the ground. */
+function addReach([from, to], add) {
+  const dashes = { dashSize: 4, gapSize: 4, depthWrite: false };
+  const mesh = new LineSegments(
+    segments([[placed(from[0], from[1], 0), placed(to[0], to[1], 0)]]),
+    new LineDashedMaterial(dashes),
+  );
+  mesh.computeLineDistances();
+  add(mesh, () => mesh.material.color.set(themed("muted")));
+}
+
+/** An attitude that is flown somewhere: a small diamond where the first flight passed it. */
+function addMark({ place }, add) {
+  const mesh = new Mesh(new OctahedronGeometry(2.5), new MeshLambertMaterial({ flatShading: true }));
+  mesh.position.copy(placed(...place));
+  add(mesh, () => mesh.material.color.set(themed("accent")));
+}
+
+/** People, and the ground within their distance. */
+function addCrowd({ name, corners, closed, distance, height }, number, add, labels) {
+  const places = corners.map(([north, east]) => placed(north, east, height));
+  const near = new Mesh(around(corners, closed, distance), once(translucent(0.14), number + 1));
+  near.renderOrder = -10;
+  add(near, () => near.material.color.set(themed("limit")));
+  if (closed) {
+    const area = new Mesh(flat(corners), translucent(0.6));
+    area.renderOrder = -9;
+    add(area, () => area.material.color.set(themed("limit")));
+  }
+  const pairs = places.map((place, i) => [place, places[(i + 1) % places.length]]);
+  for (const [a, b] of closed || places.length === 1 ? pairs : pairs.slice(0, -1)) {
+    const wall = new Mesh(upright(a, b, height + 4), translucent(0.85));
+    add(wall, () => wall.material.color.set(themed("limit")));
+  }
+  if (places.length === 1) {
+    const post = new Mesh(new CylinderGeometry(3, 3, 4, 16), new MeshLambertMaterial());
+    post.position.copy(places[0]).setY(height + 2);
+    add(post, () => post.material.color.set(themed("limit")));
+  }
+  labels.push({ text: `${name}, ${Math.round(distance)} m`, place: middle(places).setY(height + 8), kind: "crowd" });
+}
+
+/** A line not to be crossed: a low fence, translucent, and hatches to the side that is forbidden. */
+function addSafetyLine({ name, start, end, keep_right: keepRight }, add, labels) {
+  const [a, b] = [placed(...start, 0), placed(...end, 0)];
+  const fence = new Mesh(upright(a, b, FENCE), translucent(0.16));
+  const along = b.clone().sub(a);
+  const length = along.length();
+  const right = new Vector3(-along.z, 0, along.x).divideScalar(length);
+  const beyond = right.multiplyScalar(keepRight ? -1 : 1);
+  const pairs = [[a, b]];
+  for (let s = 0; s <= length; s += 25) {
+    const from = a.clone().addScaledVector(along, s / length);
+    pairs.push([from, from.clone().addScaledVector(beyond, 10)]);
+  }
+  const hatches = new LineSegments(segments(pairs), new LineBasicMaterial());
+  add(fence, () => fence.material.color.set(themed("caution")));
+  add(hatches, () => hatches.material.color.set(themed("caution")));
+  labels.push({ text: name, place: a.clone().lerp(b, 0.5).setY(FENCE), kind: "line" });
+}
+
+function addAirspace(corners, add, labels) {
+  const places = corners.map(([north, east]) => placed(north, east, 0));
+  const pairs = places.map((place, i) => [place, places[(i + 1) % places.length]]);
+  for (const [a, b] of pairs) {
+    const wall = new Mesh(upright(a, b, FENCE), translucent(0.07));
+    add(wall, () => wall.material.color.set(themed("accent")));
+  }
+  const border = new LineSegments(segments(pairs), new LineDashedMaterial({ dashSize: 16, gapSize: 8 }));
+  border.computeLineDistances();
+  add(border, () => border.material.color.set(themed("accent")));
+  labels.push({ text: "airspace", place: places[0].clone().setY(FENCE), kind: "line" });
+}
+
+function translucent(opacity) {
+  return new MeshBasicMaterial({ transparent: true, opacity, side: DoubleSide, depthWrite: false, color: new Color() });
+}
+
+/** A material that paints no spot twice, however its triangles overlap. */
+function once(material, number) {
+  const stencil = { stencilWrite: true, stencilRef: number % 255, stencilFunc: NotEqualStencilFunc };
+  return Object.assign(material, stencil, { stencilZPass: ReplaceStencilOp });
+}
+
+function middle(places) {
+  return places.reduce((sum, place) => sum.add(place), new Vector3()).divideScalar(places.length);
+}
+
+/** A convex polygon in space. */
+function polygon(corners) {
+  const geometry = new BufferGeometry().setFromPoints(corners);
+  geometry.setIndex(Array.from({ length: corners.length - 2 }, (_, i) => [0, i + 1, i + 2]).flat());
+  return geometry;
+}
+
+/** Any simple polygon on the ground, of places [north, east]. */
+function flat(corners) {
+  const geometry = new ShapeGeometry(new Shape(corners.map(([north, east]) => new Vector3(east, north, 0))));
+  return geometry.rotateX(-Math.PI / 2);
+}
+
+/** A wall on the ground between two places. */
+function upright(a, b, height) {
+  const at = (place, up) => new Vector3(place.x, up, place.z);
+  return polygon([at(a, 0), at(b, 0), at(b, height), at(a, height)]);
+}
+
+function outline(corners) {
+  return segments(corners.map((corner, i) => [corner, corners[(i + 1) % corners.length]]));
+}
+
+function segments(pairs) {
+  const places = new Float32Array(pairs.flat().flatMap((place) => place.toArray()));
+  return new BufferGeometry().setAttribute("position", new BufferAttribute(places, 3));
+}
+
+/** The ground within a distance of a point, a line or an area: discs at the corners, and strips between them. */
+function around(corners, closed, distance) {
+  const flatPlaces = corners.map(([north, east]) => placed(north, east, 0));
+  const triangles = [];
+  const sides = flatPlaces.map((place, i) => [place, flatPlaces[(i + 1) % flatPlaces.length]]);
+  for (const [a, b] of closed ? sides : sides.slice(0, -1)) {
+    const across = new Vector3(a.z - b.z, 0, b.x - a.x).setLength(distance);
+    const [p, q, r, s] = [a, b].flatMap((one) => [one.clone().add(across), one.clone().sub(across)]);
+    triangles.push(p, q, r, q, s, r);
+  }
+  for (const centre of flatPlaces) {
+    const rim = (i) => {
+      const angle = (2 * Math.PI * i) / ROUND;
+      return new Vector3(centre.x + distance * Math.cos(angle), 0, centre.z + distance * Math.sin(angle));
+    };
+    for (let i = 0; i < ROUND; i += 1) triangles.push(centre, rim(i), rim(i + 1));
+  }
+  return new BufferGeometry().setFromPoints(triangles);
+}

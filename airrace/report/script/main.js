@@ -1,0 +1,58 @@
+// The page comes to life: what it carries is read, and its parts are linked by one clock.
+
+import { Clock } from "./clock.js";
+import { Controls } from "./controls.js";
+import { differencesOf } from "./differences.js";
+import { Flight } from "./flight.js";
+import { watchKeys } from "./keys.js";
+import { watchPrinting } from "./printing.js";
+import { showReadings } from "./readout.js";
+import { RaceScene } from "./scene.js";
+import { Strips } from "./strips.js";
+import { linkFlights, linkTables } from "./tables.js";
+import { watchTheme } from "./theme.js";
+import { Transport } from "./transport.js";
+
+function begin() {
+  const told = JSON.parse(document.getElementById("contents").textContent);
+  const flights = told.flights.map((one, number) => new Flight(one, number));
+  const [lead] = flights;
+  const clock = new Clock(Math.max(...flights.map((one) => one.duration)));
+  const [sceneElement, stripsElement, transportElement] = ["scene", "strips", "transport"].map((id) =>
+    document.getElementById(id),
+  );
+  const scene = sceneOrNone(sceneElement, told, flights, clock);
+  const strips = new Strips(stripsElement, told.strips, flights, clock, differencesOf(told.differences));
+  const transport = new Transport(transportElement, lead, clock);
+  const controls = scene === null ? null : new Controls(sceneElement, scene, lead, told.colours);
+  showReadings(sceneElement, lead, clock);
+  linkTables(document.getElementById("tables"), lead, clock);
+  linkFlights(document, flights, () => {
+    scene?.invalidate();
+    strips.redraw();
+  });
+  const window_ = document.querySelector("[data-window]");
+  window_.addEventListener("change", () => strips.showWhole(window_.value === "race"));
+  watchKeys(transport, controls?.buttons ?? []);
+  const force = watchTheme(document.getElementById("theme"), () => {
+    scene?.restyle();
+    strips.redraw();
+  });
+  watchPrinting(document.getElementById("pictures"), scene, strips, clock, force);
+  // For whoever looks into the page from its console.
+  window.airrace = { clock, flights, scene, strips };
+  document.documentElement.classList.add("ready");
+}
+
+/** The scene, or null where the browser has no WebGL: the drawing of the course then stands in its place. */
+function sceneOrNone(element, told, flights, clock) {
+  try {
+    return new RaceScene(element, told.course, flights, clock);
+  } catch (reason) {
+    console.info(`no picture in space: ${reason.message}`);
+    document.documentElement.classList.add("flat");
+    return null;
+  }
+}
+
+begin();

@@ -1,0 +1,49 @@
+// Colours: the theme's from the style sheet, and the scales by which a flight is coloured.
+
+import { Color } from "three";
+
+// Every colour stands out from pale and from dark ground alike, and lightness rises along the scale.
+const SEQUENTIAL = ["#3b2f8f", "#7a2a9a", "#b82b86", "#e04760", "#f2743c", "#f5a623"];
+const DIVERGING = ["#1f5fbf", "#5a8fd0", "#93a4ad", "#d9776a", "#c22f2f"];
+const GHOSTS = 5; // colours for flights beside the first, in the style sheet
+
+/** A colour of the style sheet, by the name of its variable. */
+export function themed(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+}
+
+/** The name of the colour of the flights beside the first. */
+export function ghostName(number) {
+  return `ghost-${1 + ((number - 1) % GHOSTS)}`;
+}
+
+/** The colour of the flights beside the first. */
+export function ghostColour(number) {
+  return themed(ghostName(number));
+}
+
+/** The colours of a scale from its low to its high end. */
+export function stops(scale) {
+  return scale.signed ? DIVERGING : SEQUENTIAL;
+}
+
+/** The range of a scale over a flight: its own extent, and symmetric where it is signed. */
+export function rangeOf(scale, extent) {
+  if (!extent) return [0, 1];
+  const [least, largest] = extent;
+  if (!scale.signed) return least < largest ? [least, largest] : [least - 0.5, largest + 0.5];
+  const reach = Math.max(Math.abs(least), Math.abs(largest)) || 1;
+  return [-reach, reach];
+}
+
+/** A function from a value to its colour, as red, green and blue in the renderer's linear space. */
+export function colourOf(scale, range) {
+  const colours = stops(scale).map((one) => new Color(one));
+  const mixed = new Color();
+  return (value) => {
+    const share = Number.isFinite(value) ? (value - range[0]) / (range[1] - range[0]) : 0;
+    const place = Math.min(Math.max(share, 0), 1) * (colours.length - 1);
+    const i = Math.min(Math.floor(place), colours.length - 2);
+    return mixed.copy(colours[i]).lerp(colours[i + 1], place - i);
+  };
+}

@@ -1,0 +1,30 @@
+// The tables below: a leg is jumped to by its button, the present one is marked; flights are shown or hidden.
+
+/** Let the tables follow the clock and lead it. */
+export function linkTables(element, flight, clock) {
+  const rows = [...element.querySelectorAll("tr[data-passing]")];
+  for (const button of element.querySelectorAll("button[data-time]"))
+    button.addEventListener("click", () => {
+      clock.stop();
+      clock.set(Number(button.dataset.time));
+    });
+  const mark = (time) => {
+    const leg = flight.leg(time);
+    for (const row of rows) {
+      const here = Number(row.dataset.passing) === leg;
+      if (here) row.setAttribute("aria-current", "true");
+      else row.removeAttribute("aria-current");
+    }
+  };
+  clock.watch(mark);
+  mark(clock.time);
+}
+
+/** Boxes that show and hide flights. */
+export function linkFlights(element, flights, changed) {
+  for (const box of element.querySelectorAll("input[data-flight]"))
+    box.addEventListener("change", () => {
+      flights[Number(box.dataset.flight)].visible = box.checked;
+      changed();
+    });
+}

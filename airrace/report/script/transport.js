@@ -1,0 +1,68 @@
+// Play, stop, faster, slower, and any instant at once: by buttons, a slider, keys.
+
+import { written } from "./numbers.js";
+
+const STEP = 0.1; // s, of an arrow key
+const LEAP = 1; // s, with Shift
+
+export class Transport {
+  constructor(element, flight, clock) {
+    this.clock = clock;
+    this.flight = flight;
+    this.button = element.querySelector("[data-play]");
+    this.slider = element.querySelector("input[type=range]");
+    this.reading = element.querySelector(".time");
+    this.slider.max = clock.duration;
+    this.button.addEventListener("click", () => clock.toggle());
+    this.slider.addEventListener("input", () => clock.set(this.slider.valueAsNumber));
+    const rates = element.querySelector("select");
+    rates.addEventListener("change", () => clock.setRate(Number(rates.value)));
+    for (const one of element.querySelectorAll("[data-gate]"))
+      one.addEventListener("click", () => this.toGate(Number(one.dataset.gate)));
+    this.ticks(element.querySelector(".ticks"));
+    clock.watch((time) => this.show(time));
+    this.show(clock.time);
+  }
+
+  /** A mark under the slider for every gate. */
+  ticks(element) {
+    for (const { time } of this.flight.passings) {
+      const tick = document.createElement("i");
+      tick.style.left = `${(100 * time) / this.clock.duration}%`;
+      element.append(tick);
+    }
+  }
+
+  show(time) {
+    this.slider.value = time;
+    this.slider.setAttribute("aria-valuetext", `${written(time, 2)} s`);
+    this.reading.textContent = written(time, 2);
+    this.button.classList.toggle("running", this.clock.running);
+    this.button.setAttribute("aria-label", this.clock.running ? "Stop" : "Play");
+  }
+
+  /** To the passing before (-1) or after (1) the present instant. */
+  toGate(sense) {
+    const times = this.flight.passings.map(({ time }) => time);
+    const { time } = this.clock;
+    const next = sense > 0 ? times.find((one) => one > time + 1e-3) : times.filter((one) => one < time - 1e-3).pop();
+    this.clock.set(next ?? (sense > 0 ? this.clock.duration : 0));
+  }
+
+  /** What a key does; whether it did anything. */
+  key(event) {
+    const step = event.shiftKey ? LEAP : STEP;
+    const deeds = {
+      " ": () => this.clock.toggle(),
+      ArrowLeft: () => this.clock.set(this.clock.time - step),
+      ArrowRight: () => this.clock.set(this.clock.time + step),
+      ArrowUp: () => this.toGate(-1),
+      ArrowDown: () => this.toGate(1),
+      Home: () => this.clock.set(0),
+      End: () => this.clock.set(this.clock.duration),
+    };
+    const deed = deeds[event.key];
+    deed?.();
+    return deed !== undefined;
+  }
+}

@@ -1,0 +1,237 @@
+// Where the scene is looked at from: around, above, from the side, behind the aircraft, from its seat.
+
+import { Box3, Matrix4, OrthographicCamera, PerspectiveCamera, Quaternion, Vector3 } from "three";
+import { extent } from "./numbers.js";
+
+export const UP = new Vector3(0, 1, 0);
+const NOSE_BACK = new Quaternion().setFromRotationMatrix(
+  // A camera looks along its -z with +x to the right; an aircraft's nose is x, its right wing y, its top -z.
+  new Matrix4().makeBasis(new Vector3(0, 1, 0), new Vector3(0, 0, -1), new Vector3(-1, 0, 0)),
+);
+const STEADY = 0.45; // s, over which the chase camera's course is averaged
+const CHASE = { back: 26, up: 7, ahead: 30 }; // m
+
+/** From anywhere around the course: one finger turns, two move. */
+export class Orbit {
+  /** `points` are to be seen; Vector3. */
+  constructor(points) {
+    this.name = "orbit";
+    this.camera = new PerspectiveCamera(36, 1, 1, 30000);
+    this.points = points;
+    this.height = 1;
+    this.home();
+  }
+
+  home() {
+    const box = new Box3().setFromPoints(this.points);
+    this.target = box.getCenter(new Vector3());
+    this.azimuth = longAxis(box) + 0.55;
+    this.elevation = 0.46;
+    this.zoomed = 1;
+    this.fitted = null;
+  }
+
+  turn(dx, dy) {
+    this.azimuth -= 0.006 * dx;
+    this.elevation = Math.min(Math.max(this.elevation + 0.006 * dy, 0.02), 1.55);
+  }
+
+  move(dx, dy) {
+    const pace = (2 * this.fitted * this.zoomed * this.tangent) / this.height;
+    const right = new Vector3(Math.cos(this.azimuth), 0, -Math.sin(this.azimuth));
+    const ahead = new Vector3(-Math.sin(this.azimuth), 0, -Math.cos(this.azimuth));
+    this.target.addScaledVector(right, -dx * pace).addScaledVector(ahead, dy * pace);
+  }
+
+  zoom(factor) {
+    this.zoomed = Math.min(Math.max(this.zoomed * factor, 0.01), 6);
+  }
+
+  get tangent() {
+    return Math.tan((this.camera.fov * Math.PI) / 360);
+  }
+
+  /** The direction from the target to the eye. */
+  get outward() {
+    const flat = Math.cos(this.elevation);
+    return new Vector3(Math.sin(this.azimuth) * flat, Math.sin(this.elevation), Math.cos(this.azimuth) * flat);
+  }
+
+  /** Move the target to the middle of what is seen; the distance from which all of it is. */
+  fit(aspect) {
+    const outward = this.outward;
+    const right = new Vector3(Math.cos(this.azimuth), 0, -Math.sin(this.azimuth));
+    const up = outward.clone().cross(right);
+    const room = [0.88 * this.tangent * aspect, 0.8 * this.tangent];
+    let distance = 0;
+    for (let round = 0; round < 4; round += 1) {
+      const spans = [right, up].map((axis, i) => {
+        const ends = this.points.map((point) => {
+          const from = point.clone().sub(this.target);
+          return [from.dot(axis), from.dot(outward), room[i]];
+        });
+        const reach = (sense) => Math.max(...ends.map(([off, near, wide]) => (sense * off) / wide + near));
+        const [plus, minus] = [reach(1), reach(-1)];
+        this.target.addScaledVector(axis, 0.5 * (plus - minus) * room[i]);
+        return 0.5 * (plus + minus);
+      });
+      distance = Math.max(...spans);
+    }
+    return distance;
+  }
+
+  place(width, height) {
+    this.height = height;
+    this.camera.aspect = width / height;
+    this.fitted ??= this.fit(width / height);
+    this.camera.position.copy(this.target).addScaledVector(this.outward, this.fitted * this.zoomed);
+    this.camera.position.y = Math.max(this.camera.position.y, 1);
+    this.camera.lookAt(this.target);
+    this.camera.updateProjectionMatrix();
+  }
+}
+
+/** In parallel, from above with north up, or from the side that shows most: dragging moves. */
+export class Parallel {
+  constructor(name, points) {
+    this.name = name;
+    this.camera = new OrthographicCamera(-1, 1, 1, -1, 1, 30000);
+    this.points = points;
+    const side = longAxis(new Box3().setFromPoints(points));
+    this.from = name === "above" ? UP.clone() : new Vector3(Math.sin(side), 0, Math.cos(side));
+    this.up = name === "above" ? new Vector3(0, 0, -1) : UP.clone();
+    this.right = this.up.clone().cross(this.from).normalize();
+    this.home();
+  }
+
+  home() {
+    this.target = new Box3().setFromPoints(this.points).getCenter(new Vector3());
+    this.zoomed = 1;
+  }
+
+  turn(dx, dy) {
+    this.move(dx, dy);
+  }
+
+  move(dx, dy) {
+    this.target.addScaledVector(this.right, -dx * this.pixel).addScaledVector(this.up, dy * this.pixel);
+  }
+
+  zoom(factor) {
+    this.zoomed = Math.min(Math.max(this.zoomed * factor, 0.02), 4);
+  }
+
+  place(width, height) {
+    const reach = (axis) => {
+      const along = extent(this.points.map((point) => point.dot(axis)));
+      return along[1] - along[0] + 20;
+    };
+    // Room is left for what lies over the picture at its upper and lower edge.
+    const free = Math.max(height - 130, 0.6 * height);
+    this.pixel = 1.06 * this.zoomed * Math.max(reach(this.right) / width, reach(this.up) / free);
+    const [across, up] = [0.5 * width * this.pixel, 0.5 * height * this.pixel];
+    Object.assign(this.camera, { left: -across, right: across, top: up, bottom: -up });
+    this.camera.up.copy(this.up);
+    this.camera.position.copy(this.target).addScaledVector(this.from, 8000);
+    this.camera.lookAt(this.target);
+    this.camera.updateProjectionMatrix();
+  }
+}
+
+/** Behind the first flight and a little above it, on its course averaged over a moment. */
+export class Chase {
+  constructor(flight) {
+    this.name = "chase";
+    this.camera = new PerspectiveCamera(55, 1, 0.5, 30000);
+    this.flight = flight;
+    this.home();
+  }
+
+  home() {
+    this.aside = 0;
+    this.above = 0;
+    this.zoomed = 1;
+  }
+
+  turn(dx, dy) {
+    this.aside -= 0.006 * dx;
+    this.above = Math.min(Math.max(this.above + 0.004 * dy, -0.4), 1.2);
+  }
+
+  move(dx, dy) {
+    this.turn(dx, dy);
+  }
+
+  zoom(factor) {
+    this.zoomed = Math.min(Math.max(this.zoomed * factor, 0.3), 12);
+  }
+
+  place(width, height, time) {
+    const place = this.flight.position(time);
+    const course = this.course(time);
+    const ahead = course.clone().applyAxisAngle(UP, this.aside);
+    const right = ahead.clone().cross(UP);
+    const upright = right.lengthSq() > 1e-6 ? right.normalize().cross(ahead).normalize() : UP.clone();
+    const eye = place.clone().addScaledVector(ahead, -CHASE.back * this.zoomed * Math.cos(this.above));
+    eye.addScaledVector(upright, this.zoomed * (CHASE.up + CHASE.back * Math.sin(this.above)));
+    eye.y = Math.max(eye.y, 1.5);
+    this.camera.aspect = width / height;
+    this.camera.position.copy(eye);
+    this.camera.up.copy(upright);
+    this.camera.lookAt(place.addScaledVector(ahead, CHASE.ahead));
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** The way made over a moment around a time, as a direction. */
+  course(time) {
+    const [from, to] = [Math.max(time - STEADY, 0), Math.min(time + STEADY / 3, this.flight.duration)];
+    const way = this.flight.position(to).sub(this.flight.position(from));
+    return way.lengthSq() > 0 ? way.normalize() : new Vector3(0, 0, -1);
+  }
+}
+
+/** From the seat of the first flight; dragging looks around. */
+export class Cockpit {
+  constructor(flight, model) {
+    this.name = "cockpit";
+    this.camera = new PerspectiveCamera(72, 1, 0.15, 30000);
+    this.flight = flight;
+    this.model = model;
+    this.home();
+  }
+
+  home() {
+    this.aside = 0;
+    this.above = 0;
+  }
+
+  turn(dx, dy) {
+    this.aside = Math.min(Math.max(this.aside + 0.004 * dx, -2.4), 2.4);
+    this.above = Math.min(Math.max(this.above + 0.004 * dy, -0.7), 1.4);
+  }
+
+  move(dx, dy) {
+    this.turn(dx, dy);
+  }
+
+  zoom(factor) {
+    this.camera.fov = Math.min(Math.max(this.camera.fov * factor, 25), 100);
+  }
+
+  place(width, height, time) {
+    const attitude = this.flight.attitude(time);
+    const eye = new Vector3(...this.model.eye).applyQuaternion(attitude).add(this.flight.position(time));
+    const look = new Quaternion().setFromAxisAngle(UP, this.aside);
+    look.multiply(new Quaternion().setFromAxisAngle(new Vector3(1, 0, 0), this.above));
+    this.camera.aspect = width / height;
+    this.camera.position.copy(eye);
+    this.camera.quaternion.copy(attitude).multiply(NOSE_BACK).multiply(look);
+    this.camera.updateProjectionMatrix();
+  }
+}
+
+/** The azimuth from which the box's longer side is seen. */
+function longAxis(box) {
+  const size = box.getSize(new Vector3());
+  return size.x >= size.z ? 0 : Math.PI / 2;
+}
