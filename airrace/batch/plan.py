@@ -41,7 +41,7 @@ class Result:
 
 
 def result_of(record: Record) -> Result:
-    """What a record says."""
+    """Return what a record says."""
     stages: Sequence[Mapping[str, Any]] = (record.run or {}).get("stages") or ({},)  # Any: JSON
     return Result(
         record.code,

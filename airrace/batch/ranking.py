@@ -74,7 +74,7 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def _best(results: Sequence[Result]) -> Result | None:
-    """The fastest certified flight; where none is certified the fastest there is."""
+    """Return the fastest certified flight; where none is certified the fastest there is."""
     flown = [one for one in results if one.race_time is not None]
     certified = [one for one in flown if one.code == ExitCode.DONE]
     return min(certified or flown, key=lambda one: one.race_time or 0.0, default=None)

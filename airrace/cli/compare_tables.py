@@ -13,7 +13,7 @@ IN_MILLISECONDS = round(1000.0 * TIE)
 
 
 def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
-    """The verdict and the conditions, then the legs with those first on which most is lost.
+    """Return the verdict and the conditions, then the legs with those first on which most is lost.
 
     Args:
         comparison: of a flight with the reference.

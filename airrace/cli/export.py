@@ -74,7 +74,7 @@ def csv_table(
 
 
 def _subcommand(name: str) -> Callable[..., None]:
-    """The subcommand of a format."""
+    """Return the subcommand of a format."""
 
     def write(
         names: FlightNames,

@@ -20,7 +20,7 @@ def leg_tables(flight: Flight) -> Iterator[Table]:
 
 
 def laps_line(flight: Flight) -> str:
-    """The lap times in a line; empty for a race of one lap."""
+    """Return the lap times in a line; empty for a race of one lap."""
     laps = laps_of(flight)
     if len(laps) < 2:
         return ""

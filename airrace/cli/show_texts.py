@@ -10,7 +10,7 @@ from airrace.runs.shown import Shown
 
 
 def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str]:
-    """The stages, what each of them says, then splits, ways, legs and certificates; at most 80 columns wide.
+    """Return the stages, what each of them says, then splits, ways, legs and certificates; at most 80 columns wide.
 
     Args:
         shown: what is told.

@@ -26,8 +26,10 @@ _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
 def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
-    """A table or a picture as text for stdout; without a terminal as plain text, whatever the environment says of
-    colours, and where stdout takes no Unicode with rules of ASCII.
+    """Return a table or a picture as text for stdout.
+
+    Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules
+    are of ASCII.
 
     A terminal too narrow for a table wraps its lines: a number cut short would be a wrong one.
 
@@ -63,7 +65,7 @@ def terminal_columns() -> int | None:
 
 
 def result_tables(result: StageResult, *, certificate: bool = True) -> list[Table]:
-    """What a finished stage shows: its gate splits and its certificate; without a flight nothing.
+    """Return what a finished stage shows: its gate splits and its certificate; without a flight nothing.
 
     Args:
         result: the stage.
@@ -98,7 +100,7 @@ def splits_table(result: StageResult) -> Table:
 
 
 def certificate_line(certificate: Certificate) -> str:
-    """The verdict and the item that comes nearest to its limit; of one that does not hold, the items that fail."""
+    """Return the verdict with the item that comes nearest to its limit, or with those that fail."""
     items, failed = certificate.items, certificate.failed
     if not certificate.certified:
         told = ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} {item.unit}".rstrip() for item in failed)

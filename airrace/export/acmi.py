@@ -30,7 +30,7 @@ PROPERTIES: tuple[tuple[str, str, float, int], ...] = (
 
 
 def acmi(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """A recording of some flights that start together.
+    """Return a recording of some flights that start together.
 
     Args:
         flights: on the globe.
@@ -65,7 +65,7 @@ def _header(flights: Sequence[Flight], begin: datetime) -> list[str]:
 
 
 def _things(flights: Sequence[Flight]) -> Iterator[str]:
-    """What stands on the courses; of a line or an area every corner."""
+    """Return what stands on the courses; of a line or an area every corner."""
     number = FIRST_THING
     for course in courses(flights):
         for feature in features(course):

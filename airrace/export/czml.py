@@ -23,7 +23,7 @@ BLACK = (34, 34, 34)
 
 
 def czml(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """A document with the courses and the flights.
+    """Return a document with the courses and the flights.
 
     Args:
         flights: on the globe.

@@ -7,7 +7,7 @@ from airrace.errors import UsageError
 
 
 def extra(package: str, what: str, name: str = "") -> ModuleType:
-    """A package that comes with an extra.
+    """Return a package that comes with an extra.
 
     Args:
         package: its name, or that of a module in it.

@@ -33,7 +33,7 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
 
 
 def fdr(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """The recording of one flight.
+    """Return the recording of one flight.
 
     Args:
         flights: one, on the globe.

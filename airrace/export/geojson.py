@@ -11,7 +11,7 @@ from airrace.flights import Crossing, Flight
 
 
 def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """A collection of features; positions are longitude, latitude (degrees) and altitude (m).
+    """Return a collection of features; positions are longitude, latitude (degrees) and altitude (m).
 
     Args:
         flights: on the globe.

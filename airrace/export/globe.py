@@ -47,7 +47,7 @@ class Feature:
 
 
 def on_globe(flight: Flight, origin: Origin | None) -> Flight:
-    """The flight with latitude, longitude and altitude.
+    """Return the flight with latitude, longitude and altitude.
 
     Args:
         flight: of any course.
@@ -98,7 +98,7 @@ def _feature(course: Course, kind: str, name: str, shape: Shape, corners: Sequen
 
 
 def courses(flights: Sequence[Flight]) -> list[Course]:
-    """The different courses of some flights."""
+    """Return the different courses of some flights."""
     found: list[Course] = []
     for flight in flights:
         if flight.course not in found:
@@ -107,16 +107,16 @@ def courses(flights: Sequence[Flight]) -> list[Course]:
 
 
 def stamp(begin: datetime, seconds: float) -> str:
-    """An instant as ISO 8601, UTC, to the millisecond."""
+    """Return an instant as ISO 8601, UTC, to the millisecond."""
     when = begin.astimezone(UTC) + timedelta(milliseconds=round(1000.0 * seconds))
     return when.strftime("%Y-%m-%dT%H:%M:%S.") + f"{when.microsecond // 1000:03d}Z"
 
 
 def compass(angle: float) -> float:
-    """An angle as degrees from 0 up to, not including, 360."""
+    """Return an angle as degrees from 0 up to, not including, 360."""
     return math.degrees(angle) % 360.0
 
 
 def printable(text: str) -> str:
-    """A name in one line, without characters that XML and viewers cannot take."""
+    """Return a name in one line, without characters that XML and viewers cannot take."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())

@@ -12,7 +12,7 @@ GPX = "http://www.topografix.com/GPX/1/1"
 
 
 def gpx(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """A document with the elements of the courses and the flights.
+    """Return a document with the elements of the courses and the flights.
 
     Args:
         flights: on the globe.

@@ -30,7 +30,7 @@ ZIPPED = (2000, 1, 1, 12, 0, 0)
 
 
 def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """A document with the courses and the flights.
+    """Return a document with the courses and the flights.
 
     Args:
         flights: on the globe.
@@ -55,7 +55,7 @@ def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """The same document, zipped."""
+    """Return the same document, zipped."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as zipped:
         entry = zipfile.ZipInfo("doc.kml", ZIPPED)
@@ -65,7 +65,7 @@ def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def _flight(document: ET.Element, flight: Flight, begin: datetime, style: str) -> None:
-    """The line, the track in time, and a point for every passing."""
+    """Return the line, the track in time, and a point for every passing."""
     folder = _folder(document, printable(flight.label))
     places = _places(flight)
     line = _named(folder, f"{printable(flight.label)}, line", style)

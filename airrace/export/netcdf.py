@@ -50,7 +50,7 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
-    """A row of characters for each text; the classic format knows no strings."""
+    """Return a row of characters for each text; the classic format knows no strings."""
     encoded = [_text(text).encode() for text in texts]
     width = max(1, *(len(one) for one in encoded))
     file.createDimension(f"{name}_length", width)

@@ -33,7 +33,7 @@ def wind(air: Air, x: Array, y: Array, z: Array) -> Array:
 
 
 def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:
-    """What an airspeed indicator without errors shows, m/s, shape (n,).
+    """Return what an airspeed indicator without errors shows, m/s, shape (n,).
 
     It shows the speed at which the standard atmosphere at sea level has the same impact pressure (calibrated airspeed):
 

@@ -39,12 +39,12 @@ def air_axes(R_OKbar: Axes, V_O: Array) -> Axes:
 
 
 def angle_of_attack(C_L: Array, lift: Lift) -> Array:
-    """The angle of attack that a lift coefficient takes on the linear lift curve, controls neutral, rad."""
+    """Return the angle of attack that a lift coefficient takes on the linear lift curve, controls neutral, rad."""
     return (C_L - lift.C_L0) / lift.C_Lalpha
 
 
 def quaternions(R: Axes) -> list[Array]:
-    """The rows of the quaternions of rotation matrices, scalar first, without jumps of sign; four of shape (n,).
+    """Return the rows of the quaternions of rotation matrices, scalar first, without jumps of sign; four of shape (n,).
 
     The largest of the four components is computed from the diagonal and divides the others, so nothing is divided by a
     small number.

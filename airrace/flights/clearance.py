@@ -79,7 +79,7 @@ def distances(flight: Flight) -> tuple[Distance, ...]:
 
 
 def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearance, ...]:
-    """The least distance from every thing that counts on a leg, that with the least margin first.
+    """Return the least distance from every thing that counts on a leg, that with the least margin first.
 
     Args:
         flight: whose leg it is.
@@ -148,7 +148,7 @@ def _from_crowd(flight: Flight, crowd: Crowd) -> Array:
 
 
 def _lines(flight: Flight) -> Iterator[Distance]:
-    """A safety line counts on the legs that name it."""
+    """Return a safety line counts on the legs that name it."""
     places = np.stack([flight["x"], flight["y"]], axis=1)
     legs: dict[str, set[int]] = {}
     lines: dict[str, SafetyLine] = {}

@@ -40,7 +40,7 @@ class Rule:
 
 
 def completed(race: Race, given: Histories) -> Histories:
-    """The histories of a flight with all that follows from them.
+    """Return the histories of a flight with all that follows from them.
 
     Args:
         race: course, aircraft and air.
@@ -59,7 +59,7 @@ def completed(race: Race, given: Histories) -> Histories:
 
 
 def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[Known], Array]]:
-    """What tables of a flight hold besides its states: airspeeds, and where it is on the globe.
+    """Return what tables of a flight hold besides its states: airspeeds, and where it is on the globe.
 
     Args:
         race: course, aircraft and air.
@@ -86,7 +86,7 @@ def _column(race: Race, name: str) -> Callable[[Known], Array]:
 
 
 def _limited(told: Histories, limits: Limits) -> Histories:
-    """The same with the bounds that aircraft and rules set, where a source has brought none of its own."""
+    """Return the same with the bounds that aircraft and rules set, where a source has brought none of its own."""
     bounds = {
         "height": Interval(-limits.z.upper, -limits.z.lower),
         "V_K": limits.V_K,

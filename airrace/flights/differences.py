@@ -61,7 +61,8 @@ class Measure:
 
 
 def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tuple[Difference, ...]:
-    """What the other flight does otherwise on a leg that both have flown; the most telling first, at most `MOST`.
+    """Return what the other flight does otherwise on a leg that both have flown; the most telling first, at most
+    `MOST`.
 
     Args:
         reference, before: the flight that is compared with, and its leg.

@@ -49,7 +49,7 @@ class Crossing:
         return math.isfinite(self.time)
 
     def value(self, name: str) -> float:
-        """A history at the passing; NaN where the flight has no such history."""
+        """Return a history at the passing; NaN where the flight has no such history."""
         return self.values.get(name, math.nan)
 
 
@@ -123,7 +123,7 @@ class Flight:
         return name in self.histories
 
     def __getitem__(self, name: str) -> Array:
-        """The values of a history, shape (n,).
+        """Return the values of a history, shape (n,).
 
         Raises:
             KeyError: the flight has no such history.
@@ -131,7 +131,7 @@ class Flight:
         return self.histories[name].values
 
     def values(self, name: str) -> Array:
-        """The values of a history, shape (n,); NaN throughout where the flight has none of this name."""
+        """Return the values of a history, shape (n,); NaN throughout where the flight has none of this name."""
         return self.histories[name].values if name in self.histories else np.full(len(self.time), np.nan)
 
     def has(self, *names: str) -> bool:
@@ -139,7 +139,7 @@ class Flight:
         return all(name in self.histories for name in names)
 
     def limit(self, name: str) -> Interval:
-        """The bounds that applied to a history; unbounded where there were none."""
+        """Return the bounds that applied to a history; unbounded where there were none."""
         if name not in self.histories:
             return Interval()
         quantity = self.histories[name].quantity
@@ -154,11 +154,11 @@ class Flight:
         return self.histories[name].basis
 
     def labelled(self, label: str) -> "Flight":
-        """The same flight under another name."""
+        """Return the same flight under another name."""
         return replace(self, source=replace(self.source, label=label))
 
     def at(self, times: Sequence[float] | Array) -> "Flight":
-        """The same flight over other times.
+        """Return the same flight over other times.
 
         Histories are interpolated linearly, angles along the shorter way; the times of an optimum are so close that
         positions are true to a few millimetres. Before the first and after the last time the ends are kept.
@@ -175,7 +175,7 @@ class Flight:
         return replace(self, time=wanted, histories=histories)
 
     def at_rate(self, rate_hz: float) -> "Flight":
-        """The same flight at a fixed rate from its first time on, and at its very last time.
+        """Return the same flight at a fixed rate from its first time on, and at its very last time.
 
         Args:
             rate_hz: samples per second, positive.

@@ -79,7 +79,7 @@ def laps_of(flight: Flight) -> tuple[Lap, ...]:
 
 
 def way(flight: Flight, leg: Leg) -> Array:
-    """The way flown from the beginning of a leg on, at its rows, m, shape (m,)."""
+    """Return the way flown from the beginning of a leg on, at its rows, m, shape (m,)."""
     places = np.stack([flight[name][leg.rows] for name in ("x", "y", "z")])
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=1), axis=0))])
 

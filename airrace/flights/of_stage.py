@@ -15,7 +15,7 @@ turns by 7 degrees."""
 
 
 def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: float = LONGEST_STEP) -> Flight:
-    """The optimum of a stage as a flight; its time axis holds the nodes of the mesh, and so all crossings.
+    """Return the optimum of a stage as a flight; its time axis holds the nodes of the mesh, and so all crossings.
 
     Args:
         race: course, aircraft and air.

@@ -39,7 +39,7 @@ def crowd_overflown(ways: Array, crowd: Crowd) -> Array:
 
 
 def beyond_line(way: Array, line: SafetyLine) -> float:
-    """How far a way (samples, 2) gets beyond a safety line and its margin, m; negative if it stays clear."""
+    """Return how far a way (samples, 2) gets beyond a safety line and its margin, m; negative if it stays clear."""
     return float((line.margin - beside_line(way, line)).max())
 
 

@@ -30,9 +30,7 @@ class _Group:
     of: Callable[[Histories], Histories]
 
 
-def derived_quantities(
-    race: Race, settings: Settings, result: StageResult
-) -> Mapping[Quantity, Callable[[Histories], Array]]:
+def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
     groups = _groups(race, result)
     own = {one: _entry(group.of, one.name) for group in groups for one in group.quantities}
@@ -40,7 +38,7 @@ def derived_quantities(
 
 
 def derived_histories(race: Race, result: StageResult, histories: Histories) -> Mapping[Quantity, Array]:
-    """The same quantities as values, each of shape (n,); every function is evaluated once.
+    """Return the same quantities as values, each of shape (n,); every function is evaluated once.
 
     Args:
         histories: of all states and controls, by name, each of shape (n,).
@@ -53,7 +51,7 @@ def derived_histories(race: Race, result: StageResult, histories: Histories) -> 
 
 
 def _groups(race: Race, result: StageResult) -> tuple[_Group, ...]:
-    """What the model limits along the path, then load factors and forces."""
+    """Return what the model limits along the path, then load factors and forces."""
     model = stage_model(result.stage, race)
     system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}

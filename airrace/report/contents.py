@@ -143,7 +143,8 @@ class Contents:
     differences: Sequence[Difference] = field(default=())
 
     def as_json(self) -> str:
-        """The object as text that may stand in a `script` element: it holds no `<`, so nothing can end the element.
+        """Return the object as text that may stand in a `script` element: it holds no `<`, so nothing can end the
+        element.
 
         Raises:
             ValueError: a number other than those of the histories is not finite.
@@ -166,5 +167,5 @@ def packed(values: Array) -> str:
 
 
 def unpacked(text: str) -> Array:
-    """The numbers that `packed` has written."""
+    """Return the numbers that `packed` has written."""
     return np.frombuffer(base64.b64decode(text), dtype="<f4").astype(np.float64)

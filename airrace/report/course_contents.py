@@ -33,7 +33,7 @@ ENDLESS = 0.15
 
 
 def course_contents(seen: Scenery, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
-    """The object above.
+    """Return the object above.
 
     Args:
         seen: the course from above.
@@ -75,7 +75,7 @@ def _element(element: Element, passed: Mapping[str, tuple[float, float, float]])
 
 
 def _heights(allowed: Interval, nominal: float) -> tuple[float, float]:
-    """The heights of a passing, cut off where they have no bounds."""
+    """Return the heights of a passing, cut off where they have no bounds."""
     low = allowed.lower if math.isfinite(allowed.lower) else 0.0
     return low, allowed.upper if math.isfinite(allowed.upper) else nominal + INFLATED
 
@@ -91,7 +91,7 @@ def _crowd(crowd: Crowd) -> dict[str, object]:
 
 
 def _line(line: SafetyLine, beyond: float) -> dict[str, object]:
-    """A stretch of the line: between its two points, and some way beyond."""
+    """Return a stretch of the line: between its two points, and some way beyond."""
     north, east = line.end.north - line.start.north, line.end.east - line.start.east
     share = beyond / math.hypot(north, east)
     return {

@@ -16,7 +16,7 @@ def started(flight: Flight) -> float:
 
 
 def difference_of(comparison: Comparison, number: int) -> Difference:
-    """What the other flight has lost along the course, and when the reference was there.
+    """Return what the other flight has lost along the course, and when the reference was there.
 
     Args:
         comparison: of two flights.

@@ -20,7 +20,7 @@ VERDICTS = {True: "certified", False: "not certified", None: "recorded"}
 
 
 def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> Page:
-    """The page.
+    """Return the page.
 
     Args:
         flights: the first is what the page is about, the others fly beside it as its ghosts.

@@ -50,19 +50,19 @@ class Row:
 
 
 def number(value: float, digits: int, *, signed: bool = False) -> str:
-    """A number for people; a dash where there is none."""
+    """Return a number for people; a dash where there is none."""
     if not math.isfinite(value):
         return DASH
     return with_minus(f"{value:{'+' if signed else ''}z.{digits}f}")
 
 
 def with_minus(text: str) -> str:
-    """A number's text with a minus sign instead of a hyphen."""
+    """Return a number's text with a minus sign instead of a hyphen."""
     return text.replace("-", "\N{MINUS SIGN}")
 
 
 def table(heads: Sequence[Head], rows: Iterable[Row], caption: str = "") -> str:
-    """A table that scrolls within its place where it is too wide."""
+    """Return a table that scrolls within its place where it is too wide."""
     head = "".join(f'<th scope="col"{_class(one)}>{html.escape(one.title)}{_unit(one.unit)}</th>' for one in heads)
     body = "".join(_row(row, heads) for row in rows)
     told = f"<caption>{html.escape(caption)}</caption>" if caption else ""
@@ -70,13 +70,13 @@ def table(heads: Sequence[Head], rows: Iterable[Row], caption: str = "") -> str:
 
 
 def section(title: str, body: str, *, half: bool = False) -> str:
-    """A part of the page with a heading; `body` is HTML."""
+    """Return a part of the page with a heading; `body` is HTML."""
     width = " half" if half else ""
     return f'<section class="panel{width}"><h2>{html.escape(title)}</h2>{body}</section>'
 
 
 def note(text: str) -> str:
-    """A sentence below a table."""
+    """Return a sentence below a table."""
     return f'<p class="note">{html.escape(text)}</p>' if text else ""
 
 
@@ -87,7 +87,7 @@ def facts(pairs: Iterable[tuple[str, str]]) -> str:
 
 
 def folded(title: str, text: str) -> str:
-    """A longer text that is unfolded by a click."""
+    """Return a longer text that is unfolded by a click."""
     return f"<details><summary>{html.escape(title)}</summary><pre>{html.escape(text)}</pre></details>"
 
 

@@ -63,7 +63,7 @@ class Page:
     contents: Contents
 
     def as_html(self) -> str:
-        """The whole page."""
+        """Return the whole page."""
         style, script = page_style(), page_script()
         return _template().substitute(
             policy=policy(style, script),
@@ -82,7 +82,7 @@ class Page:
 
 
 def policy(style: str, script: str) -> str:
-    """The content security policy of a page with this style and this script.
+    """Return the content security policy of a page with this style and this script.
 
     Attributes `style` are allowed within elements, for drawings carry them; they cannot load anything either.
     """
@@ -99,7 +99,7 @@ def policy(style: str, script: str) -> str:
 
 @functools.cache
 def page_style() -> str:
-    """The style sheet of a report."""
+    """Return the style sheet of a report."""
     return "\n".join(path.read_text(encoding="utf-8") for path in STYLES)
 
 

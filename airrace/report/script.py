@@ -36,12 +36,12 @@ _ENDS_SCRIPT = re.compile(r"<(?:/script|!--)", re.IGNORECASE)
 
 @functools.cache
 def page_script() -> str:
-    """The whole script of a report."""
+    """Return the whole script of a report."""
     return joined(FOLDER / "script" / "main.js")
 
 
 def joined(main: Path) -> str:
-    """A module and all that it imports as one script, in an order in which each stands behind what it imports.
+    """Return a module and all that it imports as one script, in an order in which each stands behind what it imports.
 
     Raises:
         ValueError: modules import one another in a circle, or a file has an import or an export in another form, or a
@@ -75,7 +75,7 @@ def _file(importer: Path, name: str) -> Path:
 
 
 def _wrapped(path: Path, number: dict[Path, int]) -> str:
-    """A module as the call of a function that returns its exports."""
+    """Return a module as the call of a function that returns its exports."""
     text = path.read_text(encoding="utf-8")
     exports: list[str] = [*GLOBALS.get(path, ())]
 

@@ -78,7 +78,7 @@ def histories_shown(flight: Flight) -> dict[str, Array]:
 
 
 def strips_of(flights: Sequence[Flight]) -> list[Strip]:
-    """The strips of which some flight knows something; limits are those of the first flight."""
+    """Return the strips of which some flight knows something; limits are those of the first flight."""
     return [_strip(drawn, flights[0]) for drawn in STRIPS if any(_known(drawn, flight) for flight in flights)]
 
 

@@ -54,7 +54,7 @@ def _measured(item: Item) -> tuple[str, str, str]:
 
 
 def ways_section(explored: Explored) -> str:
-    """The ways round that were tried; empty where none were."""
+    """Return the ways round that were tried; empty where none were."""
     if not explored.ways:
         return ""
     rows = [
@@ -66,7 +66,7 @@ def ways_section(explored: Explored) -> str:
 
 
 def prices_section(prices: Mapping[str, Price] | None) -> str:
-    """The dearest numbers of the inputs; empty where prices are not known."""
+    """Return the dearest numbers of the inputs; empty where prices are not known."""
     if prices is None:
         return ""
     dear = [price for price in prices.values() if price.activity is not Activity.FREE][:PRICES_SHOWN]
@@ -86,7 +86,7 @@ def prices_section(prices: Mapping[str, Price] | None) -> str:
 
 
 def inputs_section(inputs: Inputs, result: StageResult, versions: Mapping[str, str]) -> str:
-    """What was asked for: course, aircraft, air, values set by hand, and the files' own texts."""
+    """Return what was asked for: course, aircraft, air, values set by hand, and the files' own texts."""
     race = inputs.race
     pairs = [
         ("course", f"{race.course.name} ({len(race.course.passages) - 1} legs)"),

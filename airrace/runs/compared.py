@@ -7,7 +7,7 @@ from airrace.runs.run_object import finite
 
 
 def compared_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
-    """What `airrace compare --json` prints: seconds, metres; legs in the order flown."""
+    """Return what `airrace compare --json` prints: seconds, metres; legs in the order flown."""
     return {
         "tie_s": TIE,
         "reference": flight_object(reference),

@@ -60,7 +60,7 @@ def write_flights(
 
 
 def origin_of(text: str) -> Origin:
-    """The place that `LAT,LON,ELEV` names; without an elevation at the level of the sea.
+    """Return the place that `LAT,LON,ELEV` names; without an elevation at the level of the sea.
 
     Raises:
         UsageError: it names none.
@@ -77,7 +77,7 @@ def origin_of(text: str) -> Origin:
 
 
 def begin_of(text: str) -> datetime:
-    """The instant that an ISO 8601 text names, UTC unless it says otherwise.
+    """Return the instant that an ISO 8601 text names, UTC unless it says otherwise.
 
     Raises:
         UsageError: it names none.

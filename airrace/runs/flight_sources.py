@@ -26,7 +26,7 @@ class Named:
 
 
 def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
-    """The flights of these names, each with a label of its own.
+    """Return the flights of these names, each with a label of its own.
 
     Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
     flights or a stage was named.
@@ -52,12 +52,12 @@ def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Fl
 
 
 def opened_flight(text: str, *, stage: str | None = None) -> Flight:
-    """The one flight of a name; errors as of `opened_flights`."""
+    """Return the one flight of a name; errors as of `opened_flights`."""
     return opened_flights([text], stage=stage)[0]
 
 
 def _labels(names: Sequence[Named], stages: Sequence[FlownStage]) -> list[str]:
-    """Unique: the file's stem, its name with the stage, its path with the stage, at last a number."""
+    """Return unique labels: the file's stem, its name with the stage, its path with the stage, at last a number."""
     several = len({stage.stage for stage in stages}) > 1
     short = [
         f"{name.path.stem}:{stage.name}" if several or name.stage else name.path.stem

@@ -94,7 +94,7 @@ class FlownStage:
         return Splits(self.result.splits if self.result.is_flight else ())
 
     def flight(self, label: str | None = None) -> Flight:
-        """The flight with all histories that follow from it, and its gate crossings; see `airrace.flights`.
+        """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.flights`.
 
         Args:
             label: what people call it; None for the track's name and the stage.
@@ -199,7 +199,7 @@ class FlownStage:
     def _derived(self) -> Derived:
         race, states = self.inputs.race, [one.name for one in self.result.trajectory.states]
         return {
-            **procedure.derived_quantities(race, self.inputs.settings, self.result),
+            **procedure.derived_quantities(race, self.result),
             **table_columns(race, states),
         }
 

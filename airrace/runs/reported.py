@@ -10,7 +10,7 @@ from airrace.runs.stored import opened_run
 
 
 def opened_report(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
-    """The page as text.
+    """Return the page as text.
 
     Args:
         names: `RUN.h5` or `RUN.h5:STAGE` each; the report is about the first of them, the others fly beside it.
@@ -30,13 +30,16 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
 
 
 def report_page(flown: FlownStage, others: Sequence[str] = (), *, priced: bool = False) -> str:
-    """The same of a stage that is at hand, and of flights by their names beside it; arguments and errors likewise."""
+    """Return the same of a stage that is at hand, and of flights by their names beside it; arguments and errors
+    likewise.
+    """
     flights = [flown.flight(), *opened_flights(others)]
     return flight_page(flights, stage_sections(flown, priced=priced), footer_of(flown)).as_html()
 
 
 def stage_sections(flown: FlownStage, *, priced: bool = False) -> list[str]:
-    """What a run knows of a stage: ways that were tried, prices, certificate, inputs; HTML, empty where it is nothing.
+    """Return what a run knows of a stage: ways that were tried, prices, certificate, inputs; HTML, empty where it is
+    nothing.
 
     Raises:
         NotCertified: prices were asked for, and the stage is no certified optimum.

@@ -212,7 +212,7 @@ class Run:
             raise UsageError(f"{other.label} has other passings than {self.label}") from error
 
     def flight(self, stage: str | Stage | None = None, label: str | None = None) -> "Flight":
-        """The flight of a stage, by default of the last one; see `FlownStage.flight`."""
+        """Return the flight of a stage, by default of the last one; see `FlownStage.flight`."""
         return self.stage(stage).flight(label)
 
     def report(self, path: str | Path, *others: str, stage: str | Stage | None = None, prices: bool = False) -> Path:

@@ -62,7 +62,7 @@ def shown_of(checkpoint: Checkpoint, path: Path, stage: str | None) -> Shown:
 
 
 def shown_object(shown: Shown) -> dict[str, object]:
-    """The object of the run, with `legs` and `laps` in the stage whose flight is told."""
+    """Return the object of the run, with `legs` and `laps` in the stage whose flight is told."""
     checkpoint, results = shown.checkpoint, shown.results
     every = [stored.result for stored in checkpoint.stages]
     wall = sum(result.timings.wall for result in every)

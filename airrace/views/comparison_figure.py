@@ -36,7 +36,7 @@ def draw_comparison(comparisons: Sequence[Comparison], path: Path) -> None:
 
 @names_as_they_are
 def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
-    """The time lost along the course on top, then strips of histories; all over the way of the reference."""
+    """Return the time lost along the course on top, then strips of histories; all over the way of the reference."""
     reference = comparisons[0].reference
     figure = new_figure(WIDTH, LOSS + STRIP * len(STRIPS) + 1.0)
     heights = [LOSS, *(STRIP for _ in STRIPS)]

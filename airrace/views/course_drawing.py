@@ -37,7 +37,7 @@ def draw_surroundings(axes: Axes, seen: Scenery, frame: Box) -> None:
 
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
-    """The people, and as a shade the ground within their distance."""
+    """Return the people, and as a shade the ground within their distance."""
     east = np.linspace(frame.left, frame.left + frame.width, RASTER)
     north = np.linspace(frame.bottom, frame.bottom + frame.height, RASTER)
     away = ground_distance(np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).astype(np.float64), crowd)
@@ -124,7 +124,7 @@ def _places(points: Sequence[Point]) -> Array:
 
 
 def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
-    """An arrow for every course flown through an element."""
+    """Return an arrow for every course flown through an element."""
     arrows = np.array([(mark.east, mark.north, heading) for mark in marks for heading in mark.headings]).reshape(-1, 3)
     axes.quiver(
         arrows[:, 0],

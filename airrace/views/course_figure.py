@@ -34,7 +34,7 @@ def draw_course(race: Race, seen: Scenery, path: Path) -> None:
 
 @names_as_they_are
 def course_figure(race: Race, seen: Scenery) -> Figure:
-    """The drawing: equal axes in metres, north up."""
+    """Return the drawing: equal axes in metres, north up."""
     pad = PAD * max(seen.north - seen.south, seen.east - seen.west)
     frame = Box(seen.west - pad, seen.south - pad, seen.east - seen.west + 2 * pad, seen.north - seen.south + 2 * pad)
     scale = LONGER_EDGE / max(frame.width, frame.height)

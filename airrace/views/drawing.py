@@ -37,7 +37,7 @@ def ensure_drawable(path: Path) -> None:
 
 
 def names_as_they_are(make: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorator of what makes a drawing: a name with dollar signs is no formula."""
+    """Decorate what makes a drawing, so that a name with dollar signs is no formula."""
 
     @functools.wraps(make)
     def made(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -53,7 +53,7 @@ def names_as_they_are(make: Callable[P, Figure]) -> Callable[P, Figure]:
 def new_figure(
     width: float, height: float, *, layout: Literal["constrained", "compressed"] | None = "constrained"
 ) -> Figure:
-    """An empty drawing that no window shows; inches."""
+    """Return an empty drawing that no window shows; inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Drawing
 

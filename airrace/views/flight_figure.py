@@ -56,7 +56,7 @@ def draw_flight(flight: Flight, path: Path) -> None:
 
 @names_as_they_are
 def flight_figure(flight: Flight) -> Figure:
-    """The drawing: plan and profile on the left, histories on the right."""
+    """Return the drawing: plan and profile on the left, histories on the right."""
     strips = [strip for strip in STRIPS if any(name in flight for name, _ in strip.histories)]
     figure = new_figure(WIDTH, HEIGHT)
     figure.suptitle(_title(flight), x=0.01, ha="left", fontsize=13, fontweight="bold")
@@ -115,7 +115,7 @@ def _draw_strip(axes: Axes, flight: Flight, strip: Strip) -> None:
 
 
 def _draw_limits(axes: Axes, flight: Flight, name: str, factor: float) -> None:
-    """The bounds that applied, where the flight comes near enough to them that they are worth the room."""
+    """Return the bounds that applied, where the flight comes near enough to them that they are worth the room."""
     bounds, values = flight.limit(name), flight[name]
     room = 0.6 * max(float(np.ptp(values)), 1e-9)
     for bound in (bounds.lower, bounds.upper):
@@ -142,5 +142,5 @@ def _draw_passings(axes: Axes, flight: Flight, *, named: bool) -> None:
 
 
 def _open_jumps(values: Array) -> Array:
-    """A bank in degrees with gaps where it jumps by a full turn."""
+    """Return a bank in degrees with gaps where it jumps by a full turn."""
     return np.where(np.abs(np.diff(values, append=values[-1:])) > 180.0, np.nan, values)

@@ -17,7 +17,9 @@ PAD = 0.06  # of the extent, around what is drawn
 
 
 def flown_scenery(flight: Flight) -> tuple[Scenery, Box]:
-    """The course from above with the line flown in the place of the planned ways, and the frame that holds both."""
+    """Return the course from above with the line flown in the place of the planned ways, and the frame that holds
+    both.
+    """
     seen = scenery(flight.race)
     line = np.stack([flight["x"], flight["y"]], axis=1)
     (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
@@ -54,7 +56,7 @@ def draw_map(axes: Axes, flight: Flight, seen: Scenery, frame: Box, colour: str)
 
 
 def draw_coloured(axes: Axes, across: Array, up: Array, values: Array, *, width: float) -> Any:
-    """A line in the colours of some values at its points, each of shape (n,)."""
+    """Return a line in the colours of some values at its points, each of shape (n,)."""
     from matplotlib.collections import LineCollection
 
     points = np.stack([across, up], axis=1)

@@ -27,7 +27,7 @@ def draw_kneeboard(flight: Flight, path: Path) -> None:
 
 @names_as_they_are
 def kneeboard_figure(flight: Flight) -> Figure:
-    """The page: A5, upright. Gates are numbered as they are flown; the map's labels are these numbers."""
+    """Return the page: A5, upright. Gates are numbered as they are flown; the map's labels are these numbers."""
     figure = new_figure(WIDTH, HEIGHT, layout=None)
     figure.text(0.04, 0.972, flight.course.name[:60], fontsize=12, fontweight="bold", va="center")
     figure.text(0.04, 0.951, _subtitle(flight), fontsize=7.5, color=GREY, va="center")
@@ -64,7 +64,7 @@ def _footnote(flight: Flight) -> str:
 
 
 def _number_gates(axes: Axes, flight: Flight) -> None:
-    """The numbers of the passings beside each place; a place that is passed several times has all of them."""
+    """Return the numbers of the passings beside each place; a place that is passed several times has all of them."""
     places: dict[tuple[float, float], list[int]] = {}
     for number, crossing in enumerate(flight.crossings):
         if crossing.found:
