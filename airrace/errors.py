@@ -44,7 +44,7 @@ class CheckpointError(AirraceError):
 
 
 class NotCertified(AirraceError):
-    """What was asked for can only be told of a certified optimum."""
+    """What was asked for can only be told of an optimum that holds."""
 
 
 class StorageError(AirraceError):

@@ -25,7 +25,11 @@ STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 def certificate(*, kkt_error: float = 1e-9) -> Certificate:
     return Certificate(
         "Solve_Succeeded",
-        (Item("kkt_error", kkt_error, 1e-6), Item("bank_between_nodes", 0.001, 0.0035, "rad", "phase 1")),
+        (
+            Item("kkt_error", kkt_error, 1e-6),
+            Item("bank_between_nodes", 0.001, 0.0035, "rad", "phase 1"),
+            Item("race_time_change", 0.001, 0.005, "s"),
+        ),
     )
 
 

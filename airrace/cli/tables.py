@@ -14,10 +14,12 @@ from rich.text import Text
 from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import StageResult, State
 
 # Wide enough for every table where nobody's terminal sets a limit.
 UNLIMITED_WIDTH = 200
+
+ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
 
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
@@ -85,7 +87,7 @@ def splits_table(result: StageResult) -> Table:
 
 def certificate_table(certificate: Certificate) -> Table:
     """Every item with its limit, and where the worst value lies unless nothing is violated anywhere."""
-    verdict = "certified" if certificate.certified else "NOT certified"
+    verdict = "certified" if certificate.certified else ONE_MESH if certificate.holds else "NOT certified"
     table = _table(f"certificate: {verdict} ({certificate.solver_status})", "item")
     _numbers(table, "value", "limit")
     for column in ("unit", "holds", "worst at"):
@@ -99,14 +101,14 @@ def certificate_table(certificate: Certificate) -> Table:
 
 
 def stages_table(results: Sequence[StageResult]) -> Table:
-    """One row per finished stage; `cost` is what its fidelity adds to the time of the certified stage before it."""
+    """One row per finished stage; `cost` is what its fidelity adds to the time of the optimum before it that holds."""
     table = _table("stages", "stage")
     table.add_column("status")  # of two words, which a narrow terminal puts below each other
     _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iter.", "wall\ns")
     before: float | None = None
     for result in results:
         race_time, facts = result.trajectory.race_time, result.facts
-        optimum = result.is_flight and not _is_guess(result)
+        optimum = result.is_flight and result.state is not State.GUESS
         table.add_row(
             result.stage.value,
             _status(result),
@@ -117,22 +119,19 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             str(result.iterations),
             f"{result.timings.wall:.1f}",
         )
-        before = race_time if result.certified else before
+        before = race_time if result.holds else before
+    if any(result.state is State.SOLVED for result in results):
+        table.caption = Text(f"solved: {ONE_MESH}")
+        table.caption_justify = "left"
     return table
-
-
-def _is_guess(result: StageResult) -> bool:
-    return result.certificate is None and result.outcome is Outcome.SOLVED
 
 
 def _status(result: StageResult) -> Text:
     """How a stage ended, in the word that matters most."""
-    if result.certified:
-        return Text("certified")
-    if _is_guess(result):
-        return Text("a guess")
-    uncertified = result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
-    return Text("NOT certified" if uncertified else result.outcome.value, style="bold red")
+    if result.state is State.NOT_CERTIFIED:
+        return Text("NOT certified", style="bold red")
+    sound = result.state in (State.CERTIFIED, State.SOLVED, State.GUESS)
+    return Text(result.state.value, style="" if sound else "bold red")
 
 
 def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

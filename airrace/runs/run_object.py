@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Explored, Outcome, StageResult, Way, Why
+from airrace.procedure.result import Explored, Outcome, StageResult, State, Way, Why
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
@@ -31,7 +31,7 @@ REASONS: Mapping[Why, str] = {
 
 
 def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
-    """Fill in the object, and fail the answer unless the last stage and all certified ones before it hold.
+    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold.
 
     Args:
         track: name of the course.
@@ -55,7 +55,10 @@ def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
 
 
 def is_certified(results: Sequence[StageResult]) -> bool:
-    """Whether a run may call itself certified: its last stage is, and none before it failed."""
+    """Whether a run may call itself certified: its last stage is, and none before it failed.
+
+    Stages before it may be merely solved on one mesh.
+    """
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
 
 
@@ -76,6 +79,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
     return {
         "stage": result.stage.value,
         "status": result.outcome.value,
+        "state": result.state.value,
         "message": result.message,
         "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
         "regularisation_s": finite(result.facts.regularisation),
@@ -87,13 +91,23 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
         "rivals": [
-            {"race_time_s": finite(rival.trajectory.race_time), "certified": rival.certified} for rival in result.rivals
+            {
+                "race_time_s": finite(rival.trajectory.race_time),
+                "state": rival.state.value,
+                "certified": rival.certified,
+            }
+            for rival in result.rivals
         ],
         "mesh": mesh_object(result),
         "ways": [way_object(way) for way in result.explored.ways],
         "explored": explored_object(result.explored) if result.explored.ways else None,
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
+
+
+def unproved(result: StageResult) -> str:
+    """The sentence on a stage that was solved on one mesh where a certified one was wanted."""
+    return result.message or "it is solved, but its race time was not proved on a second mesh"
 
 
 def mesh_object(result: StageResult) -> dict[str, object] | None:
@@ -160,12 +174,12 @@ def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
 
 
 def _code(result: StageResult, *, last: bool) -> ExitCode:
-    """A stage that is a mere guess by design is no failure, unless the run ends with it: then nothing is certified."""
+    """A stage that is a mere guess by design, or was solved on one mesh, is no failure, unless the run ends with it."""
     if result.outcome is not Outcome.SOLVED:
         return _CODES[result.outcome]
     if result.certificate is None:
         return ExitCode.NOT_CERTIFIED if last else ExitCode.DONE
-    return ExitCode.DONE if result.certified else ExitCode.NOT_CERTIFIED
+    return ExitCode.DONE if result.certified or (result.holds and not last) else ExitCode.NOT_CERTIFIED
 
 
 def _verdict(result: StageResult) -> str:
@@ -173,5 +187,7 @@ def _verdict(result: StageResult) -> str:
         return result.message or result.outcome.value
     if result.certificate is None:
         return "the run ends with a guess, which is not certified"
+    if result.state is State.SOLVED:
+        return unproved(result)
     failed = ", ".join(item.name for item in result.certificate.failed)
     return f"not certified: {failed or 'nothing was measured'}"

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Outcome, Stage, StageResult, State
 
 BOX_WIDTH = 76  # columns of the live view, as long as the terminal has them
 NAME_WIDTH = 13
@@ -47,11 +47,17 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
             yield PlainLines(sys.stderr, stages)
 
 
+_VERDICTS = {
+    State.CERTIFIED: "certified",
+    State.SOLVED: "checked on one mesh",
+    State.GUESS: "a guess",
+}
+
+
 def outcome_line(result: StageResult) -> str:
     """A finished stage in one line."""
     seconds = f"{result.timings.wall:.1f} s"
-    guess = result.certificate is None and result.outcome is Outcome.SOLVED
-    certified = "certified" if result.certified else "a guess" if guess else "NOT certified"
+    certified = _VERDICTS.get(result.state, "NOT certified")
     verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
     race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
     return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"

@@ -1,0 +1,59 @@
+"""The joint optimum of a stage below the last, on one good mesh: all that a certificate measures but the second mesh.
+
+Such a stage is where the next one starts from. Its first meshes only tell where the good one has its nodes, so they are
+solved roughly. On the good one the optimum is solved as closely as any that is certified.
+"""
+
+import math
+from dataclasses import replace
+
+from airrace.procedure.certification import examine
+from airrace.procedure.joint import (
+    ADAPTATIONS_MAX,
+    REFINED_BARRIER,
+    Failure,
+    Start,
+    announced,
+    certificate_of,
+    finished,
+)
+from airrace.procedure.meshing import Draft, Solved, adapted, mended
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import CertificateLimits
+from airrace.procedure.solving import Workbench
+
+ROUGH = 1e-4
+"""The solver's tolerance on a mesh that is only a step to the good one."""
+
+
+def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it."""
+    limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
+    flight, draft = start.flight, Draft.first(start.problem, start.guess)
+    barrier, solvers, rough = start.barrier, (solver,), ROUGH
+    for refinement in range(total + 1):
+        problem = flight.problem(draft.mesh)
+        purpose = announced(bench, problem, refinement)
+        rough = rough if refinement < total else 0.0
+        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers, rough=rough)
+        if solution is None or not solution.success:
+            return Failure(start, solution)
+        evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
+        optimum = Solved(problem, solution.iterate, draft, evidence)
+        better = _adapted(optimum, limits, refinement, flight.longest_interval) if rough else None
+        good = better or mended(optimum, limits)
+        if refinement == total or not (rough or good):
+            return finished(start, bench, optimum, solution, certificate_of(optimum, solution, None, limits))
+        rough = ROUGH if better else 0.0
+        draft = good or replace(draft, guess=solution.iterate)  # the mesh was good already: solve closely on it
+        barrier, solvers = REFINED_BARRIER, bench.solvers
+    raise AssertionError("the last refinement returns")
+
+
+def _adapted(optimum: Solved, limits: CertificateLimits, refinement: int, longest: float) -> Draft | None:
+    """A better first mesh; None if the one there is will do, with what is wrong on it mended.
+
+    Where intervals may not be joined, nothing but an optimum that is made of errors is worth another first mesh.
+    """
+    early = refinement < ADAPTATIONS_MAX and math.isinf(longest)
+    return adapted(optimum, limits, early=early, joining=early)
