@@ -153,7 +153,7 @@ class Ladder:
             return results
         after = [self._proved(one, bench) if near else one for one, near in zip(results, close, strict=True)]
         if not any(one.certified for one in after):
-            return results
+            return after
         return [
             dataclasses.replace(one, outcome=Outcome.NOT_CERTIFIED) if near and not one.certified else one
             for one, near in zip(after, close, strict=True)
