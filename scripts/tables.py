@@ -8,7 +8,7 @@
 
 RUNS is a folder of checkpoints. The first three read what a batch has left there, `TRACK.h5` for every shipped course;
 `abu-dhabi` flies what is missing there, point mass from the plan, as `abu_dhabi_N.h5` (a few minutes in all). A run
-that is missing, or has a stage that is not certified, is told on stderr; the script then ends with 1 and writes nothing.
+that is missing, or a stage that is not certified, is told on stderr; the script then ends with 1 and writes nothing.
 """
 
 import argparse
