@@ -102,9 +102,7 @@ CHANGE = ("--set", "rules.n_z_max=8")
         pytest.param((*CHANGE, "--out", "taken.h5"), "overwrite it with --force", id="an existing file"),
         pytest.param(("--out", "NEW.h5"), "say with --set", id="no change"),
         pytest.param((*CHANGE, "--out", "NEW.h5", "--from", "point-mass"), "--from", id="a stage again"),
-        pytest.param(
-            (*CHANGE, "--out", "NEW.h5", "--until", "homotopy"), "or solved stage up to", id="nothing so low"
-        ),
+        pytest.param((*CHANGE, "--out", "NEW.h5", "--until", "homotopy"), "or solved stage up to", id="nothing so low"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(run_file: Path, options: tuple[str, ...], said: str) -> None:
