@@ -44,7 +44,7 @@ class CheckpointError(AirraceError):
 
 
 class NotCertified(AirraceError):
-    """An error of a request that can only be answered for a certified optimum."""
+    """An error of a request that can only be answered for an optimum that holds."""
 
 
 class StorageError(AirraceError):

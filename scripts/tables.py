@@ -1,6 +1,6 @@
 """Print the tables of the documents as Markdown from runs of the command, or write them where they stand.
 
-    airrace batch tracks/*.yaml --set settings.guess=plan --out-dir RUNS
+    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.proof=all --out-dir RUNS
     python scripts/tables.py ladder RUNS [--write]              docs/ladder.md: what every stage found
     python scripts/tables.py courses RUNS [--write]             docs/courses.md: optima and winners
     python scripts/tables.py evidence RUNS                      the worst of every item, by stage, for docs/evidence.md
@@ -8,7 +8,7 @@
 
 RUNS is a folder of checkpoints. The first three read what a batch has left there, `TRACK.h5` for every shipped course;
 `abu-dhabi` flies what is missing there, point mass from the plan, as `abu_dhabi_N.h5` (a few minutes in all). A run
-that is missing or not certified is told on stderr, and the script ends with 1 and writes nothing.
+that is missing, or a stage that is not certified, is told on stderr; the script then ends with 1 and writes nothing.
 """
 
 import argparse
@@ -82,8 +82,10 @@ def shown(run: Path) -> Answer:
     if ran.returncode:
         raise MissingRun(f"{run}: {ran.stderr.strip()}")
     answer: Answer = json.loads(ran.stdout)
-    if not answer["certified"]:
-        raise MissingRun(f"{run}: not certified")
+    unproved = [stage["stage"] for stage in answer["stages"] if stage["certificate"] and not stage["certified"]]
+    if unproved or not answer["certified"]:
+        told = ", ".join(unproved)
+        raise MissingRun(f"{run}: not certified{told and f': {told}'}; fly it with --proof all")
     return answer
 
 

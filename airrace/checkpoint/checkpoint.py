@@ -4,7 +4,9 @@ Every stage carries a link of a hash chain. With `h_0` the empty string,
 
     h_i = sha256(h_(i-1) | inputs hash | stage name | digest of the result)
 
-so a stage stands only on the inputs and on the very stages it was computed from.
+so a stage stands only on the inputs and on the very stages it was computed from. One whose proof is completed later
+takes the place of the one that was solved, and the links above it are made anew: it is the same optimum, on a finer
+mesh.
 """
 
 import hashlib
@@ -76,6 +78,22 @@ class Checkpoint:
         inputs = inputs_hash(self.inputs.resolved)
         link = chain_hash(earlier[-1].chain_hash if earlier else "", inputs, result)
         return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))
+
+    def with_proof(self, result: StageResult) -> Self:
+        """Return this run with a stored stage whose proof was completed, or tried, in the place of the one that was solved.
+
+        Later stages stay, and those that stood on the one before stand on this one.
+        """
+        broken = {stage for stage, _ in stale_stages(self, inputs_hash(self.inputs.resolved))}
+        stages: list[StoredStage] = []
+        for stored in self.stages:
+            if STAGES.index(stored.result.stage) >= STAGES.index(result.stage) and stored.result.stage not in broken:
+                one = result if stored.result.stage is result.stage else stored.result
+                link = chain_hash(stages[-1].chain_hash if stages else "", stored.inputs_hash, one)
+                stages.append(replace(stored, result=one, chain_hash=link))
+            else:
+                stages.append(stored)
+        return replace(self, stages=tuple(stages))
 
     def stage(self, stage: Stage) -> StoredStage | None:
         """Return the stored stage, or None if it has not been finished."""

@@ -24,5 +24,6 @@ def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | 
         for leg in comparison.legs
     ]
     rows.append(("race", f"{comparison.before:.3f}", f"{comparison.after:.3f}", f"{comparison.difference:+.3f}", ""))
-    title = f"{common[1].stage.value} against {start.name}: {comparison.difference:+.3f} s"
+    remark = "" if comparison.certified else " (not certified in both: a few ms may be the mesh)"
+    title = f"{common[1].stage.value} against {start.name}: {comparison.difference:+.3f} s{remark}"
     return plain_table(title, ("leg to",), ("before\ns", "after\ns", "difference\ns", "so far\ns"), rows)

@@ -6,7 +6,17 @@ from typing import Annotated
 import typer
 
 from airrace.cli.answer import answering
-from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, SettingsFile, Threads, TrackFile
+from airrace.cli.options import (
+    AircraftFile,
+    AsJson,
+    LastStage,
+    Overrides,
+    Quiet,
+    SettingsFile,
+    Threads,
+    TrackFile,
+    WhatIsProved,
+)
 from airrace.procedure.settings import Explore, GuessKind
 from airrace.runs.answer import unflown
 
@@ -25,6 +35,7 @@ def optimize(
     climb: Annotated[
         int | None, typer.Option(min=1, max=20, metavar="K", help="Take the best K ways round up the ladder.")
     ] = None,
+    proof: WhatIsProved = None,
     until: LastStage = None,
     out: Annotated[
         Path | None,
@@ -44,7 +55,8 @@ def optimize(
 ) -> None:
     """Fly a course as fast as can be.
 
-    The flight is optimised stage by stage. Each stage is certified, and kept in a checkpoint as soon as it is finished.
+    The flight is optimised stage by stage, and each stage is kept in a checkpoint as soon as it is finished. The last
+    one is certified; those before it are solved and checked on one mesh, or certified as well with --proof all.
     """
     with answering(unflown(track.stem), as_json=as_json) as answer:
         from airrace.optimal_control.spawn import start_early
@@ -56,7 +68,7 @@ def optimize(
 
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
-        entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb)]
+        entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)]
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from airrace.cli import completion
+from airrace.procedure.settings import Proof
 
 TrackFile = Annotated[
     Path,
@@ -47,6 +48,14 @@ LastStage = Annotated[
     str | None,
     typer.Option(
         metavar="STAGE", autocompletion=completion.stages, help="Last stage to run; by default the last available one."
+    ),
+]
+WhatIsProved = Annotated[
+    Proof | None,
+    typer.Option(
+        "--proof",
+        help="Which stages are also solved on a second mesh, which proves their race time; the settings say last by "
+        "default.",
     ),
 ]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]

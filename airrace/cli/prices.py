@@ -34,7 +34,7 @@ def prices(
 ) -> None:
     """Tell what every number costs.
 
-    Costs are in seconds per unit, by the multipliers of a certified stage; nothing is solved again.
+    Costs are in seconds per unit, by the multipliers of an optimum; nothing is solved again.
     """
     with answering(as_json=as_json) as answer:
         from airrace.cli.price_tables import prices_csv, prices_text

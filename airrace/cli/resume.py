@@ -8,7 +8,17 @@ import typer
 
 from airrace.cli import completion
 from airrace.cli.answer import answering
-from airrace.cli.options import AircraftFile, AsJson, LastStage, Overrides, Quiet, RunFile, SettingsFile, Threads
+from airrace.cli.options import (
+    AircraftFile,
+    AsJson,
+    LastStage,
+    Overrides,
+    Quiet,
+    RunFile,
+    SettingsFile,
+    Threads,
+    WhatIsProved,
+)
 from airrace.runs.answer import Answer, unflown
 
 if TYPE_CHECKING:
@@ -28,6 +38,7 @@ def resume(
             help="Compute this stage and all after it again.",
         ),
     ] = None,
+    proof: WhatIsProved = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
     overrides: Overrides = None,
     track: Annotated[
@@ -52,9 +63,9 @@ def resume(
 ) -> None:
     """Continue a run, or change it.
 
-    It goes on after the last stage that still stands, in the same file. With --set, --track, --aircraft or --settings
-    the changed run is started from the highest certified stage of this one and written to --out; this file stays as it
-    is.
+    It goes on after the last stage that still stands, in the same file. With --proof all the proof of stages that were
+    solved on one mesh is completed first. With --set, --track, --aircraft or --settings the changed run is started from
+    the highest stage of this one that holds and written to --out; this file stays as it is.
     """
     with answering(unflown(None), as_json=as_json) as answer:
         from airrace.optimal_control.spawn import start_early
@@ -62,6 +73,7 @@ def resume(
         if not dry_run:
             start_early()
         from airrace.cli.running import fly
+        from airrace.runs.beginning import settings_texts
         from airrace.runs.resuming import changed_task, continued_task
         from airrace.runs.starting import Changes, other_run
         from airrace.runs.stored import opened_run
@@ -69,9 +81,10 @@ def resume(
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
         _ensure_sensible(changes, run_file, out, force=force, from_stage=from_stage)
         if out is not None:
+            changes = changes.with_overrides(settings_texts(proof=proof))
             task = changed_task(other_run(run_file), changes, until=until, out=out)
         else:
-            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage)
+            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, proof=proof)
         if dry_run:
             _tell(answer, task.run.name, task.steps, quiet=quiet)
             return

@@ -22,8 +22,8 @@ def fly(answer: Answer, task: Task, *, threads: int | None, quiet: bool) -> None
     with watching(task.run.race.course.name, task.stages, quiet=quiet) as progress:
         results = fly_stages(answer, task, threads=threads or available_cores(), progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-        climbed = [stages_table(results)] if any(result.certified for result in results) else []
-        answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.certified and one.message)
+        climbed = [stages_table(results)] if any(result.holds for result in results) else []
+        answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.holds and one.message)
         ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
         tables = (*climbed, *ways, *result_tables(results[-1]))
         answer.texts.extend(rendered(table, columns=PAGE) for table in tables)

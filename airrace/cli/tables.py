@@ -14,13 +14,15 @@ from rich.text import Text
 from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.result import StageResult, State
 from airrace.views.plain_console import PlainConsole
 
 # Columns that are enough for every table where no terminal sets a limit.
 UNLIMITED_WIDTH = 200
 PAGE = 80
 """Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
+
+ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
 
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
@@ -113,7 +115,7 @@ def certificate_line(certificate: Certificate) -> str:
 
 def certificate_table(certificate: Certificate) -> Table:
     """Return a table of all items with their limits, and where the worst value lies if it is not zero."""
-    verdict = "certified" if certificate.certified else "NOT certified"
+    verdict = "certified" if certificate.certified else ONE_MESH if certificate.holds else "NOT certified"
     table = _table(f"certificate: {verdict} ({certificate.solver_status})", "item")
     _numbers(table, "value", "limit")
     for column in ("unit", "holds", "worst at"):
@@ -129,7 +131,7 @@ def certificate_table(certificate: Certificate) -> Table:
 def stages_table(results: Sequence[StageResult]) -> Table:
     """Return a table of the finished stages.
 
-    The column `cost` is what a fidelity adds to the time of the certified stage before it.
+    The column `cost` is what a fidelity adds to the time of the optimum before it that holds.
     """
     table = _table("stages", "stage")
     table.add_column("status")  # of two words, which a narrow terminal puts below each other
@@ -137,7 +139,7 @@ def stages_table(results: Sequence[StageResult]) -> Table:
     before: float | None = None
     for result in results:
         race_time, facts = result.trajectory.race_time, result.facts
-        optimum = result.is_flight and not _is_guess(result)
+        optimum = result.is_flight and result.state is not State.GUESS
         table.add_row(
             result.stage.value,
             _status(result),
@@ -148,22 +150,19 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             str(result.iterations),
             f"{result.timings.wall:.1f}",
         )
-        before = race_time if result.certified else before
+        before = race_time if result.holds else before
+    if any(result.state is State.SOLVED for result in results):
+        table.caption = Text(f"solved: {ONE_MESH}")
+        table.caption_justify = "left"
     return table
-
-
-def _is_guess(result: StageResult) -> bool:
-    return result.certificate is None and result.outcome is Outcome.SOLVED
 
 
 def _status(result: StageResult) -> Text:
     """Return how a stage ended, in the words that matter most."""
-    if result.certified:
-        return Text("certified")
-    if _is_guess(result):
-        return Text("a guess")
-    uncertified = result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
-    return Text("NOT certified" if uncertified else result.outcome.value, style="bold red")
+    if result.state is State.NOT_CERTIFIED:
+        return Text("NOT certified", style="bold red")
+    sound = result.state in (State.CERTIFIED, State.SOLVED, State.GUESS)
+    return Text(result.state.value, style="" if sound else "bold red")
 
 
 def plain_table(title: str, names: Sequence[str], numbers: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -9,7 +9,15 @@ from pydantic import Field
 
 from airrace.documents.nodes import Reporter
 from airrace.documents.schema import Schema
-from airrace.procedure.settings import CertificateLimits, Explore, GuessKind, MeshSettings, Settings, SolverSettings
+from airrace.procedure.settings import (
+    CertificateLimits,
+    Explore,
+    GuessKind,
+    MeshSettings,
+    Proof,
+    Settings,
+    SolverSettings,
+)
 
 SETTINGS_SCHEMA = "airrace/settings/1"
 
@@ -104,6 +112,10 @@ class SettingsEntry(Schema):
         default=None,
         description="how many of the best ways round climb the ladder side by side",
     )
+    proof: Literal["last", "all"] | None = Field(
+        default=None,
+        description="which stages are proved on a second mesh: the last one of a run, or all",
+    )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = Field(
         default=None, description="weight of the squared, scaled control rates against seconds"
     )
@@ -125,6 +137,7 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
         guess=None if entry.guess is None else GuessKind(entry.guess),
         explore=None if entry.explore is None else Explore(entry.explore),
         climb=entry.climb,
+        proof=None if entry.proof is None else Proof(entry.proof),
         regularisation=entry.regularisation,
         mesh=_given(
             silent.mesh,

@@ -44,7 +44,7 @@ def beyond_line(way: Array, line: SafetyLine) -> float:
 
 
 def beyond_border(way: Array, corners: Sequence[Point]) -> float:
-    """How far a way (samples, 2) gets out of a convex area, m; negative if it stays inside."""
+    """Return how far a way (samples, 2) gets out of a convex area, m; negative if it stays inside."""
     return -float(beside_border(way, corners).min())
 
 

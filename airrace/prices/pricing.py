@@ -1,4 +1,4 @@
-"""The pricing of every number in the inputs of a certified optimum."""
+"""The pricing of every number in the inputs of an optimum that holds."""
 
 import math
 from collections.abc import Callable
@@ -32,17 +32,18 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
 
     Args:
         inputs: what the run was given.
-        result: a certified stage of it.
+        result: a stage of it that holds. A price is one of the stored mesh, whose conditions of optimality were
+            measured, so that it does not matter whether the race time was compared with that on a second mesh.
         groups: whose numbers are priced.
 
     Returns:
         Prices by key.
 
     Raises:
-        NotCertified: the stage is no certified optimum.
+        NotCertified: the stage is no optimum, certified or solved.
         CheckpointError: the stored multipliers do not belong to a flight of these inputs.
     """
-    if not result.certified:
+    if not result.holds:
         raise NotCertified(_uncertified(result))
     variation = Variation(inputs)
     varied = VariedProblem(inputs.race, inputs.settings, result)
@@ -62,9 +63,9 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
 
 def _uncertified(result: StageResult) -> str:
     if result.certificate is None:
-        return f"{result.stage.value} is a guess and no optimum: only a certified stage has prices"
+        return f"{result.stage.value} is a guess and no optimum: only a certified or solved stage has prices"
     ended = "" if result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED) else f", it ended {result.outcome.value}"
-    return f"{result.stage.value} is not certified{ended}: only a certified stage has prices"
+    return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has prices"
 
 
 def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:

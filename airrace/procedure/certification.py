@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.optimal_control.audit import Audit, Tolerance, audit
-from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.optimal_control.hamiltonian import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
@@ -61,7 +61,7 @@ def certify(
     claim: Item,
     status: str,
     kkt_error: float,
-    coarser_race_time: float,
+    coarser_race_time: float | None,
 ) -> Certificate:
     """Return the certificate of an optimum.
 
@@ -69,15 +69,15 @@ def certify(
         claim: what the solver says, as an item.
         status: its own words.
         kkt_error: of the conditions of optimality, scaled.
-        coarser_race_time: of the optimum on a mesh of at most half the intervals everywhere, s; NaN if there is none.
+        coarser_race_time: of the optimum on a mesh of at most half the intervals everywhere, s; NaN if none was found,
+            which never holds; None if none was looked for, which leaves the item out.
     """
     kkt = Item("kkt_error", kkt_error, limits.kkt_error, "scaled", "")
     replayed, *between = evidence.audit.items
-    change = abs(float(iterate.durations.sum()) - coarser_race_time)
     items = (
         *(claim, kkt, replayed, _missed_gates(problem, iterate, limits), *between),
         _hamiltonian(problem, iterate, evidence.drift, limits),
-        Item("race_time_change", change, limits.race_time, "s", "against a mesh of half the intervals"),
+        *_race_time_change(iterate, coarser_race_time, limits),
         *variations(problem, iterate, limits),
     )
     return Certificate(status, items)
@@ -113,6 +113,13 @@ def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) ->
             yield Item(
                 f"variation_{quantity.rate_of}", mean, limits.variation * fastest, quantity.unit, "mean over the race"
             )
+
+
+def _race_time_change(iterate: Iterate, coarser: float | None, limits: CertificateLimits) -> Iterator[Item]:
+    """Return what the mesh still does to the race time; nothing where that was not looked for."""
+    if coarser is not None:
+        change = abs(float(iterate.durations.sum()) - coarser)
+        yield Item(RACE_TIME_CHANGE, change, limits.race_time, "s", "against a mesh of half the intervals")
 
 
 def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:

@@ -29,11 +29,18 @@ class LegTimes:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The comparison of two flights of the same passings; `before` and `after` are their race times, s."""
+    """The comparison of two flights of the same passings.
+
+    Attributes:
+        before, after: their race times, s.
+        legs: leg by leg.
+        certified: whether both are; otherwise a mesh may have done something to one of the race times.
+    """
 
     before: float
     after: float
     legs: tuple[LegTimes, ...]
+    certified: bool = True
 
     @property
     def difference(self) -> float:
@@ -59,11 +66,12 @@ def compared(before: StageResult, after: StageResult) -> Comparison:
         )
         for end in range(1, len(before.splits))
     )
-    return Comparison(before.trajectory.race_time, after.trajectory.race_time, legs)
+    both = before.certified and after.certified
+    return Comparison(before.trajectory.race_time, after.trajectory.race_time, legs, both)
 
 
 def last_common(before: Sequence[StageResult], after: Sequence[StageResult]) -> tuple[StageResult, StageResult] | None:
-    """Return the highest stage that two runs have both certified, from either; None if there is none."""
-    earlier = {one.stage: one for one in before if one.certified}
-    common = [one for one in after if one.certified and one.stage in earlier]
+    """Return the highest stage that holds in both of two runs, from either; None if there is none."""
+    earlier = {one.stage: one for one in before if one.holds}
+    common = [one for one in after if one.holds and one.stage in earlier]
     return (earlier[common[-1].stage], common[-1]) if common else None

@@ -1,6 +1,6 @@
 """The joint optimum of a stage over all phases, certified, on a mesh refined where it must be.
 
-It can be started from several flights, and solved with several solvers. The first that leads to a certified optimum
+It can be started from several flights, and solved with several solvers. The first that leads to an optimum which holds
 counts: the primary solver from all starts, then the fallback from those from which it found none.
 """
 
@@ -61,13 +61,17 @@ class Failure:
     solution: Solution | None
 
 
-def optimise_jointly(bench: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
-    """Return the certified optimum; if none is found, one that is not certified, or why there is none.
+def optimise_jointly(
+    bench: Workbench, starts: Sequence[Callable[[], Start]], refine: "Refinement | None" = None
+) -> StageResult:
+    """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
 
     Args:
         bench: what solves.
         starts: in the order in which they are tried; each is made when its turn comes.
+        refine: leads from a start to an optimum; None for `refined`, which certifies it.
     """
+    refine = refine or refined
     made: list[Start] = []
     uncertified: dict[int, StageResult] = {}
     failures: list[Failure] = []
@@ -79,14 +83,18 @@ def optimise_jointly(bench: Workbench, starts: Sequence[Callable[[], Start]]) ->
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
                 made.append(make())
-            found = refined(bench, made[number], solver)
+            found = refine(bench, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)
-            elif found.certified:
+            elif found.holds:
                 return found
             else:
                 uncertified[number] = found
     return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures)
+
+
+Refinement = Callable[[Workbench, Start, str], StageResult | Failure]
+"""From a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted of it."""
 
 
 @dataclass(frozen=True)
@@ -144,22 +152,28 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
     draft, coarser, barrier, solvers = first.draft, first.coarser, first.barrier, first.solvers
     for refinement in range(first.refinement, total + 1):
         problem = flight.problem(draft.mesh)
-        purpose = f"all {len(problem.phases)} phases" + (f", refinement {refinement}" if refinement else "")
-        bench.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
+        purpose = announced(bench, problem, refinement)
         solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers)
         if solution is None or not solution.success:
             return Failure(start, solution)
         evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
         optimum = Solved(problem, solution.iterate, draft, evidence)
-        certificate = None if coarser is None else _certificate(optimum, solution, coarser, limits)
+        certificate = None if coarser is None else certificate_of(optimum, solution, coarser.race_time, limits)
         following = None
         if refinement < total and (certificate is None or not certificate.certified):
             following, coarser = _following(optimum, coarser, refinement, limits, flight.longest_interval)
         if following is None:
-            certificate = certificate or _certificate(optimum, solution, None, limits)
-            return _finished(flight, bench, optimum, solution, certificate, start.facts)
+            certificate = certificate or certificate_of(optimum, solution, math.nan, limits)
+            return finished(start, bench, optimum, solution, certificate)
         draft, barrier, solvers = following, REFINED_BARRIER, bench.solvers
     raise AssertionError("the last refinement returns")
+
+
+def announced(bench: Workbench, problem: Problem, refinement: int) -> str:
+    """Return what the solve on a mesh is for, a clause; whoever watches is told."""
+    purpose = f"all {len(problem.phases)} phases" + (f", refinement {refinement}" if refinement else "")
+    bench.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
+    return purpose
 
 
 def _following(
@@ -178,9 +192,10 @@ def _following(
     return mended(optimum, limits), coarser
 
 
-def _certificate(
-    optimum: Solved, solution: Solution, coarser: Compared | None, limits: CertificateLimits
+def certificate_of(
+    optimum: Solved, solution: Solution, coarser_race_time: float | None, limits: CertificateLimits
 ) -> Certificate:
+    """Return the certificate of an optimum that a solver has found; `coarser_race_time` as of `certify`."""
     return certify(
         optimum.problem,
         optimum.iterate,
@@ -189,24 +204,25 @@ def _certificate(
         claim=Item("solver", 0.0 if solution.success else 1.0, 0.0, "", solution.status),
         status=f"{solution.solver}: {solution.status}",
         kkt_error=solution.kkt.largest,
-        coarser_race_time=math.nan if coarser is None else coarser.race_time,
+        coarser_race_time=coarser_race_time,
     )
 
 
-def _finished(
-    flight: Flight, bench: Workbench, optimum: Solved, solution: Solution, certificate: Certificate, facts: Facts
+def finished(
+    start: Start, bench: Workbench, optimum: Solved, solution: Solution, certificate: Certificate
 ) -> StageResult:
+    """Return the result of a stage: solved if all holds that its certificate measures."""
     failed = failures(certificate.failed)
     return conclude(
-        flight,
+        start.flight,
         bench,
         optimum.problem,
         optimum.iterate,
-        outcome=Outcome.SOLVED if certificate.certified else Outcome.NOT_CERTIFIED,
+        outcome=Outcome.SOLVED if certificate.holds else Outcome.NOT_CERTIFIED,
         message=f"solved but not certified: {failed}" if failed else "",
         multipliers=solution.multipliers,
         certificate=certificate,
-        facts=replace(facts, regularisation=solution.objective - optimum.race_time),
+        facts=replace(start.facts, regularisation=solution.objective - optimum.race_time),
         mesh=MeshRecord(
             why=optimum.draft.why,
             coarser=optimum.draft.coarser,

@@ -19,8 +19,11 @@ from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
+from airrace.procedure.one_mesh import on_one_mesh
+from airrace.procedure.proof import proved
+from airrace.procedure.restart import told
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
-from airrace.procedure.settings import Explore, GuessKind, Settings
+from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
 from airrace.procedure.ways.around import faster_way
@@ -30,8 +33,14 @@ from airrace.procedure.ways.sketch import Draught
 
 logger = logging.getLogger(__name__)
 
+CLOSE = 4.0
+"""Times the limit of the certificate's `race_time_change`: flights that were solved on one mesh each, and whose race
+times differ by less, are proved before the faster one is chosen. Each mesh may err by about that limit."""
+
+UNPROVED = "its race time could not be proved on a second mesh"
+
 LOST = 0.1
-"""The time by which a certified flight may be slower than the rough one that it started from, s.
+"""The time by which an optimum may be slower than the rough one that it started from, s.
 
 On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
 another way was proved than the one that was found.
@@ -49,16 +58,23 @@ class Ladder:
 
     Args:
         first: the stage whose model is made at once.
+        last: the stage that a run ends with, which is always proved; None to prove every stage that is climbed.
 
     Raises:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
 
     def __init__(
-        self, race: Race, settings: Settings, finished: Sequence[StageResult], first: Stage = Stage.POINT_MASS
+        self,
+        race: Race,
+        settings: Settings,
+        finished: Sequence[StageResult],
+        first: Stage = Stage.POINT_MASS,
+        last: Stage | None = None,
     ) -> None:
         self._race = race
         self._settings = settings
+        self._last = last
         self._flights: dict[Stage, Flight] = {}
         self._pieces: StageResult | None = None
         self.done = {result.stage: result for result in finished}
@@ -88,10 +104,62 @@ class Ladder:
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)
-            results = [optimise_jointly(bench, list(self._handovers(stage, one, bench))) for one in climbing]
-            result = _on_record(_fastest(results), bench)
+            results = [self._optimum(stage, list(self._handovers(stage, one, bench)), bench) for one in climbing]
+            result = _on_record(_fastest(self._told_apart(results, bench)), bench)
         self.done[stage] = result
         return result
+
+    def proves(self, stage: Stage) -> bool:
+        """Whether a stage is proved on a second mesh."""
+        return proves(self._settings, stage, self._last)
+
+    def complete(self, stage: Stage, bench: Workbench) -> StageResult:
+        """Complete the proof of a stage that was solved on one mesh, and of its rivals.
+
+        Returns:
+            The stage, certified; as it was, with a message that says why, where that fails.
+        """
+        solved = self.done[stage]
+        bench.go_on(solved.attempts, solved.timings)
+        main, *rivals = (self._proved(one, bench) for one in (solved, *solved.rivals))
+        result = dataclasses.replace(_on_record(main, bench), rivals=tuple(rivals))
+        self.done[stage] = result
+        return result
+
+    def _proved(self, optimum: StageResult, bench: Workbench) -> StageResult:
+        """Return an optimum with its proof; the optimum itself where there is nothing to prove, or where that fails."""
+        if optimum.certified or not optimum.holds:
+            return optimum
+        found = proved(self.as_flown(optimum.stage, optimum), optimum, bench)
+        clauses = optimum.message.split("; ") if optimum.message else []
+        before = "; ".join(clause for clause in clauses if not clause.startswith(UNPROVED))
+        if isinstance(found, StageResult):
+            return dataclasses.replace(found, message=before)
+        return told(dataclasses.replace(optimum, message=f"{UNPROVED}: {found}"), before)
+
+    def _optimum(self, stage: Stage, starts: Sequence[Callable[[], Start]], bench: Workbench) -> StageResult:
+        """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
+        if self.proves(stage):
+            return optimise_jointly(bench, starts)
+        return optimise_jointly(bench, starts, on_one_mesh)
+
+    def _told_apart(self, results: Sequence[StageResult], bench: Workbench) -> Sequence[StageResult]:
+        """Optima of one stage, proved where their meshes may hide which of them is the fastest.
+
+        Of those, only optima whose proof succeeds still hold, unless none does.
+        """
+        times = [one.trajectory.race_time if one.holds else math.inf for one in results]
+        closest = min(times) + CLOSE * self._settings.certificate.race_time
+        close = [time <= closest < math.inf for time in times]
+        if sum(close) < 2:
+            return results
+        after = [self._proved(one, bench) if near else one for one, near in zip(results, close, strict=True)]
+        if not any(one.certified for one in after):
+            return after
+        return [
+            dataclasses.replace(one, outcome=Outcome.NOT_CERTIFIED) if near and not one.certified else one
+            for one, near in zip(after, close, strict=True)
+        ]
 
     def faster_way(self, optimum: StageResult, bench: Workbench) -> str:
         """Return another way round that is faster than an optimum, in words.
@@ -111,16 +179,17 @@ class Ladder:
         known = self._first_starts(bench)
         effort = EFFORTS.get(self._settings.explore)
         if effort is None:
-            return optimise_jointly(bench, known)
+            return self._optimum(Stage.POINT_MASS, known, bench)
         found = self._explored(effort.with_finalists(self._settings.climb), bench)
         best = found.explored(0)
         results: list[StageResult] = []
         for number, start in enumerate(found.starts):
             if number >= self._settings.climb and any(_kept(one, best) for one in results):
                 break
-            results.append(optimise_jointly(bench, [functools.partial(_made, start)]))  # all solvers, before the next
-        if not any(one.certified for one in results):
-            results.append(optimise_jointly(bench, known))
+            results.append(self._optimum(Stage.POINT_MASS, [functools.partial(_made, start)], bench))  # by all solvers
+        if not any(one.holds for one in results):
+            results.append(self._optimum(Stage.POINT_MASS, known, bench))
+        results = list(self._told_apart(results, bench))
         result = _fastest(results)
         winner = _winner(results)
         explored = found.explored(winner) if winner < len(found.starts) else best
@@ -188,16 +257,21 @@ class Ladder:
         return dataclasses.replace(flight, plan=way)
 
 
+def proves(settings: Settings, stage: Stage, last: Stage | None) -> bool:
+    """Whether a stage of a run up to `last` is proved on a second mesh; None where every stage is."""
+    return settings.proof is Proof.ALL or last is None or stage is last
+
+
 def _fastest(results: Sequence[StageResult]) -> StageResult:
-    """Return the fastest of the certified results, the others its rivals; the first if none is certified."""
+    """Return the fastest of the results that hold, the others its rivals; the first if none holds."""
     fastest = results[_winner(results)]
-    others = [one for one in results if one.certified and one is not fastest]
+    others = [one for one in results if one.holds and one is not fastest]
     return dataclasses.replace(fastest, rivals=tuple(sorted(others, key=lambda one: one.trajectory.race_time)))
 
 
 def _winner(results: Sequence[StageResult]) -> int:
-    """Return the number of the fastest of the certified results; 0 if none is certified."""
-    times = [one.trajectory.race_time if one.certified else math.inf for one in results]
+    """Return the number of the fastest of the results that hold; 0 if none does."""
+    times = [one.trajectory.race_time if one.holds else math.inf for one in results]
     return times.index(min(times))
 
 
@@ -210,18 +284,18 @@ def _warn(result: StageResult, explored: Explored, best: Explored) -> None:
     """Warn of what a user should look at: loops that are left, and a better way that could not be proved."""
     for loop in explored.loops:
         logger.warning("the flight may hold a needless loop: %s", loop)
-    if result.certified and not _kept(result, best):
+    if result.holds and not _kept(result, best):
         logger.warning(
-            "the best way round took %.2f s when flown roughly but could not be proved; the certified flight, another "
-            "one, takes %.2f s",
-            *(best.ways[0].race_time, result.trajectory.race_time),
+            "the best way round took %.2f s when flown roughly but could not be proved; the %s flight, another one, "
+            "takes %.2f s",
+            *(best.ways[0].race_time, result.state.value, result.trajectory.race_time),
         )
 
 
 def _kept(result: StageResult, explored: Explored) -> bool:
-    """Return whether a flight is certified and about as fast as the best way was when it was flown roughly."""
-    if not result.certified or not explored.ways:
-        return result.certified
+    """Tell whether a flight holds and is about as fast as the best way was when it was flown roughly."""
+    if not result.holds or not explored.ways:
+        return result.holds
     return result.trajectory.race_time <= explored.ways[0].race_time + LOST
 
 

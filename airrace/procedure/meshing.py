@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited, restrict, widened
-from airrace.optimal_control.replay import estimated_error, interval_durations
+from airrace.optimal_control.replay import Replay, estimated_error, interval_durations
 from airrace.procedure.certification import Evidence
 from airrace.procedure.holding import foreseen, measured
 from airrace.procedure.result import Why
@@ -136,6 +136,18 @@ def halved(optimum: Solved, limits: CertificateLimits) -> Draft:
     parts = np.maximum(parts, 2)
     divided = _divided(optimum, parts, why)
     return Draft(divided.mesh, divided.guess, divided.why, inherited(parts))
+
+
+def doubled(draft: Draft, flown: Replay | None = None) -> Draft:
+    """Everywhere finer by half, at least, than the coarser mesh behind a draft; what is so already stays as it is.
+
+    Args:
+        flown: its controls flown again, for states at the new nodes; None for states straight between the old ones.
+    """
+    sizes = np.diff(np.flatnonzero(draft.coarser))
+    parts = np.where(sizes == 1, 2, 1).astype(np.int64)[np.cumsum(draft.coarser[:-1]) - 1]
+    mesh, guess = divide(draft.mesh, draft.guess, flown, parts)
+    return Draft(mesh, guess, np.repeat(draft.why, parts), _still_coarser(draft, parts))
 
 
 def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:

@@ -2,9 +2,9 @@
 
 The other run's flight is solved again under this race's numbers, on the two meshes that it was certified on: first on
 the coarser one, from the stored flight; then on the finer one, from the stored flight moved by what the first solve
-has changed, with more intervals where that guess lets foresee errors of integration. No model is flown, no mesh is
-looked for and no lower stage is solved. Where the certificate does not hold on these meshes, they are refined as
-always.
+has changed, with more intervals where that guess lets foresee errors of integration. Of a flight that was solved on
+one mesh only, all intervals are halved first that its coarser mesh has as well. No model is flown, no mesh is looked
+for and no lower stage is solved. Where the certificate does not hold on these meshes, they are refined as always.
 """
 
 import itertools
@@ -31,8 +31,8 @@ from airrace.procedure.joint import (
     first_upcoming,
     refined_from,
 )
-from airrace.procedure.meshing import Draft, Solved, provided
-from airrace.procedure.result import Facts, Stage, StageResult
+from airrace.procedure.meshing import Draft, Solved, doubled, provided
+from airrace.procedure.result import Facts, Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Quantity
 from airrace.track.course import Course
@@ -62,9 +62,9 @@ class Another:
     results: Sequence[StageResult]
 
     def optima(self, stages: Sequence[Stage]) -> list[StageResult]:
-        """Return its certified optima of these stages, the highest first."""
-        certified = [one for one in self.results if one.certified and one.stage in stages]
-        return sorted(certified, key=lambda one: stages.index(one.stage), reverse=True)
+        """Its optima of these stages that hold, certified or solved on one mesh, the highest first."""
+        holding = [one for one in self.results if one.holds and one.stage in stages]
+        return sorted(holding, key=lambda one: stages.index(one.stage), reverse=True)
 
 
 class Flights(Protocol):
@@ -105,7 +105,7 @@ def restarted(
         bench: what is solved with.
 
     Raises:
-        UsageError: the other run has no certified optimum of these stages, or flies other passings.
+        UsageError: the other run has no optimum of these stages that holds, or flies other passings.
     """
     optima = startable(another, stages)
     obstacles: list[tuple[Stage, str]] = []
@@ -121,16 +121,14 @@ def restarted(
 
 
 def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
-    """Return the certified optima of another run that a run up to the last of these stages can be started from.
-
-    The highest comes first.
+    """Return the optima of another run that a run up to the last of these stages can be started from, highest first.
 
     Raises:
         UsageError: there is none.
     """
     optima = another.optima(stages)
     if not optima:
-        raise UsageError(f"{another.name} has no certified stage up to {stages[-1].value} to start from")
+        raise UsageError(f"{another.name} has no certified or solved stage up to {stages[-1].value} to start from")
     return optima
 
 
@@ -143,8 +141,8 @@ def overtaken(another: Another, optimum: StageResult, way: str) -> str:
 
 
 def is_better(spare: StageResult, result: StageResult) -> bool:
-    """Return whether the optimum of a start from another run is better than what came from scratch instead."""
-    if not result.certified:
+    """Tell whether the optimum that a start from another run has led to is better than what came from scratch instead."""
+    if result.outcome is not Outcome.SOLVED:
         return True
     return result.stage is spare.stage and spare.trajectory.race_time < result.trajectory.race_time
 
@@ -244,15 +242,14 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
 
 
 def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, Draft | None]:
-    """Return the stored flight on the coarser of its meshes, and on the finer one; None where only one is known."""
+    """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
     mesh, kept = mesh_of(optimum.trajectory), coarser_nodes(optimum)
     facts = Facts(source=f"{optimum.stage.value} of {name}")
-    halved = np.diff(np.flatnonzero(kept)).min(initial=2) >= 2
-    if kept.all() or not halved or not kept[optimum.trajectory.first_node].all():
+    if kept.all() or not kept[optimum.trajectory.first_node].all():
         return Start(flight, flight.problem(mesh), stored, RESTART_BARRIER, facts), None
     coarse, guess = restrict(mesh, stored, kept)
     start = Start(flight, flight.problem(coarse), guess, RESTART_BARRIER, facts)
-    return start, Draft(mesh, stored, optimum.mesh.why, kept)
+    return start, doubled(Draft(mesh, stored, optimum.mesh.why, kept))
 
 
 def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Solution, solver: str) -> Upcoming:
@@ -268,7 +265,7 @@ def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Sol
     moved = replace(finer, guess=_moved(finer, start.guess, solution.iterate))
     draft = provided(moved, start.flight.problem(moved.mesh), bench.settings.certificate)
     compared = Compared(float(solution.iterate.durations.sum()), measured)
-    return Upcoming(draft, compared, 1, REFINED_BARRIER, (solver,))
+    return Upcoming(draft, compared, min(1, bench.settings.mesh.refinements_max), REFINED_BARRIER, (solver,))
 
 
 def _moved(finer: Draft, before: Iterate, after: Iterate) -> Iterate:

@@ -21,6 +21,22 @@ class Outcome(Enum):
     TIMEOUT = "timeout"
 
 
+class State(Enum):
+    """How far a stage can be trusted, in a word for people.
+
+    `CERTIFIED` holds in all that a certificate measures. `SOLVED` holds in all of it but the race time on a second
+    mesh, which was not looked for. `GUESS` is no optimum, by design.
+    """
+
+    CERTIFIED = "certified"
+    SOLVED = "solved"
+    GUESS = "a guess"
+    NOT_CERTIFIED = "not certified"
+    NOT_CONVERGED = "not converged"
+    INFEASIBLE = "infeasible"
+    TIMEOUT = "timeout"
+
+
 @dataclass(frozen=True)
 class GateSplit:
     """The passing of one gate, in SI and radians; `name` is the passage's, e.g. `1:g4`."""
@@ -168,14 +184,15 @@ class StageResult:
         trajectory: the flight on its mesh.
         constraint_multipliers: multipliers of the NLP's constraints in its own order; shape (n_g,).
         bound_multipliers: multipliers of the NLP's simple bounds in its own order; shape (n_w,).
-        certificate: None where the stage is not certified by design (homotopy).
+        certificate: None where the stage is not certified by design (homotopy). One without the item
+            `race_time_change` is that of a stage that was solved on one mesh, see `holds`.
         splits: one row per passage.
         attempts: every solver call, in order.
         timings: where the time went.
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         explored: which other ways round were tried; empty in all stages but the one that explores.
-        rivals: certified flights of this stage on other ways round, slower ones, which climb the ladder as well.
+        rivals: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
     """
 
     stage: Stage
@@ -199,9 +216,30 @@ class StageResult:
         return self.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
 
     @property
+    def holds(self) -> bool:
+        """Whether the stage found an optimum, and all that was measured of it holds.
+
+        Then it is certified, or it was solved on one mesh only, and nobody knows what another would do to its race
+        time.
+        """
+        return self.outcome is Outcome.SOLVED and self.certificate is not None and self.certificate.holds
+
+    @property
     def certified(self) -> bool:
-        """Whether the stage was solved and its certificate holds."""
-        return self.outcome is Outcome.SOLVED and self.certificate is not None and self.certificate.certified
+        """Tell whether all that was measured holds, and the race time was compared with that on a coarser mesh."""
+        return self.holds and self.certificate is not None and self.certificate.certified
+
+    @property
+    def state(self) -> State:
+        """How far the stage can be trusted."""
+        if self.certified:
+            return State.CERTIFIED
+        if self.holds:
+            return State.SOLVED
+        if self.outcome is Outcome.SOLVED and self.certificate is None:
+            return State.GUESS
+        uncertified = self.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED)
+        return State.NOT_CERTIFIED if uncertified else State(self.outcome.value)
 
     @property
     def iterations(self) -> int:

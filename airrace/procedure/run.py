@@ -40,7 +40,8 @@ def optimize(
 ) -> Iterator[StageResult]:
     """Run the stages up to `until` that are not in `finished`; yield each result as it is finished.
 
-    A stage that fails is yielded, too, and is the last.
+    A stage that fails is yielded, too, and is the last. Finished stages that were solved on one mesh, and are to be
+    proved, are yielded first, each as soon as its proof is completed or has failed.
 
     Args:
         race: what is flown.
@@ -48,7 +49,7 @@ def optimize(
         until: the last stage.
         threads: threads that evaluate derivatives.
         finished: stages of this very race that need not be run again.
-        start: stages of another run, of a race with the same passings. The highest of them that is certified is the
+        start: stages of another run, of a race with the same passings. The highest of them that holds is the
             start; lower stages are left out. Where it leads to no certified optimum the next lower one is the start,
             and where none does, all stages are run; the first result then says so in its message. Without any say
             where stages are finished.
@@ -57,19 +58,20 @@ def optimize(
 
     Raises:
         InputError: aircraft and rules contradict each other.
-        UsageError: `start` holds no certified stage up to `until`, or flies other passings.
+        UsageError: `start` has no certified or solved stage up to `until`, or flies other passings.
         SolverCrash: the solver process died.
     """
     another = Another(start_name, start)
     optima = another.optima(STAGES[: STAGES.index(until) + 1])
-    ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS)
+    ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS, last=until)
     if any(fidelity_of(stage).inner_controller for stage in wanted_stages(settings, until)):
         for remark in handling.remarks(race.aircraft):
             logger.warning("%s: %s", race.aircraft.name, remark)
     # A run that was started from another one has no stages below its first: what is finished needs them no more.
     highest = max((STAGES.index(stage) for stage in ladder.done), default=-1)
     wanted = [stage for stage in wanted_stages(settings, until) if STAGES.index(stage) > highest]
-    if not wanted:
+    unproved = [one.stage for one in finished if one.holds and not one.certified and ladder.proves(one.stage)]
+    if not (wanted or unproved):
         return
     solver = settings.solver
     with SolverService(
@@ -80,6 +82,10 @@ def optimize(
     ) as service:
         load_in_background()
         bench = Workbench(service, settings, progress, threads)
+        for stage in unproved:
+            progress.stage_started(stage)
+            completed = ladder.complete(stage, bench)
+            yield completed
         remark, spare = "", None
         if start and not finished:
             restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder, bench)

@@ -20,6 +20,16 @@ class Explore(Enum):
     THOROUGH = "thorough"
 
 
+class Proof(Enum):
+    """Which stages are solved on a second mesh, so that their race time is proved as well.
+
+    The stages that are not are solved on one mesh, and all else is measured of them as well.
+    """
+
+    LAST = "last"
+    ALL = "all"
+
+
 @dataclass(frozen=True)
 class MeshSettings:
     """The settings of the meshes.
@@ -77,12 +87,14 @@ class Settings:
     """The settings of a run.
 
     `climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of squared,
-    scaled control rates against seconds of race time.
+    scaled control rates against seconds of race time; `proof` is which stages of a run are proved on a
+    second mesh.
     """
 
     guess: GuessKind = GuessKind.HOMOTOPY
     explore: Explore = Explore.QUICK
     climb: int = 1
+    proof: Proof = Proof.LAST
     regularisation: float = 1e-3
     mesh: MeshSettings = field(default_factory=MeshSettings)
     solver: SolverSettings = field(default_factory=SolverSettings)

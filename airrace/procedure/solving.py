@@ -46,6 +46,12 @@ class Workbench:
         self.derivative_seconds = 0.0
         self.started = time.perf_counter()
 
+    def go_on(self, attempts: Sequence[Attempt], timings: Timings) -> None:
+        """Take up a stage that was solved before: what is solved now is added to that."""
+        self.attempts = list(attempts)
+        self.derivative_seconds = timings.derivatives
+        self.started = time.perf_counter() - timings.wall
+
     @property
     def solvers(self) -> tuple[str, ...]:
         """The primary solver, then the fallback where it is another one."""
@@ -61,22 +67,25 @@ class Workbench:
         barrier: float,
         solvers: Sequence[str] = (),
         iterations_max: int | None = None,
+        rough: float = 0.0,
     ) -> Solution | None:
         """Solve to the tolerance of the settings, and to a smaller one where the certificate asks for it.
 
         Args:
             solvers: asked in this order; without any, all that there are.
             iterations_max: fewer iterations than the settings allow; None for as many.
+            rough: a looser tolerance, for an optimum that is only where the next mesh starts from and never certified;
+                0 for that of the settings.
 
         Returns:
             The first solution that claims success, else the last one; None if no solver came back at all.
         """
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
-        options = SolverOptions(chosen.tolerance, most, barrier)
+        options = SolverOptions(max(chosen.tolerance, rough), most, barrier)
         solution = self._first_success(problem, guess, purpose, options=options, solvers=solvers or self.solvers)
         limit = self.settings.certificate.kkt_error
-        if solution is None or not solution.success or solution.kkt.largest <= limit:
+        if rough or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
         tolerance = POLISH * chosen.tolerance
         options = SolverOptions(tolerance, chosen.iterations_max, tolerance)

@@ -31,7 +31,7 @@ def recertified(
     """Measure stored results again, each from its histories and multipliers alone.
 
     One thing is solved for: the optimum on the coarser mesh that the result's was divided from, whose race time is
-    compared.
+    compared. Of a stage that does not claim that comparison it is not made.
 
     Raises:
         CheckpointError: the stored multipliers do not belong to a flight of this race.
@@ -65,6 +65,7 @@ def _recertify(race: Race, settings: Settings, result: StageResult, service: Sol
     w, p = layout.pack(iterate), layout.parameter_values()
     error, _, _ = kkt_error(transcribe(layout, kernels), layout, w, p, multipliers)
     stored = result.certificate
+    claims_proof = stored is None or stored.compares_meshes
     claims = () if stored is None else tuple(item for item in stored.items if item.name == "solver")
     return certify(
         problem,
@@ -74,7 +75,7 @@ def _recertify(race: Race, settings: Settings, result: StageResult, service: Sol
         claim=claims[0] if claims else Item("solver", math.nan, 0.0, "", "says nothing"),
         status="" if stored is None else stored.solver_status,
         kkt_error=error.largest,
-        coarser_race_time=_coarser_race_time(flight, settings, result, service),
+        coarser_race_time=_coarser_race_time(flight, settings, result, service) if claims_proof else None,
     )
 
 

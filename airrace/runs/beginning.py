@@ -28,11 +28,11 @@ def new_task(
         track, aircraft, settings, overrides: see `load_inputs`.
         until: the name of the last stage; None for the last one there is.
         path: the checkpoint to be written; None for a run that is kept in memory alone.
-        start: another run, or its file, whose highest certified stage is started from.
+        start: another run, or its file, whose highest stage that holds is started from.
 
     Raises:
-        InputError: the inputs are not valid; it carries all findings.
-        UsageError: no such stage; the other run has other passings or no certified stage, or is the file to be written.
+        InputError: with all findings.
+        UsageError: no such stage; the other run has other passings or no optimum, or is the file to be written.
         CheckpointError: the other run cannot be read.
     """
     last = stage_named(until)

@@ -9,7 +9,7 @@ from airrace.runs.run_object import finite
 
 
 def comparison_object(start: Another, results: Sequence[StageResult]) -> dict[str, object] | None:
-    """Return the object `compared` of the answer, seconds; None if no stage is certified in both runs."""
+    """Return the object `compared` of the answer, seconds; None where no stage holds in both runs."""
     common = last_common(start.results, results)
     if common is None:
         return None
@@ -17,6 +17,7 @@ def comparison_object(start: Another, results: Sequence[StageResult]) -> dict[st
     return {
         "with": start.name,
         "stage": common[1].stage.value,
+        "certified": comparison.certified,
         "race_time_s": _seconds(comparison.before, comparison.after),
         "legs": [
             {"passing": leg.name, **_seconds(leg.before, leg.after), "cumulative": finite(leg.cumulative)}

@@ -2,12 +2,14 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from airrace.checkpoint import inputs_hash, stale_stages
 from airrace.errors import UsageError
 from airrace.procedure import run as procedure
+from airrace.procedure.ladder import proves
 from airrace.procedure.restart import Another
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Outcome, Stage, StageResult, State
 from airrace.procedure.settings import GuessKind
 from airrace.runs.run import Run
 from airrace.runs.task import Step, Task
@@ -15,6 +17,8 @@ from airrace.runs.task import Step, Task
 
 def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> Task:
     """Decide for every stage up to `until`. A stage that follows one that runs, runs, too.
+
+    A stage that was solved on one mesh is kept, and proved if it is the last one or if all are to be proved.
 
     Args:
         run: the stored run, its inputs understood anew.
@@ -44,6 +48,8 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
         steps.append(Step(stage, reason))
         if stored is not None and not reason:
             kept.append(stored.result)
+            if stored.result.state is State.SOLVED and proves(run.inputs.settings, stage, until):
+                steps[-1] = replace(steps[-1], unproved="it was solved on one mesh")
     return Task(run, until, tuple(kept), tuple(steps))
 
 
@@ -76,6 +82,6 @@ def _unfit(result: StageResult) -> str:
     """Return why nothing can be built on a stored stage; empty if something can."""
     if result.outcome is not Outcome.SOLVED:
         return f"it ended {result.outcome.value}"
-    if result.certificate is not None and not result.certified:
+    if result.certificate is not None and not result.holds:
         return "it is not certified"
     return ""

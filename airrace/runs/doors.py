@@ -11,7 +11,7 @@ from pathlib import Path
 from airrace.errors import UsageError
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
-from airrace.procedure.settings import Explore, GuessKind
+from airrace.procedure.settings import Explore, GuessKind, Proof
 from airrace.runs.beginning import new_task, settings_texts
 from airrace.runs.checked import Checked, checked
 from airrace.runs.flying import available_cores, flown
@@ -46,6 +46,7 @@ def optimize(
     guess: str | GuessKind | None = None,
     explore: str | Explore | None = None,
     climb: int | None = None,
+    proof: str | Proof | None = None,
     until: str | Stage | None = None,
     out: str | Path | None = None,
     force: bool = False,
@@ -54,7 +55,7 @@ def optimize(
     threads: int | None = None,
     progress: bool | Progress = False,
 ) -> Run:
-    """Fly a course as fast as can be, stage by stage, each certified.
+    """Fly a course as fast as can be, stage by stage; the last one is certified.
 
     Examples:
         >>> run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
@@ -70,6 +71,8 @@ def optimize(
         guess: where the point mass starts from, `homotopy` or `plan`; None for what the settings say.
         explore: how much is tried to find the fastest way round: `off`, `quick` or `thorough`; None likewise.
         climb: how many ways round climb the ladder side by side; None likewise.
+        proof: which stages are proved on a second mesh, `last` or `all`; None likewise. Those that are not are solved
+            on one mesh, and all but their race time is certified.
         until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
         out: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
         force: whether a file that exists may be overwritten.
@@ -99,7 +102,7 @@ def optimize(
         named,
         aircraft=document_or_path(aircraft),
         settings=settings,
-        overrides=[*value_texts(set), *settings_texts(guess=guess, explore=explore, climb=climb)],
+        overrides=[*value_texts(set), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)],
         until=stage_name(until),
         path=path,
         start=start,
@@ -112,6 +115,7 @@ def resume(
     *,
     until: str | Stage | None = None,
     from_: str | Stage | None = None,
+    proof: str | Proof | None = None,
     set: Values = (),
     track: TrackGiven | None = None,
     aircraft: AircraftGiven | None = None,
@@ -124,8 +128,8 @@ def resume(
     """Continue a run, or fly it again with something changed.
 
     Without changes it goes on after the last stage that still stands, in the file of the run if it has one. With `set`,
-    `track`, `aircraft` or `settings` the changed run is a new one, started from the highest certified stage of this
-    run, which stays as it is.
+    `track`, `aircraft` or `settings` the changed run is a new one, started from the highest stage of this run that
+    holds; this run stays as it is.
 
     Examples:
         >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
@@ -136,6 +140,8 @@ def resume(
         run: a run, or its file.
         until: the last stage; None for the last one there is, of a changed run for the last one of this run.
         from_: a stage that is computed again although it still stands, and all after it.
+        proof: which stages are proved on a second mesh from now on, `last` or `all`; `all` completes the proof of those
+            that were solved on one mesh. None for what the run was asked for.
         set: single values that are otherwise, see `optimize`.
         track, aircraft, settings: what is flown instead, see `optimize`.
         out: the file to be written; None for the file of the run, of a changed run for none.
@@ -155,13 +161,16 @@ def resume(
     changes = Changes(
         document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
     )
+
     path = None if out is None else Path(out)
     if path is not None:
         ensure_free(path, force=force)
     if not changes:
         before = run if isinstance(run, Run) else opened_run(Path(run))
         before = before if path is None else before.moved(path)
-        return _fly(continued_task(before, until=stage_name(until), from_stage=stage_name(from_)), threads, progress)
+        again = stage_name(from_)
+        return _fly(continued_task(before, until=stage_name(until), from_stage=again, proof=proof), threads, progress)
+    changes = changes.with_overrides(settings_texts(proof=proof))
     if from_ is not None:
         raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
     before = run if isinstance(run, Run) else other_run(Path(run))

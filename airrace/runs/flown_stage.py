@@ -70,8 +70,14 @@ class FlownStage:
 
     @property
     def certified(self) -> bool:
-        """Whether the stage found an optimum, and its certificate holds."""
+        """Whether the stage found an optimum, and its certificate holds and is complete."""
         return self.result.certified
+
+    @property
+    def state(self) -> str:
+        """How far the stage can be trusted: `certified`, `solved` (all but the race time on a second mesh), `a guess`,
+        `not certified`, or why no flight was found."""
+        return self.result.state.value
 
     @property
     def certificate(self) -> Certificate | None:
@@ -171,7 +177,7 @@ class FlownStage:
             by: only the numbers of `track`, `aircraft`, `rules` or `environment`.
 
         Raises:
-            NotCertified: the stage is no certified optimum, or no longer stands.
+            NotCertified: the stage is no optimum, certified or solved, or no longer stands.
             UsageError: there is no such group, or course or aircraft were built in Python.
         """
         from airrace.runs.priced import priced

@@ -8,13 +8,14 @@ from collections.abc import Iterator, Sequence
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
 from airrace.procedure import run as procedure
+from airrace.procedure.ladder import proves
 from airrace.procedure.progress import Progress
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import StageResult, State
 from airrace.runs.answer import Answer
 from airrace.runs.comparison import comparison_object
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.run import Run
-from airrace.runs.run_object import summarise
+from airrace.runs.run_object import summarise, unproved
 from airrace.runs.task import Task
 
 
@@ -28,7 +29,13 @@ def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
         threads: threads that evaluate derivatives.
         progress: who watches.
     """
+    return (run for run, _ in _flown(task, threads=threads, progress=progress))
+
+
+def _flown(task: Task, *, threads: int, progress: Progress) -> Iterator[tuple[Run, StageResult]]:
+    """Return the run after each stage that was flown, or proved, and that stage."""
     run, start = task.run, task.start
+    kept = {result.stage for result in task.kept}
     _keep(run)
     for result in procedure.optimize(
         run.inputs.race,
@@ -40,10 +47,10 @@ def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
         start_name="" if start is None else start.name,
         progress=progress,
     ):
-        run = run.with_stage(result)
+        run = run.with_proof(result) if result.stage in kept else run.with_stage(result)
         _keep(run)
         progress.stage_finished(result)  # now, and not before it is kept: what is announced is never lost
-        yield run
+        yield run, result
 
 
 def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) -> Sequence[StageResult]:
@@ -59,17 +66,21 @@ def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) 
         All stages of the run by now, in order.
     """
     started = time.perf_counter()
-    results = list(task.kept)
+    finished = {result.stage: result for result in task.kept}
     try:
-        for run in flown(task, threads=threads, progress=progress):
-            results.append(run.results[-1])
+        for _, result in _flown(task, threads=threads, progress=progress):
+            finished[result.stage] = result
     except BaseException as error:
         if not interrupts.caused(error):
             raise
         interrupts.hear()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_remedy(task, results)}")
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_remedy(task, tuple(finished.values()))}")
     finally:
+        results = tuple(finished.values())
         summarise(answer, task.run.name, results, time.perf_counter() - started)
+        for result in results:
+            if result.state is State.SOLVED and proves(task.run.inputs.settings, result.stage, task.until):
+                answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {unproved(result)}")
         if task.start is not None:
             answer.fields["compared"] = comparison_object(task.start, results)
     return results

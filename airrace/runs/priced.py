@@ -71,7 +71,7 @@ class Prices(Mapping[str, Price]):
 
 
 def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
-    """Return the prices of a certified stage.
+    """Return the prices of a stage.
 
     Args:
         inputs: what the run was given.
@@ -80,7 +80,7 @@ def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices
 
     Raises:
         UsageError: there is no such group, or course or aircraft were built in Python.
-        NotCertified: the stage is no certified optimum.
+        NotCertified: the stage is no optimum, certified or solved.
     """
     known = {group.value: group for group in Group}
     if by is not None and by not in known:

@@ -2,30 +2,36 @@
 
 from pathlib import Path
 
+from airrace.procedure.settings import Proof
 from airrace.runs.continuation import continuation, starting_steps
 from airrace.runs.run import Run
 from airrace.runs.stage_names import stage_named
-from airrace.runs.starting import Changes, another, changed_run, last_stage
+from airrace.runs.starting import Changes, another, changed_run, last_stage, proved_otherwise
 from airrace.runs.task import Task
 
 
-def continued_task(run: Run, *, until: str | None = None, from_stage: str | None = None) -> Task:
-    """Return the task to fly what is left of a run: the stages after the last one that still stands.
+def continued_task(
+    run: Run, *, until: str | None = None, from_stage: str | None = None, proof: Proof | str | None = None
+) -> Task:
+    """Return what is left of a run: the stages after the last one that still stands, and proofs that are to be completed.
 
     Args:
         run: the stored run.
         until: the name of the last stage; None for the last one there is.
         from_stage: the name of a stage that is computed again although it may still stand; None for none.
+        proof: which stages are proved from now on; None for what the run's settings say.
 
     Raises:
+        InputError: `proof` is not known.
         UsageError: no such stage, or `from_stage` comes after `until`.
     """
     again = None if from_stage is None else stage_named(from_stage)
+    run = run if proof is None else proved_otherwise(run, proof)
     return continuation(run, until=stage_named(until), from_stage=again)
 
 
 def changed_task(before: Run, changes: Changes, *, until: str | None = None, out: Path | None = None) -> Task:
-    """Return the task of a new run with other inputs, started from the highest certified stage of one that exists.
+    """Return a new run with other inputs, started from the highest stage that holds of one that exists.
 
     Args:
         before: the run that exists.

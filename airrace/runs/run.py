@@ -13,6 +13,7 @@ from airrace.planning.race import Race
 from airrace.procedure.comparison import Comparison, compared, last_common
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.settings import Proof
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.run_object import is_certified, run_object, verdict
 from airrace.runs.run_page import run_line, run_page
@@ -128,6 +129,10 @@ class Run:
         """Return this run with one more finished stage, which replaces the stages from there on."""
         return replace(self, checkpoint=self.checkpoint.with_stage(result))
 
+    def with_proof(self, result: StageResult) -> Self:
+        """Return this run with a finished stage as it is after its proof was completed, or tried; later stages stay."""
+        return replace(self, checkpoint=self.checkpoint.with_proof(result))
+
     def moved(self, path: Path) -> Self:
         """Return this run with another file, which is not written yet."""
         return replace(self, path=path)
@@ -151,6 +156,7 @@ class Run:
         *,
         until: str | Stage | None = None,
         from_: str | Stage | None = None,
+        proof: str | Proof | None = None,
         set: "Values" = (),
         track: "TrackGiven | None" = None,
         aircraft: "AircraftGiven | None" = None,
@@ -167,6 +173,7 @@ class Run:
             self,
             until=until,
             from_=from_,
+            proof=proof,
             set=set,
             track=track,
             aircraft=aircraft,
@@ -181,7 +188,7 @@ class Run:
         """Measure every certificate again from the stored histories and multipliers alone.
 
         Returns:
-            One verification per certified stage; those with an `objection` do not hold.
+            One verification per stage that carries a certificate; those with an `objection` do not hold.
 
         Raises:
             NotCertified: there is no certificate in this run.
@@ -191,21 +198,22 @@ class Run:
         return verified(self)
 
     def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
-        """Return what every number of the inputs costs at a certified stage; see `FlownStage.prices`."""
+        """Return what every number of the inputs costs, by the multipliers of a stage; see `FlownStage.prices`."""
         return self.stage(stage).prices(by)
 
     def compare(self, other: "Run") -> Comparison:
-        """Hold another run of the same passings against this one, leg by leg, at the highest stage certified in both.
+        """Hold another run of the same passings against this one, leg by leg, at the highest stage that holds in both.
 
         Returns:
-            Race times (s) and legs; `difference` is positive where the other run is slower.
+            Race times (s) and legs; `difference` is positive where the other run is slower. `certified` tells whether
+            the stage is certified in both: a race time that was solved on one mesh may be off by some milliseconds.
 
         Raises:
-            UsageError: no stage is certified in both, or the other run has other passings.
+            UsageError: no stage is certified or solved in both, or the other run has other passings.
         """
         common = last_common(self.results, other.results)
         if common is None:
-            raise UsageError(f"no stage is certified both in {self.label} and in {other.label}")
+            raise UsageError(f"no stage is certified or solved both in {self.label} and in {other.label}")
         try:
             return compared(*common)
         except ValueError as error:

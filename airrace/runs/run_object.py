@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Explored, GateSplit, Outcome, StageResult, Way, Why
+from airrace.procedure.result import Explored, GateSplit, Outcome, StageResult, State, Way, Why
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
@@ -32,7 +32,7 @@ REASONS: Mapping[Why, str] = {
 
 
 def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
-    """Fill in the object, and fail the answer unless the last stage and all certified ones before it hold.
+    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold.
 
     Args:
         track: name of the course.
@@ -56,7 +56,10 @@ def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
 
 
 def is_certified(results: Sequence[StageResult]) -> bool:
-    """Return whether a run may call itself certified: its last stage is, and none before it failed."""
+    """Tell whether a run may call itself certified: its last stage is, and none before it failed.
+
+    Stages before it may be merely solved on one mesh.
+    """
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
 
 
@@ -77,6 +80,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
     return {
         "stage": result.stage.value,
         "status": result.outcome.value,
+        "state": result.state.value,
         "message": result.message,
         "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
         "lap_times_s": lap_times(result.splits) if result.is_flight else [],
@@ -89,7 +93,12 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
         "rivals": [
-            {"race_time_s": finite(rival.trajectory.race_time), "certified": rival.certified} for rival in result.rivals
+            {
+                "race_time_s": finite(rival.trajectory.race_time),
+                "state": rival.state.value,
+                "certified": rival.certified,
+            }
+            for rival in result.rivals
         ],
         "mesh": mesh_object(result),
         "ways": [way_object(way) for way in result.explored.ways],
@@ -103,6 +112,11 @@ def lap_times(splits: Sequence[GateSplit]) -> list[float]:
     ends = {split.name.partition(":")[0]: split.time for split in splits}  # the last passing of a lap ends it
     times = list(ends.values())
     return [after - before for before, after in itertools.pairwise(times)] if len(times) > 2 else []
+
+
+def unproved(result: StageResult) -> str:
+    """Return the sentence on a stage that was solved on one mesh where a certified one was wanted."""
+    return result.message or "it is solved, but its race time was not proved on a second mesh"
 
 
 def mesh_object(result: StageResult) -> dict[str, object] | None:
@@ -171,13 +185,13 @@ def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
 def _code(result: StageResult, *, last: bool) -> ExitCode:
     """Return the exit code that a stage deserves.
 
-    A stage that is a mere guess by design is no failure, unless the run ends with it: then nothing is certified.
+    A stage that is a mere guess by design, or was solved on one mesh, is no failure, unless the run ends with it.
     """
     if result.outcome is not Outcome.SOLVED:
         return _CODES[result.outcome]
     if result.certificate is None:
         return ExitCode.NOT_CERTIFIED if last else ExitCode.DONE
-    return ExitCode.DONE if result.certified else ExitCode.NOT_CERTIFIED
+    return ExitCode.DONE if result.certified or (result.holds and not last) else ExitCode.NOT_CERTIFIED
 
 
 def _verdict(result: StageResult) -> str:
@@ -185,5 +199,7 @@ def _verdict(result: StageResult) -> str:
         return result.message or result.outcome.value
     if result.certificate is None:
         return "the run ends with a guess, which is not certified"
+    if result.state is State.SOLVED:
+        return unproved(result)
     failed = ", ".join(item.name for item in result.certificate.failed)
     return f"not certified: {failed or 'nothing was measured'}"

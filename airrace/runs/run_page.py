@@ -4,14 +4,14 @@ import html
 from collections.abc import Sequence
 
 from airrace.planning.race import Race
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import StageResult, State
 from airrace.runs.run_object import is_certified, verdict
 from airrace.runs.splits import Splits
 from airrace.views.plan_svg import plan_svg
 from airrace.views.scenery import scenery
 from airrace.views.tables import html_table
 
-HEADS = ("stage", "race time s", "certified", "iterations", "wall s")
+HEADS = ("stage", "race time s", "state", "iterations", "wall s")
 ITEMS = ("item", "value", "limit", "unit", "holds")
 
 
@@ -21,7 +21,8 @@ def run_line(name: str, results: Sequence[StageResult]) -> str:
         return f"{name}: no stage is finished yet"
     last = results[-1]
     race_time = f"{last.trajectory.race_time:.3f} s" if last.is_flight else last.outcome.value
-    return f"{name}: {last.stage.value}, {race_time}, {'' if is_certified(results) else 'not '}certified"
+    solved = "solved on one mesh, " if last.state is State.SOLVED else ""
+    return f"{name}: {last.stage.value}, {race_time}, {solved}{'' if is_certified(results) else 'not '}certified"
 
 
 def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
@@ -52,7 +53,7 @@ def _stage_cells(result: StageResult) -> tuple[str, ...]:
     return (
         result.stage.value,
         f"{result.trajectory.race_time:.3f}" if result.is_flight else result.outcome.value,
-        "yes" if result.certified else "no" if result.certificate is not None else "a guess",
+        result.state.value,
         str(result.iterations),
         f"{result.timings.wall:.1f}",
     )

@@ -2,8 +2,9 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 from airrace.checkpoint import read_checkpoint
 from airrace.documents import Document, inputs_from_documents
@@ -14,10 +15,14 @@ from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
 from airrace.procedure.result import Stage
+from airrace.procedure.settings import Proof
 from airrace.runs.run import Run
-from airrace.runs.stored import document_of, library_versions, new_run, stored_run
+from airrace.runs.stored import document_of, library_versions, new_run, resolved_text, stored_run
 
 logger = logging.getLogger(__name__)
+
+PROOF = "settings.proof="
+"""How an override begins that says which stages are proved."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,10 @@ class Changes:
 
     def __bool__(self) -> bool:
         return any((self.track, self.aircraft, self.settings, self.overrides))
+
+    def with_overrides(self, texts: Sequence[str]) -> Self:
+        """Return these changes and further overrides, which are made last."""
+        return replace(self, overrides=(*self.overrides, *texts))
 
 
 def other_run(path: Path) -> Run:
@@ -80,11 +89,26 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
     return new_run(inputs_from_documents(track, aircraft, settings, (*stored.overrides, *changes.overrides)), out)
 
 
+def proved_otherwise(run: Run, proof: Proof | str) -> Run:
+    """Return the same run, of which other stages are to be proved on a second mesh. Its stages stand as they did.
+
+    Raises:
+        InputError: `proof` is not known.
+    """
+    stored = run.checkpoint.inputs
+    asked = proof.value if isinstance(proof, Proof) else proof
+    overrides = (*(text for text in stored.overrides if not text.startswith(PROOF)), f"{PROOF}{asked}")
+    settings = None if stored.settings is None else document_of(stored.settings)
+    inputs = inputs_from_documents(document_of(stored.track), document_of(stored.aircraft), settings, overrides)
+    changed = replace(stored, overrides=overrides, resolved=resolved_text(inputs))
+    return replace(run, inputs=inputs, checkpoint=replace(run.checkpoint, inputs=changed))
+
+
 def another(before: Run, run: Run, until: Stage) -> Another:
     """Return the run to start from, as the procedure takes it.
 
     Raises:
-        UsageError: it has other passings, or no certified stage up to `until`.
+        UsageError: it has other passings, or no certified or solved stage up to `until`.
     """
     known = Another(before.label, before.results)
     there, here = (passings_of(one.inputs.race.course) for one in (before, run))

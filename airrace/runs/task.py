@@ -12,13 +12,25 @@ from airrace.runs.run import Run
 
 @dataclass(frozen=True)
 class Step:
-    """A stage of a task; `reason` is a clause for the user that says why it runs, empty if it is kept."""
+    """A stage of a task.
+
+    Attributes:
+        stage: which one.
+        reason: why it runs, a clause for the user; empty where it is kept.
+        unproved: why it is kept but proved on a second mesh first, a clause; empty where it is not.
+    """
 
     stage: Stage
     reason: str
+    unproved: str = ""
+
+    @property
+    def action(self) -> str:
+        """`run`, `prove` or `keep`."""
+        return "run" if self.reason else "prove" if self.unproved else "keep"
 
     def as_object(self) -> dict[str, object]:
-        return {"stage": self.stage.value, "action": "run" if self.reason else "keep", "reason": self.reason}
+        return {"stage": self.stage.value, "action": self.action, "reason": self.reason or self.unproved}
 
 
 @dataclass(frozen=True)
@@ -28,7 +40,7 @@ class Task:
     Attributes:
         run: the run as it stands.
         until: the last stage.
-        kept: results that need not be computed again.
+        kept: results that need not be computed again, though some may still have to be proved.
         steps: every stage up to the last, with the reason why it runs; empty for a run of which nothing exists.
         start: another run to start from; None to start from the course alone.
     """
@@ -52,4 +64,5 @@ class Task:
 def described(steps: Sequence[Step]) -> Iterator[str]:
     """Yield one line per stage that says whether it is run or kept."""
     for step in steps:
-        yield f"{step.stage.value}: run ({step.reason})" if step.reason else f"{step.stage.value}: keep"
+        reason = step.reason or step.unproved
+        yield f"{step.stage.value}: {step.action}{reason and f' ({reason})'}"

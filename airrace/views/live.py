@@ -17,7 +17,7 @@ from rich.text import Text
 
 from airrace.errors import debugging
 from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Outcome, Stage, StageResult, State
 from airrace.views.plain_console import PlainConsole
 from airrace.views.streams import Watched
 
@@ -52,11 +52,17 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
             yield PlainLines(stream, stages)
 
 
+_VERDICTS = {
+    State.CERTIFIED: "certified",
+    State.SOLVED: "checked on one mesh",
+    State.GUESS: "a guess",
+}
+
+
 def outcome_line(result: StageResult) -> str:
     """Return a finished stage in one line."""
     seconds = f"{result.timings.wall:.1f} s"
-    guess = result.certificate is None and result.outcome is Outcome.SOLVED
-    certified = "certified" if result.certified else "a guess" if guess else "NOT certified"
+    certified = _VERDICTS.get(result.state, "NOT certified")
     verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
     race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
     return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"

@@ -67,6 +67,28 @@ def test_a_stage_computed_again_replaces_itself_and_drops_what_stood_on_it() -> 
     assert stale_stages(again, CURRENT) == []
 
 
+def test_a_completed_proof_takes_the_place_of_its_stage_and_what_stood_above_stands() -> None:
+    checkpoint = example_checkpoint(*LADDER)
+    proved = checkpoint.with_proof(example_result(Stage.POINT_MASS, intervals=8))
+    assert [stored.result.stage for stored in proved.stages] == list(LADDER)
+    assert proved.stages[0] is checkpoint.stages[0]
+    assert len(proved.stages[1].result.trajectory.time) == 9
+    assert proved.stages[2].result is checkpoint.stages[2].result
+    assert stale_stages(proved, CURRENT) == []
+
+
+def test_a_completed_proof_makes_no_stale_stage_good_again() -> None:
+    checkpoint = example_checkpoint(*LADDER)
+    first, second, third = checkpoint.stages
+    altered = replace(third, result=replace(third.result, message="altered"))
+    proved = replace(checkpoint, stages=(first, second, altered)).with_proof(
+        example_result(Stage.POINT_MASS, intervals=8)
+    )
+    assert [stage for stage, _ in stale_stages(proved, CURRENT)] == [Stage.TRANSFER_FUNCTION]
+    computed_otherwise = checkpoint.with_proof(example_result(Stage.POINT_MASS, intervals=8))
+    assert len(stale_stages(computed_otherwise, inputs_hash("{}"))) == len(LADDER)
+
+
 def test_a_stage_is_found_by_its_name() -> None:
     checkpoint = example_checkpoint(Stage.POINT_MASS)
     assert checkpoint.stage(Stage.POINT_MASS) is checkpoint.stages[0]

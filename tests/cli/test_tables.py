@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from canned_procedure import stage_result
+from canned_procedure import on_one_mesh, stage_result
 from rich.table import Table
 
 from airrace.cli.course_tables import course_tables
@@ -84,9 +84,24 @@ def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> 
     flown = replace(stage_result(Stage.POINT_MASS), facts=Facts(0.012, "point-mass", 123.45))
     ladder = [replace(flown, stage=stage) for stage in STAGES]
     failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), facts=flown.facts)
-    for results in (ladder, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
+    solved = [*map(on_one_mesh, ladder[:-1]), ladder[-1]]
+    for results in (ladder, solved, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
         table = stages_table(results)
         assert_fits(table, words_of(table))
+
+
+def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
+    below, last = on_one_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
+    shown = rendered(stages_table([below, last]))
+    rows = [line.split() for line in shown.splitlines()]
+    assert [row[:2] for row in rows if row[:1] in (["point-mass"], ["transfer-function"])] == [
+        ["point-mass", "solved"],
+        ["transfer-function", "certified"],
+    ]
+    assert "solved: checked on one mesh; the race time is not proved on a second one" in shown
+    assert "one mesh" not in rendered(stages_table([stage_result(Stage.POINT_MASS), last]))
+    assert below.certificate is not None
+    assert "certified" not in rendered(certificate_table(below.certificate))
 
 
 def test_the_mesh_of_a_stage_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -104,7 +104,7 @@ CHANGE = ("--set", "rules.n_z_max=8")
         pytest.param((*CHANGE, "--out", "taken.h5"), "overwrite it with --force", id="an existing file"),
         pytest.param(("--out", "NEW.h5"), "say with --set", id="no change"),
         pytest.param((*CHANGE, "--out", "NEW.h5", "--from", "point-mass"), "--from", id="a stage again"),
-        pytest.param((*CHANGE, "--out", "NEW.h5", "--until", "homotopy"), "no certified stage", id="nothing so low"),
+        pytest.param((*CHANGE, "--out", "NEW.h5", "--until", "homotopy"), "or solved stage up to", id="nothing so low"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(run_file: Path, options: tuple[str, ...], said: str) -> None:
@@ -144,7 +144,7 @@ def test_run_without_a_certified_stage_is_no_start(run_file: Path) -> None:
     write_checkpoint(run_file, run.with_stage(failed))
     ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
     assert ran.code == 2
-    assert "RUN.h5 has no certified stage up to point-mass to start from" in ran.err
+    assert "RUN.h5 has no certified or solved stage up to point-mass to start from" in ran.err
     write_checkpoint(run_file, dataclasses.replace(run, stages=()))
     ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
     assert ran.code == 2

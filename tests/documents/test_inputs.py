@@ -11,7 +11,7 @@ from language_texts import AIRCRAFT, ROOT, TRACK, edited, findings_of, understoo
 from airrace.documents import Document, inputs_from_documents, load_inputs
 from airrace.environment.air import Profile
 from airrace.errors import Finding, InputError
-from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.settings import GuessKind, Proof, Settings
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import INVERTED, KNIFE_EDGE_LEFT, Gate, Manoeuvre, Passing, Pylon
@@ -110,6 +110,12 @@ environment:
 def test_silent_settings_are_the_procedures_own() -> None:
     assert understood().settings == Settings()
     assert understood(settings="schema: airrace/settings/1\n").settings == Settings()
+
+
+def test_how_much_is_proved_is_no_part_of_what_a_stage_stands_on() -> None:
+    last, every = (understood(overrides=(f"settings.proof={proof}",)) for proof in ("last", "all"))
+    assert (last.settings.proof, every.settings.proof) == (Proof.LAST, Proof.ALL)
+    assert last.resolved == every.resolved == understood().resolved
 
 
 def test_settings_are_taken_over() -> None:

@@ -35,8 +35,8 @@ def flown(folder: Path, name: str, text: str, *options: str) -> Checkpoint:
 
 @pytest.fixture(scope="module")
 def genuine(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
-    """All stages of a small course."""
-    return flown(tmp_path_factory.mktemp("genuine"), "course", COURSE)
+    """All stages of a small course, each of them proved."""
+    return flown(tmp_path_factory.mktemp("genuine"), "course", COURSE, "--proof", "all")
 
 
 def resealed(checkpoint: Checkpoint, results: list[StageResult], path: Path) -> Path:
@@ -113,6 +113,17 @@ def test_race_time_that_was_compared_with_itself_is_found(genuine: Checkpoint, t
     found = forged(genuine, tmp_path, change)
     assert tuple(found) == STAGES
     assert all(items == {"race_time_change"} for items in found.values()), found
+
+
+def test_run_that_claims_less_of_its_last_stage_is_not_verified(genuine: Checkpoint, tmp_path: Path) -> None:
+    """Without the comparison of race times all stages hold, but nobody has proved the one that the run ends with."""
+
+    def change(result: StageResult) -> StageResult:
+        assert result.certificate is not None
+        items = tuple(item for item in result.certificate.items if item.name != "race_time_change")
+        return dataclasses.replace(result, certificate=dataclasses.replace(result.certificate, items=items))
+
+    assert forged(genuine, tmp_path, change) == {STAGES[-1]: set()}
 
 
 def test_gate_that_stands_elsewhere_is_found(genuine: Checkpoint, tmp_path: Path) -> None:

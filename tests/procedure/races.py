@@ -16,7 +16,7 @@ from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Explore, GuessKind, Settings
+from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
@@ -100,8 +100,11 @@ def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
 
 
 def settings(guess: GuessKind, *, compiled: bool = True, explore: Explore = Explore.OFF) -> Settings:
-    """Default settings but for the guess, with or without a compiler; other ways round are explored where asked for."""
-    silent = Settings()
+    """Default settings but for the guess, with or without a compiler; all stages are proved.
+
+    Other ways round are explored where that is asked for.
+    """
+    silent = Settings(proof=Proof.ALL)
     solver = dataclasses.replace(silent.solver, compile_kernels=compiled)
     return dataclasses.replace(silent, guess=guess, solver=solver, explore=explore)
 

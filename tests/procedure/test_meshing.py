@@ -12,7 +12,18 @@ from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase,
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.certification import Evidence
-from airrace.procedure.meshing import CALM, PARTS_MAX, Draft, Solved, adapted, halved, mended, provided, reconsidered
+from airrace.procedure.meshing import (
+    CALM,
+    PARTS_MAX,
+    Draft,
+    Solved,
+    adapted,
+    doubled,
+    halved,
+    mended,
+    provided,
+    reconsidered,
+)
 from airrace.procedure.result import Why
 from airrace.procedure.settings import CertificateLimits
 from airrace.quantities import Interval, Quantity
@@ -203,6 +214,31 @@ def test_more_accurate_integrator_needs_fewer_parts() -> None:
     solved = flown({"defect": {5: 1e-4}})
     less = replace(solved, problem=replace(solved.problem, scheme=RK4))
     assert sum(counts(halved(less, LIMITS))) > sum(counts(halved(solved, LIMITS)))
+
+
+# halved where it is not yet
+
+
+def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved() -> None:
+    """A mesh that was mended here and there: what was cut stays, all else is cut in two."""
+    solved = flown({"excess": {4: 5.0}, "defect": {15: 1e-4}})
+    good = mended(solved, LIMITS)
+    assert good is not None
+    before = np.diff(np.flatnonzero(good.coarser))
+    fine = doubled(good)
+    assert np.diff(np.flatnonzero(fine.coarser)).tolist() == np.maximum(before, 2).tolist()
+    assert sum(counts(fine)) == np.maximum(before, 2).sum()
+    assert fine.guess.durations.tolist() == good.guess.durations.tolist()
+    assert fine.guess.control[0, fine.coarser[:-1]].tolist() == good.guess.control[0, good.coarser[:-1]].tolist()
+
+
+def test_halving_twice_is_halving_once() -> None:
+    once = doubled(flown().draft)
+    twice = doubled(once)
+    assert once.mesh == halved(flown(), LIMITS).mesh
+    assert twice.mesh == once.mesh
+    np.testing.assert_array_equal(twice.guess.state, once.guess.state)
+    np.testing.assert_array_equal(twice.coarser, once.coarser)
 
 
 # mending

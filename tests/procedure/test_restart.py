@@ -112,9 +112,9 @@ def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
     assert (result.stage, result.facts.source) == (Stage.POINT_MASS, "")
 
 
-def test_run_without_a_certified_stage_is_refused() -> None:
+def test_run_without_a_stage_that_holds_is_refused() -> None:
     failed = dataclasses.replace(stored(), outcome=Outcome.NOT_CERTIFIED)
-    with pytest.raises(UsageError, match=r"calm\.h5 has no certified stage up to point-mass"):
+    with pytest.raises(UsageError, match=r"calm\.h5 has no certified or solved stage up to point-mass"):
         started(SMALL, failed)
 
 

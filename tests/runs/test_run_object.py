@@ -4,11 +4,11 @@ import json
 import math
 
 import pytest
-from canned_procedure import stage_result
+from canned_procedure import on_one_mesh, stage_result
 
-from airrace.procedure.result import Outcome, Stage
+from airrace.procedure.result import Outcome, Stage, State
 from airrace.runs.answer import Answer
-from airrace.runs.run_object import is_certified, run_object, summarise
+from airrace.runs.run_object import is_certified, run_object, stage_object, summarise, verdict
 
 
 def test_the_object_has_the_documented_keys() -> None:
@@ -22,6 +22,7 @@ def test_the_object_has_the_documented_keys() -> None:
         assert list(stage) == [
             "stage",
             "status",
+            "state",
             "message",
             "race_time_s",
             "regularisation_s",
@@ -64,6 +65,35 @@ def test_a_guess_on_the_way_is_no_failure_but_never_a_certified_end() -> None:
     assert is_certified([homotopy, point_mass])
     assert not is_certified([homotopy])
     assert not is_certified([])
+
+
+def test_a_stage_solved_on_one_mesh_is_no_failure_but_never_a_certified_end() -> None:
+    solved, certified = on_one_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
+    assert is_certified([solved, certified])
+    assert not is_certified([certified, solved])
+    code, sentence = verdict([solved])
+    assert code == 5
+    assert sentence == "point-mass: it is solved, but its race time was not proved on a second mesh"
+
+
+def test_the_object_tells_what_was_proved_of_a_stage() -> None:
+    solved = stage_object(on_one_mesh(stage_result(Stage.POINT_MASS)))
+    assert (solved["status"], solved["state"], solved["certified"]) == ("solved", "solved", False)
+    certified = stage_object(stage_result(Stage.POINT_MASS))
+    assert (certified["status"], certified["state"], certified["certified"]) == ("solved", "certified", True)
+
+
+def test_nothing_but_all_items_makes_a_stage_certified() -> None:
+    """Whatever else is left out or does not hold, the state never claims more."""
+    result = stage_result(Stage.POINT_MASS)
+    assert result.state is State.CERTIFIED
+    assert on_one_mesh(result).state is State.SOLVED
+    assert stage_result(Stage.POINT_MASS, kkt_error=1.0).state is State.NOT_CERTIFIED
+    assert on_one_mesh(stage_result(Stage.POINT_MASS, kkt_error=1.0)).state is State.NOT_CERTIFIED
+    assert stage_result(Stage.HOMOTOPY).state is State.GUESS
+    for outcome in set(Outcome) - {Outcome.SOLVED}:
+        assert stage_result(Stage.POINT_MASS, outcome).state.value == outcome.value
+        assert not stage_result(Stage.POINT_MASS, outcome).holds
 
 
 @pytest.mark.parametrize(

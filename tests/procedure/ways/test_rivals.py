@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from canned_procedure import on_one_mesh
 from explored_races import OFF, QUICK
 from explored_races import optimum as explored_optimum
 from races import SHIPPED, SMALL
@@ -18,7 +19,7 @@ from airrace.procedure import ladder
 from airrace.procedure.joint import Start
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Stage, StageResult, Way
+from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Stage, StageResult, State, Way
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -185,6 +186,56 @@ def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
     (record,) = caplog.records
     assert "9.00 s when flown roughly" in record.getMessage()
     assert "takes 9.50 s" in record.getMessage()
+
+
+def close_together(
+    monkeypatch: pytest.MonkeyPatch, *verdicts: StageResult, proofs: dict[float, StageResult | str]
+) -> tuple[StageResult, list[float]]:
+    """The result where two ways below the last stage were solved on one mesh each, and what was proved of them."""
+    two = dataclasses.replace(QUICK, climb=2)
+    sketch = planned_sketch(SMALL)
+    starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
+    asked: list[float] = []
+
+    def answered(_: object, optimum: StageResult, __: object) -> StageResult | str:
+        asked.append(round(seconds(optimum), 3))
+        return proofs[asked[-1]]
+
+    left = list(verdicts)
+    monkeypatch.setattr(ladder, "optimise_jointly", lambda *_: left.pop(0))
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: NOT_EXPLORED))
+    monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    monkeypatch.setattr(ladder, "proved", answered)
+    with workbench(two) as bench:
+        result = Ladder(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, bench)
+    return result, asked
+
+
+def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = on_one_mesh(taking(9.000)), on_one_mesh(taking(9.008))
+    proofs: dict[float, StageResult | str] = {9.000: taking(8.999), 9.008: taking(8.998)}
+    result, asked = close_together(monkeypatch, first, second, proofs=proofs)
+    assert asked == [9.000, 9.008]
+    assert (seconds(result), result.state) == (pytest.approx(8.998), State.CERTIFIED)
+    assert [seconds(rival) for rival in result.rivals] == [pytest.approx(8.999)]
+
+
+def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = on_one_mesh(taking(9.05)), on_one_mesh(taking(9.0))
+    result, asked = close_together(monkeypatch, first, second, proofs={})
+    assert asked == []
+    assert (seconds(result), result.state) == (pytest.approx(9.0), State.SOLVED)
+    assert [rival.state for rival in result.rivals] == [State.SOLVED]
+
+
+def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = on_one_mesh(taking(9.000)), on_one_mesh(taking(9.008))
+    result, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: taking(9.008)})
+    assert (seconds(result), result.state) == (pytest.approx(9.008), State.CERTIFIED)
+    assert result.rivals == ()
+    neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
+    assert (seconds(neither), neither.state) == (pytest.approx(9.0), State.SOLVED)
+    assert neither.message == "its race time could not be proved on a second mesh: it failed"
 
 
 def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,76 @@
+"""The joint optimum of a stage below the last, on one good mesh: all that a certificate measures but the second mesh.
+
+Such a stage is where the next one starts from. Its first meshes only tell where the good one has its nodes, so they are
+solved roughly. On the good one the optimum is solved as closely as any that is certified.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from airrace.procedure.certification import examine
+from airrace.procedure.joint import (
+    ADAPTATIONS_MAX,
+    REFINED_BARRIER,
+    Failure,
+    Start,
+    announced,
+    certificate_of,
+    finished,
+)
+from airrace.procedure.meshing import Draft, Solved, adapted, halved, mended
+from airrace.procedure.result import StageResult
+from airrace.procedure.settings import CertificateLimits
+from airrace.procedure.solving import Workbench
+
+ROUGH = 1e-4
+"""The solver's tolerance on a mesh that is only a step to the good one. On Rovinj such a solve takes 23 to 31
+iterations instead of 29 to 38."""
+
+MANY = 1 / 3
+"""Share of the intervals that are to be cut from which on all are halved. If one interval still misses a limit, another
+solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to need it, 43 to
+82 % of them, and in none when all were halved."""
+
+
+def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it."""
+    limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
+    flight, draft = start.flight, Draft.first(start.problem, start.guess)
+    barrier, solvers, rough = start.barrier, (solver,), ROUGH
+    for refinement in range(total + 1):
+        problem = flight.problem(draft.mesh)
+        purpose = announced(bench, problem, refinement)
+        rough = rough if refinement < total else 0.0
+        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers, rough=rough)
+        if solution is None or not solution.success:
+            return Failure(start, solution)
+        evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
+        optimum = Solved(problem, solution.iterate, draft, evidence)
+        better = _adapted(optimum, limits, refinement, flight.longest_interval) if rough else None
+        good = better or _good(optimum, limits)
+        if refinement == total or not (rough or good):
+            return finished(start, bench, optimum, solution, certificate_of(optimum, solution, None, limits))
+        rough = ROUGH if better else 0.0
+        draft = good or replace(draft, guess=solution.iterate)  # the mesh was good already: solve closely on it
+        barrier, solvers = REFINED_BARRIER, bench.solvers
+    raise AssertionError("the last refinement returns")
+
+
+def _good(optimum: Solved, limits: CertificateLimits) -> Draft | None:
+    """Return the good mesh, as far as can be foreseen from an optimum on another one; None if that is good itself."""
+    draft = mended(optimum, limits)
+    if draft is None or not optimum.draft.coarser.all():
+        return draft
+    cut = np.diff(np.flatnonzero(draft.coarser)) > 1
+    return halved(optimum, limits) if cut.mean() > MANY else draft
+
+
+def _adapted(optimum: Solved, limits: CertificateLimits, refinement: int, longest: float) -> Draft | None:
+    """Return a better first mesh; None if the one there is will do, with what is wrong on it mended.
+
+    Where intervals may not be joined, nothing but an optimum that is made of errors is worth another first mesh.
+    """
+    early = refinement < ADAPTATIONS_MAX and math.isinf(longest)
+    return adapted(optimum, limits, early=early, joining=early)

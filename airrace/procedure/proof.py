@@ -1,0 +1,60 @@
+"""The proof of a stage that was solved on one mesh, completed later.
+
+What a mesh does to a race time is told by a second one. Behind the mesh that a stage was solved on lies the coarser one
+from which it was cut. The stored flight is solved on that, and on its own mesh with all intervals halved that both have
+in common, so that the proof is the same as that of a stage which is proved at once.
+"""
+
+from dataclasses import replace
+
+from airrace.optimal_control.refinement import restrict
+from airrace.procedure.certification import examine
+from airrace.procedure.flight import Flight, iterate_of, mesh_of
+from airrace.procedure.handover import coarser_nodes
+from airrace.procedure.joint import REFINED_BARRIER, Compared, Failure, Start, Upcoming, refined_from
+from airrace.procedure.meshing import Draft, Solved, doubled, halved
+from airrace.procedure.result import StageResult
+from airrace.procedure.solving import Workbench
+
+
+def proved(flight: Flight, optimum: StageResult, bench: Workbench) -> StageResult | str:
+    """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
+
+    Args:
+        flight: the model of the stage, planned as the optimum goes round.
+        optimum: the stage as it was solved.
+        bench: what solves. Its attempts are added to those of the stage.
+    """
+    limits = bench.settings.certificate
+    mesh, iterate, kept = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), coarser_nodes(optimum)
+    problem = flight.problem(mesh)
+    evidence = examine(problem, iterate, optimum.constraint_multipliers, limits)
+    good = Solved(problem, iterate, Draft(mesh, iterate, optimum.mesh.why, kept), evidence)
+    if kept.all():
+        upcoming = _upcoming(bench, halved(good, limits), Compared.measured(good))
+    else:
+        coarser = _coarser(flight, good, bench)
+        if coarser is None:
+            return "no optimum was found on the coarser mesh"
+        upcoming = _upcoming(bench, doubled(good.draft, evidence.flown), Compared.measured(coarser))
+    found = refined_from(bench, Start(flight, problem, iterate, REFINED_BARRIER, optimum.facts), upcoming)
+    if isinstance(found, Failure):
+        return "no optimum was found on the finer mesh"
+    return replace(found, explored=optimum.explored) if found.certified else found.message
+
+
+def _upcoming(bench: Workbench, finer: Draft, coarser: Compared) -> Upcoming:
+    return Upcoming(finer, coarser, min(1, bench.settings.mesh.refinements_max), REFINED_BARRIER, bench.solvers)
+
+
+def _coarser(flight: Flight, good: Solved, bench: Workbench) -> Solved | None:
+    """Return the optimum on the coarser mesh behind that of another one; None if there is none."""
+    limits = bench.settings.certificate
+    mesh, guess = restrict(good.problem.mesh, good.iterate, good.draft.coarser)
+    problem = flight.problem(mesh)
+    bench.progress.activity(f"the coarser mesh, {problem.intervals} intervals", 0, 0)
+    solution = bench.solve(problem, guess, "the coarser mesh", barrier=REFINED_BARRIER)
+    if solution is None or not solution.success:
+        return None
+    evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
+    return Solved(problem, solution.iterate, Draft.first(problem, solution.iterate), evidence)
