@@ -80,7 +80,7 @@ class Checkpoint:
         return replace(self, stages=(*earlier, StoredStage(result, inputs, link)))
 
     def with_proof(self, result: StageResult) -> Self:
-        """Return this run with a stored stage whose proof was completed, or tried, in the place of the one that was solved.
+        """Return this run with a stage whose proof was completed, or tried, in the place of the one that was solved.
 
         Later stages stay, and those that stood on the one before stand on this one.
         """

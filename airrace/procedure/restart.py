@@ -141,7 +141,7 @@ def overtaken(another: Another, optimum: StageResult, way: str) -> str:
 
 
 def is_better(spare: StageResult, result: StageResult) -> bool:
-    """Tell whether the optimum that a start from another run has led to is better than what came from scratch instead."""
+    """Tell whether the optimum of a start from another run is better than what came from scratch instead."""
     if result.outcome is not Outcome.SOLVED:
         return True
     return result.stage is spare.stage and spare.trajectory.race_time < result.trajectory.race_time

@@ -13,7 +13,7 @@ from airrace.runs.task import Task
 def continued_task(
     run: Run, *, until: str | None = None, from_stage: str | None = None, proof: Proof | str | None = None
 ) -> Task:
-    """Return what is left of a run: the stages after the last one that still stands, and proofs that are to be completed.
+    """Return what is left of a run: the stages after the last one that still stands, and proofs to be completed.
 
     Args:
         run: the stored run.
