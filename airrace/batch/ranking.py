@@ -43,8 +43,8 @@ class Row:
 
     @property
     def behind_words(self) -> str:
-        """How far it is behind, s: a difference, `best`, `tie` where less than `TIE` tells them apart, `-` for
-        nothing."""
+        """The time that the job is behind, s, as a text: a difference, `best`, `tie` where it is not more than `TIE`,
+        or `-` without a race time."""
         if self.behind is None:
             return "-"
         if self.best:
@@ -53,8 +53,8 @@ class Row:
 
 
 def ranked(plan: Plan, results: Sequence[Result]) -> list[Row]:
-    """All jobs, course by course as planned: certified ones by race time, then other flights by race time, then the
-    rest as planned."""
+    """Return all jobs, course by course as planned: certified ones by race time, then other flights by race time, then
+    the rest as planned."""
     pairs = list(zip(plan.steps, results, strict=True))
     courses: dict[str, list[Result]] = {}
     for step, result in pairs:

@@ -14,7 +14,7 @@ MESSAGE_MAX = 90
 
 
 def ranking_table(rows: Sequence[Row]) -> Table:
-    """All jobs, course by course, the fastest of each first."""
+    """Return the table of all jobs, course by course, the fastest of each first."""
     explored, laps = any(row.result.ways is not None for row in rows), any(row.result.laps for row in rows)
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
     numbers = ("race time\ns", "behind\ns", *(("best lap\ns",) if laps else ()))

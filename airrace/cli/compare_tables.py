@@ -13,7 +13,7 @@ IN_MILLISECONDS = round(1000.0 * TIE)
 
 
 def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
-    """Return the verdict and the conditions, then the legs with those first on which most is lost.
+    """Yield the verdict and the conditions, then the legs with those first on which most is lost.
 
     Args:
         comparison: of a flight with the reference.
@@ -60,7 +60,7 @@ def _laps_table(comparison: Comparison) -> Table:
 
 
 def _legs_table(comparison: Comparison, legs: list[LegComparison]) -> Table:
-    """One row per leg: what is lost on it, by the way and by the speed, so far; and what is flown otherwise."""
+    """Return a table with one row per leg: its time, what is lost on it, by way and by speed, and what differs."""
     table = plain_table("legs by time lost", ("leg to",), ("time\ns", "lost\ns", "by way\ns", "by speed\ns"), ())
     table.add_column("what differs", overflow="fold")
     for leg in legs:

@@ -13,7 +13,7 @@ from airrace.quantities import KNOT
 
 
 def leg_tables(flight: Flight) -> Iterator[Table]:
-    """All that is told of every leg, in tables of at most 80 columns."""
+    """Yield the tables, of at most 80 columns, of all that is told of every leg."""
     facts = leg_facts(flight)
     yield _loads_table(facts)
     yield _speeds_table(facts)

@@ -1,4 +1,4 @@
-"""What `airrace show` prints of a run."""
+"""The texts that `airrace show` prints of a run."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from airrace.runs.shown import Shown
 
 
 def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str]:
-    """Return the stages, what each of them says, then splits, ways, legs and certificates; at most 80 columns wide.
+    """Yield the stages, what each of them says, then splits, ways, legs and certificates; at most 80 columns wide.
 
     Args:
         shown: what is told.

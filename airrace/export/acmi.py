@@ -65,7 +65,7 @@ def _header(flights: Sequence[Flight], begin: datetime) -> list[str]:
 
 
 def _things(flights: Sequence[Flight]) -> Iterator[str]:
-    """Return what stands on the courses; of a line or an area every corner."""
+    """Yield a line for everything that stands on the courses; of a line or an area, one for every corner."""
     number = FIRST_THING
     for course in courses(flights):
         for feature in features(course):
@@ -77,7 +77,7 @@ def _things(flights: Sequence[Flight]) -> Iterator[str]:
 
 
 def _moments(flights: Sequence[Flight]) -> Iterator[tuple[float, int, str]]:
-    """Time, rank within the time, and line of all that happens."""
+    """Yield time, rank within the time, and line of all that happens."""
     for number, flight in enumerate(flights):
         shown = _id(number)
         for time, text in zip(_rounded(flight.time), _states(flight), strict=True):
@@ -90,7 +90,7 @@ def _moments(flights: Sequence[Flight]) -> Iterator[tuple[float, int, str]]:
 
 
 def _states(flight: Flight) -> Iterator[str]:
-    """Where the aircraft is and how it lies, and all of its properties that the flight knows."""
+    """Yield, for every time, the place and the attitude of the aircraft and all of its properties that are known."""
     place = [np.degrees(flight["longitude"]), np.degrees(flight["latitude"]), flight["altitude"]]
     attitude = [np.degrees(flight.values("phi")), np.degrees(flight.values("theta"))]
     attitude.append(np.remainder(np.degrees(flight.values("psi")), 360.0))
@@ -113,5 +113,5 @@ def _id(number: int) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Commas would end a property, and bars an event's text."""
+    """Return a text in which no comma ends a property and no bar an event's text."""
     return printable(text).replace("\\", "/").replace(",", "\\,").replace("|", "/")

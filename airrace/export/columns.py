@@ -39,7 +39,7 @@ def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> li
 
 
 def displayed(quantity: Quantity, values: Array) -> Iterator[Column]:
-    """Return the quantity in units for people: angles in degrees; speeds in m/s and in knots."""
+    """Yield the columns of a quantity in units for people: angles in degrees; speeds in m/s and in knots."""
     unit = quantity.unit
     if unit == "rad" or unit.startswith("rad/"):
         unit, values = unit.replace("rad", "deg", 1), values / DEGREE

@@ -67,7 +67,7 @@ def _flight(key: str, flight: Flight, begin: datetime, number: int) -> dict[str,
 
 
 def _fixed_attitude(flight: Flight) -> tuple[Array, Array, Array, Array]:
-    """Quaternions (x, y, z, scalar last) from the body's axes (forward, left, up) to the axes fixed in the earth."""
+    """Return quaternions (x, y, z, scalar last) from the body's axes (forward, left, up) to axes fixed in the earth."""
     R_OB = path_axes([flight[name] for name in BODY_ATTITUDE])
     flip = np.diag([1.0, -1.0, -1.0])
     origin = flight.course.origin
@@ -77,7 +77,7 @@ def _fixed_attitude(flight: Flight) -> tuple[Array, Array, Array, Array]:
 
 
 def earth_axes(latitude: float, longitude: float) -> Array:
-    """`R_EO`: from components north, east, down at a place (rad) to components fixed in the earth, shape (3, 3)."""
+    """Return `R_EO`, from components north, east, down at a place (rad) to components fixed in the earth, (3, 3)."""
     sp, cp, sl, cl = math.sin(latitude), math.cos(latitude), math.sin(longitude), math.cos(longitude)
     return np.array([[-sp * cl, -sl, -cp * cl], [-sp * sl, cl, -cp * sl], [cp, 0.0, -sp]])
 

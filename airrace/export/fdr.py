@@ -84,5 +84,5 @@ def _rows(flight: Flight, begin: datetime) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """Commas separate fields."""
+    """Return a text without commas, which separate fields."""
     return printable(text).replace(",", ";")

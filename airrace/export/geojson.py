@@ -74,6 +74,6 @@ def _feature(kind: str, coordinates: object, properties: Mapping[str, object]) -
 
 
 def _area(places: Sequence[Sequence[float]]) -> float:
-    """Positive where the corners, east and north, run counterclockwise."""
+    """Return twice the area within the corners, east and north; positive where they run counterclockwise."""
     following = [*places[1:], places[0]]
     return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(places, following, strict=True))

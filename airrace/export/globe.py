@@ -16,11 +16,11 @@ from airrace.track.geodetic import geodetic, placed
 from airrace.track.polygons import Point
 
 BEGIN = datetime(2000, 1, 1, 12, tzinfo=UTC)
-"""When a flight starts where nobody says otherwise: viewers want a date, and an optimum has none."""
+"""The instant at which a flight starts unless another one is given: viewers want a date, and an optimum has none."""
 
 
 class Shape(Enum):
-    """What the places of a feature are."""
+    """The shape that the places of a feature form."""
 
     POINT = "point"
     LINE = "line"
@@ -69,7 +69,7 @@ def on_globe(flight: Flight, origin: Origin | None) -> Flight:
 
 
 def features(course: Course) -> Iterator[Feature]:
-    """Gates, pylons, people, lines and borders of a course whose origin is known."""
+    """Yield gates, pylons, people, lines and borders of a course whose origin is known."""
     elements = {passage.element.name: passage.element for passage in course.passages}
     for name, element in elements.items():
         drawing = element.drawing()

@@ -16,7 +16,7 @@ from airrace.flights import Flight
 
 KML, GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
 COLOURS = ("ffb27200", "ff005ed5", "ff739e00", "ffa779cc", "ff009fe6", "ffe9b456")
-"""Of the flights: alpha, blue, green, red."""
+"""The colours of the flights, taken in turn: alpha, blue, green, red, two hexadecimal digits each."""
 KINDS = {
     "gate": "ff222222",
     "pylon": "ff222222",
@@ -55,7 +55,7 @@ def kml(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Return the same document, zipped."""
+    """Return the document that `kml` returns, zipped."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as zipped:
         entry = zipfile.ZipInfo("doc.kml", ZIPPED)
@@ -65,7 +65,7 @@ def kmz(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def _flight(document: ET.Element, flight: Flight, begin: datetime, style: str) -> None:
-    """Return the line, the track in time, and a point for every passing."""
+    """Add the folder of a flight: the line, the track in time, and a point for every passing."""
     folder = _folder(document, printable(flight.label))
     places = _places(flight)
     line = _named(folder, f"{printable(flight.label)}, line", style)

@@ -16,7 +16,9 @@ LONGEST = 31
 
 
 def mat(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """Every flight as a structure named after its label: `time`, the histories (SI, radians), `units`, `passings`.
+    """Return a MAT-file with every flight as a structure named after its label.
+
+    A structure holds `time`, the histories (SI, radians), `units` and `passings`, among others.
 
     Args:
         flights: any.
@@ -49,7 +51,7 @@ def _structure(flight: Flight, begin: datetime) -> dict[str, object]:
 
 
 def _names(labels: Sequence[str]) -> list[str]:
-    """Names of variables: letters, digits and underscores, unique."""
+    """Return names of variables: letters, digits and underscores, unique."""
     names: list[str] = []
     for number, label in enumerate(labels, start=1):
         name = re.sub(r"\W", "_", label, flags=re.ASCII)

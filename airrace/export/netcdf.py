@@ -13,7 +13,7 @@ from airrace.flights import Flight
 
 
 def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """All histories in SI units and radians along the dimension `obs`, flight after flight.
+    """Return a netCDF file of all histories in SI units and radians along the dimension `obs`, flight after flight.
 
     `rowSize` says how many of them belong to each flight, `flight` what it is called. A history that a flight does not
     have is NaN. Units, meanings and where values come from are attributes.
@@ -50,7 +50,7 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) -> None:
-    """Return a row of characters for each text; the classic format knows no strings."""
+    """Write a variable with a row of characters for each text; the classic format knows no strings."""
     encoded = [_text(text).encode() for text in texts]
     width = max(1, *(len(one) for one in encoded))
     file.createDimension(f"{name}_length", width)
@@ -61,5 +61,5 @@ def _texts(file: Any, name: str, texts: Sequence[str], about: dict[str, str]) ->
 
 
 def _text(text: str) -> str:
-    """Attributes are ASCII in the classic format."""
+    """Return a text in ASCII, as the classic format has its attributes."""
     return text.encode("ascii", "replace").decode()

@@ -14,7 +14,9 @@ from airrace.flights import Flight
 
 
 def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
-    """One row per time of every flight: `flight` (its label), `time` (s), and the histories in SI units and radians.
+    """Return a Parquet file with one row per time of every flight.
+
+    Its columns are `flight` (the label), `time` (s), and the histories in SI units and radians.
 
     A history that a flight does not have is NaN in its rows. Every column has the metadata `unit`, `long_name` and
     `basis`; the table has `airrace`, a JSON object about the flights.
@@ -42,7 +44,7 @@ def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
 
 
 def about_flights(flights: Sequence[Flight], begin: datetime) -> list[dict[str, object]]:
-    """Which flights these are, as plain values: labels, tracks, aircraft, race times and passings."""
+    """Return plain values that say which flights these are: labels, tracks, aircraft, race times and passings."""
     return [
         {
             "label": flight.label,

@@ -33,7 +33,7 @@ class Samples:
 
 
 def at_nodes(trajectory: Trajectory) -> Samples:
-    """Return one row per node; the last node repeats the controls of the last interval."""
+    """Return the samples of a flight, one row per node; the last node repeats the controls of the last interval."""
     intervals = np.minimum(np.arange(len(trajectory.time)), trajectory.control.shape[1] - 1)
     return Samples(
         trajectory.time,

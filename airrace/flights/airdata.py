@@ -1,4 +1,4 @@
-"""What the air does to a flight: true and indicated airspeed, and where the air comes from."""
+"""The flow that a flight meets: the wind along it, and the indicated airspeed that follows from the true one."""
 
 import functools
 
@@ -24,7 +24,7 @@ KAPPA = 1.4
 
 
 def wind(air: Air, x: Array, y: Array, z: Array) -> Array:
-    """North, east and down component of the wind at places of the track's frame (m), shape (3, n), m/s."""
+    """Return the north, east and down components of the wind at places of the track's frame (m), shape (3, n), m/s."""
     field = WindField.of(air)
     if not field.present:
         return np.zeros((3, len(x)))

@@ -1,4 +1,4 @@
-"""How the body lies in space, from the flight path and the angles of the flow.
+"""The attitude of the body in space, from the flight path and the angles of the flow.
 
 Models with angles know it: `R_OB = R_OKbar R_BKbar(alpha_K, beta_K)^T`. For the others the body is turned into the air
 that meets it, as their load factors are: x_A along the velocity relative to the air, z_A in the plane of that and of
@@ -16,17 +16,17 @@ Axes = Array
 
 
 def path_axes(q: list[Array]) -> Axes:
-    """`R_OKbar` over time, from the rows of its quaternion, each of shape (n,)."""
+    """Return `R_OKbar` over time, from the rows of its quaternion, each of shape (n,)."""
     return _stacked(rotation(q), q[0])
 
 
 def body_axes(R_OKbar: Axes, alpha_K: Array, beta_K: Array) -> Axes:
-    """`R_OB` of a body at kinematic angles, rad, shape (n,)."""
+    """Return `R_OB` over time of a body at kinematic angles, rad, each of shape (n,)."""
     return np.einsum("ijn,kjn->ikn", R_OKbar, _to_body(alpha_K, beta_K))
 
 
 def air_axes(R_OKbar: Axes, V_O: Array) -> Axes:
-    """`R_OA` of the flow that meets an aircraft.
+    """Return `R_OA` over time, from the axes of the flow that meets an aircraft.
 
     Args:
         R_OKbar: of the flight path.
@@ -69,13 +69,13 @@ def quaternions(R: Axes) -> list[Array]:
 
 
 def euler_angles(R: Axes) -> tuple[Array, Array, Array]:
-    """Heading, pitch and roll (or course, climb and bank) of rotation matrices, rad, shape (n,)."""
+    """Return heading, pitch and roll (or course, climb and bank) of rotation matrices, rad, shape (n,)."""
     theta = -np.arcsin(np.clip(R[2, 0], -1.0, 1.0))
     return np.arctan2(R[1, 0], R[0, 0]), theta, np.arctan2(R[2, 1], R[2, 2])
 
 
 def _to_body(alpha: Array, beta: Array) -> Axes:
-    """`R_BKbar` of kinematic angles, `R_BA` of aerodynamic ones [theory/model.md]."""
+    """Return `R_BKbar` of kinematic angles, or `R_BA` of aerodynamic ones, rad, shape (n,) [theory/model.md]."""
     ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
     return _stacked([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]], alpha)
 
@@ -85,5 +85,5 @@ def _stacked(rows: list[list[Scalar]], like: Array) -> Axes:
 
 
 def _unit(vectors: Array) -> Array:
-    """Columns of length one, shape (3, n)."""
+    """Return the columns scaled to length one, shape (3, n)."""
     return np.asarray(vectors / np.linalg.norm(vectors, axis=0), np.float64)

@@ -1,4 +1,4 @@
-"""How close a flight comes to what it must keep away from: pylons, people, safety lines, borders, floor and ceiling.
+"""The clearance of a flight from what it must keep away from: pylons, people, lines, borders, floor and ceiling.
 
 A pylon is an upright of `PYLON_HEIGHT`; the distance is that of the wing, from tip to tip, seen from above, and above
 its top the height is counted as well. All other distances are those of the aircraft's centre, as the rules measure it.
@@ -48,12 +48,12 @@ class Clearance:
 
     @property
     def margin(self) -> float:
-        """What is left beyond the required distance, m; negative where it is not kept."""
+        """The distance that is left beyond the required one, m; negative where that is not kept."""
         return self.distance - self.required
 
     @property
     def text(self) -> str:
-        """What it is the distance from, e.g. `pylon g3`."""
+        """The thing from which the distance is measured, e.g. `pylon g3`."""
         return f"{self.kind} {self.name}".rstrip()
 
 
@@ -72,7 +72,7 @@ class Distance:
 
 
 def distances(flight: Flight) -> tuple[Distance, ...]:
-    """From everything that the course names, as far as the flight's histories tell."""
+    """Return the distances from everything that the course names; empty where the flight does not tell its position."""
     if not flight.has("x", "y", "height"):
         return ()
     return (*_pylons(flight), *_crowds(flight), *_lines(flight), *_borders(flight))
@@ -117,8 +117,8 @@ def _required(element: Element) -> float:
 
 
 def _wing_tips(flight: Flight) -> tuple[Array, Array]:
-    """North, east and height of the left and of the right wing tip, shape (3, n), m; of the centre without an
-    attitude."""
+    """Return north, east and height of the left and of the right wing tip, each of shape (3, n), m; without an attitude
+    those of the centre."""
     centre = np.stack([flight["x"], flight["y"], flight["height"]])
     if not flight.has(*BODY_ATTITUDE):
         return centre, centre
@@ -128,7 +128,7 @@ def _wing_tips(flight: Flight) -> tuple[Array, Array]:
 
 
 def _from_wing(left: Array, right: Array, post: Point) -> Array:
-    """Distance of an upright from the wing, seen from above, m, shape (n,)."""
+    """Return the distance of an upright from the wing, seen from above, m, shape (n,)."""
     place = np.array([[post.north], [post.east]])
     along = right[:2] - left[:2]
     squared = np.sum(along**2, axis=0)
@@ -148,7 +148,7 @@ def _from_crowd(flight: Flight, crowd: Crowd) -> Array:
 
 
 def _lines(flight: Flight) -> Iterator[Distance]:
-    """Return a safety line counts on the legs that name it."""
+    """Yield the distance from every safety line, which counts on the legs that name it."""
     places = np.stack([flight["x"], flight["y"]], axis=1)
     legs: dict[str, set[int]] = {}
     lines: dict[str, SafetyLine] = {}

@@ -27,7 +27,7 @@ from airrace.trajectory import Array
 TIE = 0.005
 """s: less than this is a tie. Race times are certified to a few thousandths of a second (`race_time_change`)."""
 SHARES = np.linspace(0.0, 1.0, 41)
-"""Of every leg, where the difference of time is told."""
+"""The shares of every leg at which the difference of time is told."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class LegComparison:
 
     @property
     def difference(self) -> float:
-        """What the other loses on the leg, s; negative where it wins, NaN where one of them did not fly it."""
+        """The time that the other loses on the leg, s; negative where it wins, NaN where one of them did not fly it."""
         return self.other.time - self.reference.time
 
     @property
@@ -96,7 +96,7 @@ class Comparison:
 
     @property
     def difference(self) -> float:
-        """What the other loses in all, s; negative where it is faster."""
+        """The time that the other loses in all, s; negative where it is faster, NaN where one has no race time."""
         return self.other.race_time - self.reference.race_time
 
     @property
@@ -164,7 +164,7 @@ def _shares(L: float, t: float, L_other: float, t_other: float) -> tuple[float, 
 
 
 def _progress(reference: Flight, other: Flight, legs: Sequence[LegComparison]) -> Progress:
-    """Leg by leg at the same shares of both ways."""
+    """Return the difference of time, leg by leg at the same shares of both ways."""
     starts = reference.crossings[0].time, other.crossings[0].time
     distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
     for leg in legs:

@@ -1,4 +1,4 @@
-"""In what two flights differ before anyone flies: aircraft, fidelity, air, rules and places of the gates."""
+"""The conditions in which two flights differ before anyone flies: stage, aircraft, air, rules and gates."""
 
 import dataclasses
 import math
@@ -10,11 +10,11 @@ from airrace.quantities import KNOT, Interval
 from airrace.track.course import Rules
 
 NAMED = 3
-"""How many gates are named that stand elsewhere."""
+"""The greatest number of gates that are named as standing elsewhere."""
 
 
 def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str]]:
-    """Every condition that differs: what it is, in the one flight and in the other, in words."""
+    """Yield every condition that differs: what it is, and how it is in the one flight and in the other, in words."""
     if reference.source.stage != other.source.stage:
         yield "stage", reference.source.stage or "as flown", other.source.stage or "as flown"
     if reference.aircraft != other.aircraft:

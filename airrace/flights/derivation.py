@@ -1,4 +1,4 @@
-"""What follows from the histories that a flight was given, whatever its source: heights, airspeeds, angles, attitude.
+"""The derivation of what follows from the given histories of a flight: heights, airspeeds, angles and attitudes.
 
 Each rule says what it needs and what it gives. A rule is followed where all it needs is there, and what a source has
 told itself is never computed again; so a recording of positions and speeds gets airspeeds, and an optimum attitudes.
@@ -86,7 +86,7 @@ def _column(race: Race, name: str) -> Callable[[Known], Array]:
 
 
 def _limited(told: Histories, limits: Limits) -> Histories:
-    """Return the same with the bounds that aircraft and rules set, where a source has brought none of its own."""
+    """Return the histories with the bounds that aircraft and rules set, where a source has brought none of its own."""
     bounds = {
         "height": Interval(-limits.z.upper, -limits.z.lower),
         "V_K": limits.V_K,
@@ -151,7 +151,7 @@ def _attitude_from_air(race: Race, known: Known) -> Sequence[Array]:
 
 
 def _attitude_along_path(_: Race, known: Known) -> Sequence[Array]:
-    """Of a source that knows no angles: the body lies along its path."""
+    """Return the attitude of the path as that of the body, for a source that knows no angles of the flow."""
     return [known[name] for name in PATH_ATTITUDE]
 
 
@@ -164,7 +164,7 @@ def _R_OKbar(known: Known) -> attitude.Axes:
 
 
 def _velocity_in_air(race: Race, known: Known) -> Array:
-    """Relative to the air, components in O, m/s, shape (3, n)."""
+    """Return the velocity relative to the air, components in O, m/s, shape (3, n)."""
     chi, gamma = known["chi"], known["gamma"]
     e = np.stack([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
     return known["V_K"] * e - airdata.wind(race.air, known["x"], known["y"], known["z"])
@@ -187,4 +187,4 @@ RULES = (
     Rule(PATH_ATTITUDE, BODY_ATTITUDE, _attitude_along_path),
     Rule(BODY_ATTITUDE, ("psi", "theta", "phi"), _body_angles),
 )
-"""In the order in which they are followed: a later rule may need what an earlier one gives."""
+"""The rules in the order in which they are followed: a later one may need what an earlier one gives."""

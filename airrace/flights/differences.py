@@ -1,4 +1,4 @@
-"""What one flight does otherwise than another on the same leg, in words and numbers."""
+"""The differences between two flights on the same leg, in words and numbers."""
 
 import math
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from airrace.quantities import KNOT
 ROLLING = 1.0
 """rad/s, from which the aircraft is said to roll."""
 MOST = 4
-"""How many differences of one leg are told."""
+"""The greatest number of differences that are told of one leg."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Measure:
-    """How one thing is measured on a leg.
+    """The way in which one thing is measured on a leg.
 
     Attributes:
         name: of the difference.
@@ -81,7 +81,7 @@ def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tu
 
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
-    """When the aircraft first rolls fast, s after the passing that the leg begins with; NaN where it never does."""
+    """Return when the aircraft first rolls fast, s after the passing that begins the leg; NaN where it never does."""
     rolling = np.abs(flight.values("p_Kbar")[leg.rows]) >= ROLLING
     if not rolling.any():
         return math.nan
@@ -89,7 +89,7 @@ def _roll_begins(flight: Flight, leg: Leg) -> float:
 
 
 def _way(flight: Flight, leg: Leg) -> float:
-    """m."""
+    """Return the length of the way flown on the leg, m."""
     return float(way(flight, leg)[-1])
 
 
@@ -107,17 +107,17 @@ def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
 
 
 def _entry_speed(flight: Flight, leg: Leg) -> float:
-    """kt over ground at the passing that the leg begins with."""
+    """Return the speed over ground at the passing that begins the leg, kt."""
     return leg.before.value("V_K") / KNOT
 
 
 def _slowest(flight: Flight, leg: Leg) -> float:
-    """kt over ground."""
+    """Return the least speed over ground on the leg, kt."""
     return float(flight.values("V_K")[leg.rows].min()) / KNOT
 
 
 def _energy_lost(flight: Flight, leg: Leg) -> float:
-    """m of energy height from one end to the other."""
+    """Return the energy height that is lost from the beginning of the leg to its end, m."""
     return leg.before.value("h_E") - leg.after.value("h_E")
 
 
@@ -131,4 +131,4 @@ MEASURES = (
     Measure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} g more", "pulls {} g less", 1),
     Measure("energy_lost", _energy_lost, "m", 3.0, "loses {} m more energy", "loses {} m less energy", 0),
 )
-"""What is looked at on every leg."""
+"""The measures that are taken on every leg."""

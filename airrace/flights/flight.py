@@ -55,7 +55,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Source:
-    """What a flight is.
+    """The source of a flight: what it is called, and where it comes from.
 
     Attributes:
         label: what people call it, e.g. `rovinj.h5:six-dof`; unique among flights that are shown together.
@@ -96,12 +96,12 @@ class Flight:
 
     @property
     def course(self) -> Course:
-        """What is flown."""
+        """The course that is flown."""
         return self.race.course
 
     @property
     def aircraft(self) -> Aircraft:
-        """What flies."""
+        """The aircraft that flies."""
         return self.race.aircraft
 
     @property
@@ -111,12 +111,12 @@ class Flight:
 
     @property
     def label(self) -> str:
-        """What people call it."""
+        """The name that people call the flight by."""
         return self.source.label
 
     @property
     def race_time(self) -> float:
-        """From the first passing to the last, s; NaN where one of them is missing."""
+        """The time from the first passing to the last, s; NaN where one of them is missing."""
         return self.crossings[-1].time - self.crossings[0].time if self.crossings else math.nan
 
     def __contains__(self, name: object) -> bool:
@@ -135,7 +135,7 @@ class Flight:
         return self.histories[name].values if name in self.histories else np.full(len(self.time), np.nan)
 
     def has(self, *names: str) -> bool:
-        """Whether the flight has all of these histories."""
+        """Return whether the flight has all of these histories."""
         return all(name in self.histories for name in names)
 
     def limit(self, name: str) -> Interval:
@@ -146,7 +146,7 @@ class Flight:
         return Interval(quantity.lower, quantity.upper)
 
     def basis(self, name: str) -> Basis:
-        """Whether a history is solved, measured or derived.
+        """Return whether a history is solved, measured or derived.
 
         Raises:
             KeyError: the flight has no such history.
@@ -193,7 +193,7 @@ def _interpolated(name: str, time: Array, values: Array, wanted: Array) -> Array
 
 
 def _turned(names: Sequence[str], time: Array, rows: Sequence[Array], wanted: Array) -> dict[str, Array]:
-    """Quaternions along the shorter way, of unit length."""
+    """Return the quaternions at the wanted times, interpolated along the shorter way and of unit length."""
     q = np.asarray(rows, np.float64)
     flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
     q = q * np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))

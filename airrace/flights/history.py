@@ -9,7 +9,7 @@ from airrace.trajectory import Array
 
 
 class Basis(Enum):
-    """Where the values of a history come from.
+    """The origin of the values of a history.
 
     `SOLVED`: states and controls of an optimum. `MEASURED`: a recording. `DERIVED`: computed from the others.
     """

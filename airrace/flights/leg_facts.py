@@ -1,4 +1,4 @@
-"""What is told of every leg: time, load factors, heights, speeds, roll rate, energy, and what it comes near to."""
+"""The facts that are told of every leg: time, load factors, heights, speeds, roll rate, energy, and clearances."""
 
 import math
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class LegFacts:
 
 
 def leg_facts(flight: Flight) -> tuple[LegFacts, ...]:
-    """All legs in order; one that was not flown is NaN throughout."""
+    """Return the facts of all legs in order; the ranges of a leg that was not flown are NaN."""
     known = distances(flight)
     return tuple(_facts(flight, leg, least(flight, leg, known) if leg.flown else ()) for leg in legs_of(flight))
 

@@ -13,7 +13,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Leg:
-    """From one passing to the next.
+    """The part of a flight from one passing to the next.
 
     Attributes:
         number: counts from 1; leg `i` ends in passing `i`.
@@ -39,7 +39,7 @@ class Leg:
 
     @property
     def time(self) -> float:
-        """How long it takes, s; NaN where one of the passings is missing."""
+        """The time that the leg takes, s; NaN where one of the passings is missing."""
         return self.after.time - self.before.time
 
     @property
@@ -62,18 +62,18 @@ class Lap:
 
     @property
     def time(self) -> float:
-        """How long it takes, s; NaN where its first or its last passing is missing."""
+        """The time that the lap takes, s; NaN where its first or its last passing is missing."""
         return self.legs[-1].after.time - self.legs[0].before.time
 
 
 def legs_of(flight: Flight) -> tuple[Leg, ...]:
-    """All legs in order, also those that were not flown."""
+    """Return all legs in order, also those that were not flown."""
     pairs = itertools.pairwise(flight.crossings)
     return tuple(_leg(flight, number, *pair) for number, pair in enumerate(pairs, start=1))
 
 
 def laps_of(flight: Flight) -> tuple[Lap, ...]:
-    """All laps in order; one where the course has no laps."""
+    """Return all laps in order; a single one where the course has no laps."""
     grouped = itertools.groupby(legs_of(flight), key=lambda leg: leg.lap)
     return tuple(Lap(number, tuple(legs)) for number, legs in grouped)
 

@@ -49,13 +49,13 @@ def beyond_border(way: Array, corners: Sequence[Point]) -> float:
 
 
 def beside_line(way: Array, line: SafetyLine) -> Array:
-    """How far every sample of a way (samples, 2) lies on the allowed side of a safety line, m, shape (samples,)."""
+    """Return how far each sample of a way (samples, 2) is on the allowed side of a safety line, m, shape (samples,)."""
     _, across = _beside(way, line.start, line.end)
     return across if line.keep_right else -across
 
 
 def beside_border(way: Array, corners: Sequence[Point]) -> Array:
-    """How far every sample of a way (samples, 2) lies inside a convex area, m, shape (samples,)."""
+    """Return how far every sample of a way (samples, 2) lies inside a convex area, m, shape (samples,)."""
     sense = np.copysign(1.0, area(corners))
     return np.minimum.reduce([sense * _beside(way, a, b)[1] for a, b in edges(corners, closed=True)])
 

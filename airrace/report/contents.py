@@ -1,4 +1,4 @@
-"""What the script of a report is told: plain data, written into the page as JSON.
+"""The contents of a report as its script is told them: plain data, written into the page as JSON.
 
 The object, with the format's name first:
 
@@ -122,7 +122,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Difference:
-    """How much later (s) a flight was at the places where the first one was at the times `time` (s); shapes (n,)."""
+    """The delay (s) with which a flight was where the first one was at the times `time` (s); each of shape (n,)."""
 
     flight: int
     time: Array
@@ -134,7 +134,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Contents:
-    """All that the script is told."""
+    """All the data that the script of a report is told."""
 
     course: Mapping[str, object]
     flights: Sequence[FlightContents]
@@ -162,7 +162,7 @@ class Contents:
 
 
 def packed(values: Array) -> str:
-    """Numbers as 32-bit floats, least significant byte first, in base64."""
+    """Return numbers as 32-bit floats, least significant byte first, in base64."""
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 

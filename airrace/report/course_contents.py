@@ -29,11 +29,11 @@ INFLATED = 25.0
 ABOVE = 5.0
 """m, that a pylon rises above the highest passing that counts."""
 ENDLESS = 0.15
-"""Of the course's extent, by which a safety line, which has no ends, is drawn beyond the points that define it."""
+"""The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
 
 
 def course_contents(seen: Scenery, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
-    """Return the object above.
+    """Return the object that the module describes.
 
     Args:
         seen: the course from above.

@@ -1,4 +1,4 @@
-"""How far other flights are behind the first, place by place along the course, against the first one's clock."""
+"""The time that other flights are behind the first, place by place along the course, on the first one's clock."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from airrace.trajectory import Array
 
 
 def started(flight: Flight) -> float:
-    """When the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
+    """Return when the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
     found = flight.crossings and flight.crossings[0].found
     return flight.crossings[0].time if found else float(flight.time[0])
 
@@ -30,7 +30,7 @@ def difference_of(comparison: Comparison, number: int) -> Difference:
 
 
 def _times(flight: Flight, leg: Leg) -> Array:
-    """When the shares of a leg were flown, its beginning left out, s; NaN where the leg was not flown."""
+    """Return when the shares of a leg were flown, its beginning left out, s; NaN where the leg was not flown."""
     if not leg.flown:
         return np.full(len(SHARES) - 1, np.nan)
     flown = way(flight, leg)

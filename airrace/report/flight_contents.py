@@ -1,4 +1,4 @@
-"""Flights as the script of a report is told of them."""
+"""The flights as the script of a report is told of them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,7 +13,7 @@ from airrace.views.scenery import Scenery
 
 
 def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: Scenery) -> Contents:
-    """All that the script is told.
+    """Return all that the script is told of some flights.
 
     Args:
         flights: the first is what the page is about, the others are its ghosts.
@@ -31,13 +31,13 @@ def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], se
 
 
 def short_labels(flights: Sequence[Flight]) -> list[str]:
-    """Labels without what they all begin with, up to a colon: stages alone, where all flights are of one run."""
+    """Return labels without what they all begin with, up to a colon: stages alone, where all flights are of one run."""
     files = {flight.label.rpartition(":")[0] for flight in flights}
     return [flight.label.rpartition(":")[2] if len(files) == 1 else flight.label for flight in flights]
 
 
 def flight_contents(flight: Flight, label: str) -> FlightContents:
-    """One flight under a label, with its clock beginning at its first passing."""
+    """Return the contents of one flight under a label, with its clock beginning at its first passing."""
     begin = started(flight)
     pose = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
     attitude = {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
@@ -53,7 +53,7 @@ def flight_contents(flight: Flight, label: str) -> FlightContents:
 
 
 def places_passed(flight: Flight) -> Mapping[str, tuple[float, float, float]]:
-    """Where elements were passed first: north, east, height (m), by their names."""
+    """Return where elements were passed first: north, east, height (m), by their names."""
     places: dict[str, tuple[float, float, float]] = {}
     for one in flight.crossings:
         if one.found:

@@ -20,7 +20,7 @@ VERDICTS = {True: "certified", False: "not certified", None: "recorded"}
 
 
 def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> Page:
-    """Return the page.
+    """Return the page about some flights.
 
     Args:
         flights: the first is what the page is about, the others fly beside it as its ghosts.
@@ -53,7 +53,7 @@ def _flight_sections(flights: Sequence[Flight], comparisons: Sequence[Comparison
 
 
 def _subtitle(flight: Flight) -> str:
-    """Who flies, which model, and in which wind."""
+    """Return a line that says which aircraft flies, at which stage, and in which wind."""
     wind = flight.air.wind
     blowing = "calm air"
     if wind is not None and wind.speed > 0.0:
@@ -62,7 +62,7 @@ def _subtitle(flight: Flight) -> str:
 
 
 def _ground_track(flight: Flight) -> Trajectory:
-    """As much of a flight as the drawing from above needs, as one phase."""
+    """Return as much of a flight as the drawing from above needs, as one phase."""
     shown = (Quantity("x", "m"), Quantity("y", "m"), Quantity("V_K", "m/s"))
     last = len(flight.time) - 1
     return Trajectory(

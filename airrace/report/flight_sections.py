@@ -1,4 +1,4 @@
-"""What a report tells of flights as tables: the flights side by side, the legs of the first, where others lose time."""
+"""The tables of a report about flights: the flights side by side, the legs of the first, where others lose time."""
 
 import math
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ LOST = (
 
 
 def flights_section(flights: Sequence[Flight]) -> str:
-    """All flights with their race times; empty where there is only one."""
+    """Return a table of all flights with their race times; empty where there is only one."""
     if len(flights) < 2:
         return ""
     first = flights[0]
@@ -62,13 +62,13 @@ def flights_section(flights: Sequence[Flight]) -> str:
 
 
 def legs_section(flight: Flight) -> str:
-    """Leg by leg what a flight does, and what it comes near to."""
+    """Return a table of what a flight does leg by leg, and of what it comes near to."""
     rows = [Row(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
     return section("Legs", table(LEGS, rows) + note(_laps(flight)))
 
 
 def lost_section(comparison: Comparison) -> str:
-    """On which legs another flight loses its time, and what it flies otherwise there."""
+    """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
     label = comparison.other.label
     rows = [Row(_lost(leg, comparison)) for leg in comparison.by_loss]
     others = [
@@ -111,7 +111,7 @@ def _lost(leg: LegComparison, comparison: Comparison) -> tuple[Cell | str, ...]:
 
 
 def _span(values: Range, unit: float, digits: int) -> str:
-    """From the least to the greatest; a dash where nothing is known."""
+    """Return a range as a text, from the least to the greatest value; a dash where nothing is known."""
     least, greatest = number(values.least / unit, digits), number(values.greatest / unit, digits)
     return least if least == greatest else f"{least} … {greatest}"
 

@@ -50,7 +50,7 @@ class Row:
 
 
 def number(value: float, digits: int, *, signed: bool = False) -> str:
-    """Return a number for people; a dash where there is none."""
+    """Return a number as people read it; a dash where there is none."""
     if not math.isfinite(value):
         return DASH
     return with_minus(f"{value:{'+' if signed else ''}z.{digits}f}")
@@ -81,7 +81,7 @@ def note(text: str) -> str:
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Names and what they stand for."""
+    """Return a list of names and what they stand for."""
     entries = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>" for name, text in pairs)
     return f'<dl class="facts">{entries}</dl>'
 

@@ -37,7 +37,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Page:
-    """What stands in a report.
+    """The page of a report: its texts, readings, drawing and tables, and what its script is told.
 
     Attributes:
         title, subtitle: plain text of any length.
@@ -63,7 +63,7 @@ class Page:
     contents: Contents
 
     def as_html(self) -> str:
-        """Return the whole page."""
+        """Return the whole page as HTML."""
         style, script = page_style(), page_script()
         return _template().substitute(
             policy=policy(style, script),

@@ -107,7 +107,7 @@ def _module(importer: Path, name: str, number: dict[Path, int]) -> str:
 
 
 def _names(text: str) -> list[tuple[str, str]]:
-    """Pairs of a name and what it is called on the other side."""
+    """Return pairs of a name and what it is called on the other side."""
     pairs: list[tuple[str, str]] = []
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, _, other = part.partition(" as ")

@@ -1,4 +1,4 @@
-"""Which histories a report shows, in which units, and with which limits."""
+"""The histories that a report shows, with their units and limits."""
 
 import math
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ STRIPS = (
     Drawn("Lever", "%", 0.01, (("delta_T", "power"),), least=5.0),
     Drawn("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
 )
-"""From top to bottom."""
+"""The strips of a report, from top to bottom."""
 
 COLOURS = (
     Scale("Load factor", "n_z", "g", 1),
@@ -71,7 +71,7 @@ READINGS = (
 
 
 def histories_shown(flight: Flight) -> dict[str, Array]:
-    """All that strips, colours and readings show of a flight, by name, in the units in which it is shown."""
+    """Return all histories that a report shows of a flight, by name, in the units in which they are shown."""
     return {
         name: flight[name] / drawn.factor for drawn in STRIPS for name, _ in drawn.lines if name in flight
     }  # fmt: skip
@@ -83,7 +83,7 @@ def strips_of(flights: Sequence[Flight]) -> list[Strip]:
 
 
 def colours_of(flight: Flight) -> list[Scale]:
-    """By what the line of a flight can be coloured."""
+    """Return the scales by which the line of a flight can be coloured."""
     return [scale for scale in COLOURS if scale.history in flight]
 
 
@@ -104,7 +104,7 @@ def _strip(drawn: Drawn, flight: Flight) -> Strip:
 
 
 def _limits(drawn: Drawn, flight: Flight) -> list[tuple[float, str]]:
-    """Bounds that are finite, each once."""
+    """Return the bounds that are finite, each once."""
     bounds: dict[float, str] = {}
     for name in drawn.limited:
         allowed = flight.limit(name)

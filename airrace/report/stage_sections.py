@@ -1,4 +1,4 @@
-"""What a report tells of the stage that found a flight: certificate, ways that were tried, prices, inputs."""
+"""The sections of a report about the stage that found a flight: certificate, ways tried, prices, inputs."""
 
 import math
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ PRICES = (
 
 
 def certificate_section(certificate: Certificate | None) -> str:
-    """Every item with its limit; empty where nothing is certified."""
+    """Return a table of every item of a certificate with its limit; empty without a certificate."""
     if certificate is None:
         return ""
     rows = [
@@ -47,7 +47,7 @@ def certificate_section(certificate: Certificate | None) -> str:
 
 
 def _measured(item: Item) -> tuple[str, str, str]:
-    """Value, limit and unit; angles in degrees."""
+    """Return value, limit and unit of an item; angles in degrees."""
     turned = item.unit.startswith("rad")
     factor, unit = (math.degrees(1.0), item.unit.replace("rad", "°", 1)) if turned else (1.0, item.unit)
     return f"{item.value * factor:.3g}", f"{item.limit * factor:.3g}", unit

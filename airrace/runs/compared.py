@@ -16,7 +16,7 @@ def compared_object(reference: Flight, comparisons: list[Comparison]) -> dict[st
 
 
 def flight_object(flight: Flight) -> dict[str, object]:
-    """Which flight it is."""
+    """Return the object that says which flight it is."""
     return {
         "label": flight.label,
         "track": flight.course.name,

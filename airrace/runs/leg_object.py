@@ -9,7 +9,7 @@ from airrace.runs.run_object import finite
 
 
 def legs_object(flight: Flight) -> dict[str, object]:
-    """`legs` and `laps` of a stage in `airrace show --json`: SI units, radians, g."""
+    """Return `legs` and `laps` of a stage in `airrace show --json`: SI units, radians, g."""
     return {
         "legs": [_leg(facts) for facts in leg_facts(flight)],
         "laps": [{"lap": lap.number, "time_s": finite(lap.time)} for lap in laps_of(flight)],

@@ -30,16 +30,16 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
 
 
 def report_page(flown: FlownStage, others: Sequence[str] = (), *, priced: bool = False) -> str:
-    """Return the same of a stage that is at hand, and of flights by their names beside it; arguments and errors
-    likewise.
+    """Return the report about a stage that is at hand, with flights by their names beside it; arguments and errors are
+    those of `opened_report`.
     """
     flights = [flown.flight(), *opened_flights(others)]
     return flight_page(flights, stage_sections(flown, priced=priced), footer_of(flown)).as_html()
 
 
 def stage_sections(flown: FlownStage, *, priced: bool = False) -> list[str]:
-    """Return what a run knows of a stage: ways that were tried, prices, certificate, inputs; HTML, empty where it is
-    nothing.
+    """Return what a run knows of a stage: ways that were tried, prices, certificate, inputs; each is HTML, and empty
+    where there is nothing to tell.
 
     Raises:
         NotCertified: prices were asked for, and the stage is no certified optimum.
@@ -53,5 +53,5 @@ def stage_sections(flown: FlownStage, *, priced: bool = False) -> list[str]:
 
 
 def footer_of(flown: FlownStage) -> str:
-    """Which airrace has computed it, and what users should know of it."""
+    """Return a line that says which airrace has computed a stage, and what users should know of it."""
     return "; ".join(text for text in (f"airrace {flown.versions['airrace']}", flown.message, flown.stale) if text)

@@ -108,7 +108,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
 
 
 def lap_times(splits: Sequence[GateSplit]) -> list[float]:
-    """Time of every lap, s, by the numbers that the names of the passings begin with; empty for a race of one lap."""
+    """Return the time of every lap, s, by the numbers that the passings' names begin with; empty for one lap."""
     ends = {split.name.partition(":")[0]: split.time for split in splits}  # the last passing of a lap ends it
     times = list(ends.values())
     return [after - before for before, after in itertools.pairwise(times)] if len(times) > 2 else []
@@ -156,7 +156,7 @@ def explored_object(explored: Explored) -> dict[str, object]:
 
 
 def certificate_object(certificate: Certificate) -> dict[str, object]:
-    """Return every number, not only the verdict; what could not be measured is null and does not hold."""
+    """Return the object of a certificate with all its numbers; what could not be measured is null and does not hold."""
     return {
         "solver_status": certificate.solver_status,
         "items": [

@@ -16,7 +16,7 @@ ITEMS = ("item", "value", "limit", "unit", "holds")
 
 
 def run_line(name: str, results: Sequence[StageResult]) -> str:
-    """Return in a line which run it is, how far it has come and whether it is certified."""
+    """Return a line that says which run it is, how far it has come and whether it is certified."""
     if not results:
         return f"{name}: no stage is finished yet"
     last = results[-1]
@@ -60,7 +60,7 @@ def _stage_cells(result: StageResult) -> tuple[str, ...]:
 
 
 def _flight(race: Race, result: StageResult) -> str:
-    """Return splits and picture as HTML; nothing if no flight was found."""
+    """Return splits and picture as HTML; empty if no flight was found."""
     if not result.is_flight:
         return ""
     return f"{Splits(result.splits).to_html()}{plan_svg(scenery(race), result.trajectory)}"

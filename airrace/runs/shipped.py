@@ -45,7 +45,7 @@ class Shipped:
     rules: tuple[str, ...]
 
     def as_object(self) -> dict[str, object]:
-        """Return plain values, for JSON."""
+        """Return all that is listed as plain values, for JSON."""
         return {
             "tracks": [asdict(one) for one in self.tracks],
             "aircraft": [{"name": one.name, "title": one.title, "mass_kg": one.mass} for one in self.aircraft],
@@ -72,5 +72,5 @@ def _aircraft(name: str) -> ShippedAircraft:
 
 
 def _file(collection: Collection, name: str) -> Path:
-    """Return the file itself, whatever lies in the current folder under that name."""
+    """Return the path of the shipped file of a name, whatever lies in the current folder under that name."""
     return collection.path / f"{name}{SUFFIX}"

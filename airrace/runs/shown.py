@@ -1,4 +1,4 @@
-"""What `airrace show` tells of a checkpoint: its stages, and legs and laps of one of them."""
+"""The content of a checkpoint as `airrace show` tells it: its stages, and legs and laps of one of them."""
 
 import logging
 from dataclasses import dataclass

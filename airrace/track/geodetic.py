@@ -60,5 +60,5 @@ def known(origin: Origin) -> tuple[float, float, float]:
 
 
 def placed(origin: Origin) -> bool:
-    """Whether the origin has a latitude and a longitude."""
+    """Return whether the origin has a latitude and a longitude."""
     return origin.latitude is not None and origin.longitude is not None

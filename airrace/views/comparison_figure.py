@@ -68,7 +68,7 @@ def _draw_loss(axes: Axes, comparisons: Sequence[Comparison]) -> None:
 
 
 def _draw_strip(axes: Axes, flight: Flight, passings: Array, name: str, factor: float, colour: str) -> None:
-    """One history over the way of the reference; a bank that jumps by a full turn is left open there."""
+    """Draw one history over the way of the reference; a bank that jumps by a full turn is left open there."""
     for leg, (first, last) in zip(legs_of(flight), pairwise(passings.tolist()), strict=True):
         if not leg.flown:
             continue

@@ -1,4 +1,4 @@
-"""What stands on a course and beside it, drawn from above: gates, pylons, people, lines, airspace, and their names."""
+"""The drawing of a course and its surroundings from above: gates, pylons, people, lines, airspace, and their names."""
 
 import math
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ def draw_surroundings(axes: Axes, seen: Scenery, frame: Box) -> None:
 
 
 def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
-    """Return the people, and as a shade the ground within their distance."""
+    """Draw the people, and as a shade the ground within their distance."""
     east = np.linspace(frame.left, frame.left + frame.width, RASTER)
     north = np.linspace(frame.bottom, frame.bottom + frame.height, RASTER)
     away = ground_distance(np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).astype(np.float64), crowd)
@@ -54,7 +54,7 @@ def _draw_crowd(axes: Axes, crowd: Crowd, frame: Box) -> None:
 
 
 def _draw_safety_line(axes: Axes, line: SafetyLine, frame: Box, label: str) -> None:
-    """From border to border; hatched on the forbidden side, dashed where its margin ends."""
+    """Draw a safety line from border to border: hatched on the forbidden side, dashed where its margin ends."""
     start = np.array([line.start.east, line.start.north])
     along = np.array([line.end.east - line.start.east, line.end.north - line.start.north])
     along /= np.hypot(*along)
@@ -70,13 +70,13 @@ def _draw_safety_line(axes: Axes, line: SafetyLine, frame: Box, label: str) -> N
 
 
 def joined(lines: list[Array]) -> Array:
-    """Lines as one, with gaps between, shape (n, 2)."""
+    """Return some lines as one, with gaps between, shape (n, 2)."""
     gap = np.full((1, 2), np.nan)
     return np.concatenate([piece for line in lines for piece in (line, gap)])
 
 
 def draw_elements(axes: Axes, seen: Scenery, frame: Box) -> None:
-    """To scale: what is flown through, with an arrow for every course; then what is flown past; then mere places."""
+    """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places."""
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
     for mark in seen.marks:
         drawing = mark.element.drawing()
@@ -92,7 +92,7 @@ def _rank(drawing: Drawing) -> int:
 
 
 def _draw_group(axes: Axes, group: list[tuple[Mark, Drawing]], legend: str) -> None:
-    """Elements that are drawn alike, with their entry in the legend."""
+    """Draw elements that look alike, with their entry in the legend."""
     drawings = [drawing for _, drawing in group]
     windows = [_places(one.window) for one in drawings if one.window]
     reaches = [_places(one.reach) for one in drawings if one.reach]
@@ -119,12 +119,12 @@ def _draw_group(axes: Axes, group: list[tuple[Mark, Drawing]], legend: str) -> N
 
 
 def _places(points: Sequence[Point]) -> Array:
-    """North and east, shape (n, 2), m."""
+    """Return north and east of some points, shape (n, 2), m."""
     return np.array([[point.north, point.east] for point in points])
 
 
 def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
-    """Return an arrow for every course flown through an element."""
+    """Draw an arrow for every course flown through an element."""
     arrows = np.array([(mark.east, mark.north, heading) for mark in marks for heading in mark.headings]).reshape(-1, 3)
     axes.quiver(
         arrows[:, 0],
@@ -142,7 +142,7 @@ def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
 
 
 def write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None:
-    """Names with the numbers of their passings, and names of crowds, where they hide least."""
+    """Write names with the numbers of their passings, and names of crowds, where they hide least."""
     named = [
         (f"{mark.label}  {_numbers(mark, seen)}", (mark.east, mark.north), BLACK) for mark in seen.marks if mark.label
     ]
@@ -170,7 +170,7 @@ def write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None:
 
 
 def _span(mark: Mark, arrow: float) -> Array:
-    """Points of what is drawn of a mark, north and east, shape (n, 2), m."""
+    """Return points of what is drawn of a mark, north and east, shape (n, 2), m."""
     centre, reach = np.array([mark.north, mark.east]), mark.element.drawing().reach
     tips = [arrow * np.array([math.cos(heading), math.sin(heading)]) for heading in mark.headings]
     if reach is not None:
@@ -180,7 +180,7 @@ def _span(mark: Mark, arrow: float) -> Array:
 
 
 def _numbers(mark: Mark, seen: Scenery) -> str:
-    """All passings of what stands on a spot, the second half of a quad among them."""
+    """Return the numbers of all passings of what stands on a spot, the second half of a quad among them."""
     here = [one for one in seen.marks if one is mark or (not one.label and _same_spot(one, mark))]
     return ", ".join(str(number) for number in sorted(number for one in here for number, _ in one.passings))
 

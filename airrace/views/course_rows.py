@@ -126,7 +126,7 @@ def _degrees(angle: float | None) -> float | None:
 
 
 def _rounded_degrees(angle: float | None) -> float | None:
-    """Return degrees without the conversion's last bits."""
+    """Return an angle in degrees, without the last bits of the conversion."""
     degrees = _degrees(angle)
     return None if degrees is None else round(degrees, 9)
 

@@ -42,7 +42,7 @@ STRIPS = (
     Strip("surfaces, deg", DEGREES, (("eta", "elevator"), ("xi", "aileron"), ("zeta", "rudder"))),
     Strip("lever", 1.0, (("delta_T", "lever"),), whole=(-0.05, 1.1)),
 )
-"""From top to bottom; those of which a flight has none are left out."""
+"""The strips from top to bottom; those of which a flight has no history are left out."""
 
 
 def draw_flight(flight: Flight, path: Path) -> None:
@@ -85,7 +85,7 @@ def _title(flight: Flight) -> str:
 
 
 def _draw_profile(axes: Axes, flight: Flight) -> None:
-    """Height over the time, with floor, ceiling and passings."""
+    """Draw the height over the time, with floor, ceiling and passings."""
     draw_coloured(axes, flight.time, flight["height"], flight.values(LOAD), width=2.2)
     axes.set(xlabel="time, s", ylabel="height, m", xlim=(flight.time[0], flight.time[-1]))
     axes.autoscale_view(scalex=False)
@@ -115,7 +115,7 @@ def _draw_strip(axes: Axes, flight: Flight, strip: Strip) -> None:
 
 
 def _draw_limits(axes: Axes, flight: Flight, name: str, factor: float) -> None:
-    """Return the bounds that applied, where the flight comes near enough to them that they are worth the room."""
+    """Draw the bounds that applied, where the flight comes near enough to them that they are worth the room."""
     bounds, values = flight.limit(name), flight[name]
     room = 0.6 * max(float(np.ptp(values)), 1e-9)
     for bound in (bounds.lower, bounds.upper):

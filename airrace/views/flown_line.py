@@ -32,7 +32,7 @@ def flown_scenery(flight: Flight) -> tuple[Scenery, Box]:
 
 
 def draw_map(axes: Axes, flight: Flight, seen: Scenery, frame: Box, colour: str) -> Any:
-    """Course and line on axes of equal scale, north up.
+    """Draw course and line on axes of equal scale, north up.
 
     Args:
         axes: to be drawn on.

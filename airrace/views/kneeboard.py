@@ -13,7 +13,7 @@ WIDTH, HEIGHT = 5.83, 8.27  # inches: A5
 ROWS_MAX = 44  # in one column of the table
 HEADS = ("", "gate", "time s", "IAS kt", "m", "bank", "climb", "g at", "g most", "roll")
 PLACES = (0.03, 0.06, 0.27, 0.39, 0.48, 0.59, 0.70, 0.79, 0.89, 1.0)
-"""Where the columns of the table end, as shares of its width; the second begins where the first ends."""
+"""The ends of the columns of the table, as shares of its width; of the second, left-aligned one the beginning."""
 
 
 def draw_kneeboard(flight: Flight, path: Path) -> None:
@@ -64,7 +64,7 @@ def _footnote(flight: Flight) -> str:
 
 
 def _number_gates(axes: Axes, flight: Flight) -> None:
-    """Return the numbers of the passings beside each place; a place that is passed several times has all of them."""
+    """Write the numbers of the passings beside each place; a place that is passed several times has all of them."""
     places: dict[tuple[float, float], list[int]] = {}
     for number, crossing in enumerate(flight.crossings):
         if crossing.found:
@@ -102,7 +102,7 @@ def _draw_table(axes: Axes, flight: Flight, facts: tuple[LegFacts, ...]) -> None
 
 
 def _cells(flight: Flight, number: int, facts: tuple[LegFacts, ...]) -> tuple[str, ...]:
-    """One passing: when and how, and what the leg that leads to it asks for."""
+    """Return the cells of one passing: when and how it is made, and what the leg that leads to it asks for."""
     crossing = flight.crossings[number]
     leg = facts[number - 1] if number else None
     return (

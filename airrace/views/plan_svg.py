@@ -168,7 +168,7 @@ def _labels(sheet: _Sheet, seen: Scenery) -> list[str]:
 
 
 def _scale(sheet: _Sheet, flight: Trajectory | None) -> list[str]:
-    """Return a bar of round length, where north is, and what the colours mean."""
+    """Return a bar of round length, with a note of where north is and of what the colours mean."""
     metres = _round_length(0.25 * sheet.width / sheet.scale)
     base, left = sheet.height - 0.8 * FONT, 10.0
     right = left + metres * sheet.scale

@@ -107,7 +107,7 @@ def _heading(passage: Passage) -> float | None:
 
 
 def _planned(race: Race) -> tuple[Way, ...]:
-    """Return the plan from which an optimisation would start; straight where it leads through the vertical."""
+    """Return the ways of the plan from which an optimisation starts; straight where it leads through the vertical."""
     planned = race.plan
     ways: list[Way] = []
     last: tuple[float, float] | None = None
