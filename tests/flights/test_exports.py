@@ -314,6 +314,8 @@ def test_the_command_writes_a_course_without_an_origin_where_it_is_told(tmp_path
     _, (track,) = read_kml(output.read_bytes())
     assert track.coordinates[0][1] == pytest.approx(48.0, abs=0.05)
     assert run("kml", str(stored), "--output", str(output), "--origin", "48,11")[0] == 2
+    assert run("netcdf", f"{stored}:point-mass") == (0, "")
+    assert (tmp_path / "run.nc").read_bytes().startswith(b"CDF")
 
 
 @pytest.mark.parametrize(
