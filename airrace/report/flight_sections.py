@@ -30,7 +30,7 @@ LEGS = (
     Head("energy height", "m, at the end"),
     Head("nearest", "m"),
     Head("required", "m"),
-    Head("to", text=True),
+    Head("to what", text=True),
 )
 LOST = (
     Head("leg to", text=True),
