@@ -1,7 +1,9 @@
 """What a batch is going to do: its jobs, which of them are done already, and why the others are flown."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from airrace.batch.job import Job
 from airrace.batch.record import Record
@@ -23,6 +25,8 @@ class Result:
         retries: why earlier attempts did not.
         findings: what is wrong with the inputs.
         ways: which way round was flown; None where no other was tried.
+        stage: the last one that is finished; empty where none is.
+        laps: lap times of that stage, s; empty for a race of one lap.
     """
 
     code: int
@@ -32,12 +36,24 @@ class Result:
     retries: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
     ways: Ways | None = None
+    stage: str = ""
+    laps: tuple[float, ...] = ()
 
 
 def result_of(record: Record) -> Result:
     """What a record says."""
-    ways = ways_of(record.run)
-    return Result(record.code, record.message, record.race_time, record.wall, record.retries, record.findings, ways)
+    stages: Sequence[Mapping[str, Any]] = (record.run or {}).get("stages") or ({},)  # Any: JSON
+    return Result(
+        record.code,
+        record.message,
+        record.race_time,
+        record.wall,
+        record.retries,
+        record.findings,
+        ways_of(record.run),
+        stage=stages[-1].get("stage", ""),
+        laps=tuple(stages[-1].get("lap_times_s", ())),
+    )
 
 
 def invalid(findings: tuple[Finding, ...]) -> Result:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from airrace.batch.plan import Plan, Result, Step
+from airrace.flights.comparison import TIE
 from airrace.runs.exit_codes import ExitCode
 
 STATES: Mapping[int, str] = {
@@ -25,37 +26,43 @@ class Row:
     """A job, and how far it is behind.
 
     Attributes:
-        behind: s behind the fastest certified job of the batch; None without a race time.
-        behind_course: the same among the jobs of its own course.
+        behind: s behind the fastest certified job of its own course; None without a race time. Jobs of different
+            courses are never compared.
+        best: whether it is that fastest one.
     """
 
     step: Step
     result: Result
     behind: float | None
-    behind_course: float | None
+    best: bool
 
     @property
     def state(self) -> str:
         """In a word or two."""
         return STATES.get(self.result.code, f"exit code {self.result.code}")
 
+    @property
+    def behind_words(self) -> str:
+        """How far it is behind, s: a difference, `best`, `tie` where less than `TIE` tells them apart, `-` for
+        nothing."""
+        if self.behind is None:
+            return "-"
+        if self.best:
+            return "best"
+        return "tie" if abs(self.behind) <= TIE else f"{self.behind:+.3f}"
+
 
 def ranked(plan: Plan, results: Sequence[Result]) -> list[Row]:
-    """All jobs: certified ones by race time, then other flights by race time, then the rest as planned."""
+    """All jobs, course by course as planned: certified ones by race time, then other flights by race time, then the
+    rest as planned."""
     pairs = list(zip(plan.steps, results, strict=True))
-    best = _best(results)
     courses: dict[str, list[Result]] = {}
     for step, result in pairs:
         courses.setdefault(step.track, []).append(result)
     bests = {track: _best(of_course) for track, of_course in courses.items()}
-    rows = [Row(step, result, _behind(result, best), _behind(result, bests[step.track])) for step, result in pairs]
-    return sorted(rows, key=lambda row: _rank(row.result))
-
-
-def has_siblings(rows: Sequence[Row]) -> bool:
-    """Whether the jobs are of several courses, one of them flown several times: then two differences tell more."""
-    tracks = [row.step.track for row in rows]
-    return 1 < len(set(tracks)) < len(tracks)
+    order = {track: number for number, track in enumerate(courses)}
+    rows = [Row(step, one, _behind(one, bests[step.track]), one is bests[step.track]) for step, one in pairs]
+    return sorted(rows, key=lambda row: (order[row.step.track], *_rank(row.result)))
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -66,15 +73,17 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _best(results: Sequence[Result]) -> float | None:
+def _best(results: Sequence[Result]) -> Result | None:
     """The fastest certified flight; where none is certified the fastest there is."""
-    certified = [one.race_time for one in results if one.code == ExitCode.DONE and one.race_time is not None]
-    flown = [one.race_time for one in results if one.race_time is not None]
-    return min(certified or flown, default=None)
+    flown = [one for one in results if one.race_time is not None]
+    certified = [one for one in flown if one.code == ExitCode.DONE]
+    return min(certified or flown, key=lambda one: one.race_time or 0.0, default=None)
 
 
-def _behind(result: Result, best: float | None) -> float | None:
-    return None if result.race_time is None or best is None else result.race_time - best
+def _behind(result: Result, best: Result | None) -> float | None:
+    if result.race_time is None or best is None or best.race_time is None:
+        return None
+    return result.race_time - best.race_time
 
 
 def _rank(result: Result) -> tuple[int, float]:

@@ -9,7 +9,7 @@ from airrace.batch.ranking import Row
 from airrace.batch.record import checkpoint_path
 
 COLUMNS = ("name", "course", "track", "aircraft")
-MEASURED = ("state", "code", "race_time_s", "behind_s", "behind_course_s", "wall_s", "kept", "retries", "message")
+MEASURED = ("state", "code", "stage", "race_time_s", "behind_s", "laps_s", "wall_s", "kept", "retries", "message")
 WAYS = ("way", "ways_tried", "next_way", "next_way_behind_s")
 
 
@@ -25,7 +25,8 @@ def csv_text(rows: Sequence[Row], folder: Path) -> str:
             [
                 *(step.name, step.course, step.track, step.aircraft),
                 *(swept.get(key) for key in keys),
-                *(row.state, result.code, result.race_time, row.behind, row.behind_course, result.wall),
+                *(row.state, result.code, result.stage, result.race_time, row.behind),
+                *(" ".join(str(lap) for lap in result.laps), result.wall),
                 "yes" if step.action == "keep" else "no",
                 len(result.retries),
                 result.message,

@@ -18,14 +18,14 @@ def _ranking(rows: Sequence[Row]) -> Iterator[str]:
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
     yield f"### airrace: {len(rows)} job{'' if len(rows) == 1 else 's'}: {told}"
     yield ""
-    yield "| job | state | race time s | behind s | wall s |"
-    yield "|---|---|---:|---:|---:|"
+    yield "| job | state | stage | race time s | behind s | wall s |"
+    yield "|---|---|---|---:|---:|---:|"
     for row in rows[:ROWS_MAX]:
         result = row.result
         race_time = "" if result.race_time is None else f"{result.race_time:.3f}"
-        behind = "" if row.behind is None else f"{row.behind:+.3f}"
+        behind = "" if row.behind is None else row.behind_words
         wall = "kept" if row.step.action == "keep" else f"{result.wall:.1f}"
-        yield f"| {_cell(row.step.name)} | {row.state} | {race_time} | {behind} | {wall} |"
+        yield f"| {_cell(row.step.name)} | {row.state} | {result.stage} | {race_time} | {behind} | {wall} |"
     if len(rows) > ROWS_MAX:
         yield ""
         yield f"and {len(rows) - ROWS_MAX} more"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from airrace.batch.ranking import Row, counts, has_siblings
+from airrace.batch.ranking import Row, counts
 from airrace.batch.wind import WindSummary, wind_words
 from airrace.cli.tables import plain_table
 
@@ -14,14 +14,14 @@ MESSAGE_MAX = 90
 
 
 def ranking_table(rows: Sequence[Row]) -> Table:
-    """All jobs, the fastest first."""
-    siblings, explored = has_siblings(rows), any(row.result.ways is not None for row in rows)
+    """All jobs, course by course, the fastest of each first."""
+    explored, laps = any(row.result.ways is not None for row in rows), any(row.result.laps for row in rows)
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
-    numbers = ("race time\ns", "behind\ns", *(("behind its\ncourse's\nbest s",) if siblings else ()))
+    numbers = ("race time\ns", "behind\ns", *(("best lap\ns",) if laps else ()))
     numbers = (*numbers, *(("ways\ntried", "next way\nbehind s") if explored else ()), "wall\ns")
     cells = [
         [
-            *(row.step.name, row.state, *_times(row, siblings=siblings)),
+            *(row.step.name, row.state, row.result.stage or "-", *_times(row, laps=laps)),
             *(_ways(row) if explored else ()),
             *(_wall(row), _shortened(row.result.message)),
         ]
@@ -54,20 +54,17 @@ def _of_winds(summary: WindSummary) -> list[Table]:
 
 def _with_notes(title: str, numbers: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
     """Names, numbers, and what was said in the last column."""
-    table = plain_table(title, ("job", "state"), numbers, ())
+    table = plain_table(title, ("job", "state", "stage"), numbers, ())
     table.add_column("message")
     for row in cells:
         table.add_row(*(Text(cell) for cell in row))
     return table
 
 
-def _times(row: Row, *, siblings: bool) -> list[str]:
-    values = (row.behind, row.behind_course) if siblings else (row.behind,)
-    race_time = row.result.race_time
-    return [
-        "-" if race_time is None else f"{race_time:.3f}",
-        *("-" if one is None else f"{one:+.3f}" for one in values),
-    ]
+def _times(row: Row, *, laps: bool) -> list[str]:
+    race_time, flown = row.result.race_time, row.result.laps
+    best_lap = [f"{min(flown):.3f}" if flown else "-"] if laps else []
+    return ["-" if race_time is None else f"{race_time:.3f}", row.behind_words, *best_lap]
 
 
 def _ways(row: Row) -> tuple[str, str]:

@@ -18,6 +18,7 @@ from airrace.cli.compare import compare
 from airrace.cli.export import export
 from airrace.cli.init import init
 from airrace.cli.optimize import optimize
+from airrace.cli.plot import plot
 from airrace.cli.prices import prices
 from airrace.cli.report import report
 from airrace.cli.resume import resume
@@ -41,6 +42,7 @@ app.add_typer(export)
 app.command()(report)
 app.command()(show)
 app.command()(compare)
+app.command()(plot)
 app.command()(verify)
 app.command()(prices)
 app.command()(check)

@@ -12,6 +12,7 @@ from airrace.quantities import KNOT, Quantity
 from airrace.trajectory import Array, Trajectory
 
 DEGREE = math.pi / 180.0  # rad
+SPEEDS = ("V_K", "V_A", "V_I")
 
 # Further columns: a declaration, and its values from the sampled states and controls, in the declared unit.
 Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
@@ -38,14 +39,14 @@ def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> li
 
 
 def displayed(quantity: Quantity, values: Array) -> Iterator[Column]:
-    """The quantity in units for people: angles in degrees; `V_K` in m/s and in knots."""
+    """The quantity in units for people: angles in degrees; speeds in m/s and in knots."""
     unit = quantity.unit
     if unit == "rad" or unit.startswith("rad/"):
         unit, values = unit.replace("rad", "deg", 1), values / DEGREE
     suffix = unit_suffix(unit)
     yield Column(f"{quantity.name}_{suffix}" if suffix else quantity.name, values)
-    if quantity.name == "V_K":
-        yield Column("V_K_kt", values / KNOT)
+    if quantity.name in SPEEDS:
+        yield Column(f"{quantity.name}_kt", values / KNOT)
 
 
 def unit_suffix(unit: str) -> str:

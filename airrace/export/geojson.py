@@ -1,7 +1,7 @@
 """GeoJSON (RFC 7946): the course, the lines flown, and their passings."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 
 import numpy as np
@@ -69,7 +69,7 @@ def _places(flight: Flight) -> Iterator[list[float]]:
         yield [round(east, 8), round(north, 8), round(up, 3)]
 
 
-def _feature(kind: str, coordinates: object, properties: dict[str, object]) -> dict[str, object]:
+def _feature(kind: str, coordinates: object, properties: Mapping[str, object]) -> dict[str, object]:
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
 
 

@@ -4,7 +4,7 @@ Each rule says what it needs and what it gives. A rule is followed where all it 
 told itself is never computed again; so a recording of positions and speeds gets airspeeds, and an optimum attitudes.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,6 +56,33 @@ def completed(race: Race, given: Histories) -> Histories:
             if name in missing:
                 told[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
     return _limited(told, flight_limits(race.aircraft, race.course.rules))
+
+
+def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[Known], Array]]:
+    """What tables of a flight hold besides its states: airspeeds, and where it is on the globe.
+
+    Args:
+        race: course, aircraft and air.
+        names: of the states that the flight has.
+
+    Returns:
+        Declarations, each with a function of the named histories of the states, of shape (n,) -> (n,); none where
+        nothing follows from these states.
+    """
+    if not {"x", "y", "z", "V_K", *PATH_ATTITUDE} <= set(names):
+        return {}
+    columns = ("V_A", "V_I", *(("latitude", "longitude") if placed(race.course.origin) else ()))
+    return {GLOSSARY[name]: _column(race, name) for name in columns}
+
+
+def _column(race: Race, name: str) -> Callable[[Known], Array]:
+    needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
+
+    def values(known: Known) -> Array:
+        given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
+        return completed(race, given)[name].values
+
+    return values
 
 
 def _limited(told: Histories, limits: Limits) -> Histories:

@@ -14,6 +14,7 @@ from airrace.export.columns import Derived
 from airrace.export.flight_table import FlightTable, flight_table
 from airrace.export.sampling import Sampler
 from airrace.flights import Flight, Source, flight_of
+from airrace.flights.derivation import table_columns
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Stage, StageResult
@@ -196,7 +197,11 @@ class FlownStage:
 
     @property
     def _derived(self) -> Derived:
-        return procedure.derived_quantities(self.inputs.race, self.inputs.settings, self.result)
+        race, states = self.inputs.race, [one.name for one in self.result.trajectory.states]
+        return {
+            **procedure.derived_quantities(race, self.inputs.settings, self.result),
+            **table_columns(race, states),
+        }
 
     def _sampler(self, rate: float | None) -> Sampler | None:
         """What integrates between the nodes; not needed on the mesh."""

@@ -1,12 +1,13 @@
 """What a run came to: the object printed with `--json` and the exit code its stages deserve."""
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Explored, Outcome, StageResult, Way, Why
+from airrace.procedure.result import Explored, GateSplit, Outcome, StageResult, Way, Why
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
@@ -78,6 +79,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "status": result.outcome.value,
         "message": result.message,
         "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
+        "lap_times_s": lap_times(result.splits) if result.is_flight else [],
         "regularisation_s": finite(result.facts.regularisation),
         "started_from": result.facts.source or None,
         "strayed_m": finite(result.facts.strayed) if result.facts.source else None,
@@ -94,6 +96,13 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "explored": explored_object(result.explored) if result.explored.ways else None,
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
+
+
+def lap_times(splits: Sequence[GateSplit]) -> list[float]:
+    """Time of every lap, s, by the numbers that the names of the passings begin with; empty for a race of one lap."""
+    ends = {split.name.partition(":")[0]: split.time for split in splits}  # the last passing of a lap ends it
+    times = list(ends.values())
+    return [after - before for before, after in itertools.pairwise(times)] if len(times) > 2 else []
 
 
 def mesh_object(result: StageResult) -> dict[str, object] | None:

@@ -12,7 +12,7 @@ from airrace.flights.flight import Flight
 from airrace.flights.legs import legs_of, way
 from airrace.quantities import KNOT
 from airrace.trajectory import Array
-from airrace.views.drawing import BLACK, COLOURS, GREY, Axes, Figure, new_figure, save_figure
+from airrace.views.drawing import BLACK, COLOURS, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 
 WIDTH, STRIP, LOSS = 11.0, 1.45, 2.3  # inches: of the drawing, heights of a strip and of the strip of time lost
 NAMES_MAX = 40  # passings; of longer courses none are named
@@ -34,6 +34,7 @@ def draw_comparison(comparisons: Sequence[Comparison], path: Path) -> None:
     save_figure(comparison_figure(comparisons), path)
 
 
+@names_as_they_are
 def comparison_figure(comparisons: Sequence[Comparison]) -> Figure:
     """The time lost along the course on top, then strips of histories; all over the way of the reference."""
     reference = comparisons[0].reference

@@ -11,7 +11,7 @@ from airrace.planning.race import Race
 from airrace.quantities import KNOT
 from airrace.trajectory import Array
 from airrace.views.course_drawing import LEGIBLE, draw_elements, draw_surroundings, joined, write_labels
-from airrace.views.drawing import BLUE, COLOURS, GREY, Axes, Figure, new_figure, save_figure
+from airrace.views.drawing import BLUE, COLOURS, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.labels import Box
 from airrace.views.scenery import Scenery
 
@@ -32,6 +32,7 @@ def draw_course(race: Race, seen: Scenery, path: Path) -> None:
     save_figure(course_figure(race, seen), path)
 
 
+@names_as_they_are
 def course_figure(race: Race, seen: Scenery) -> Figure:
     """The drawing: equal axes in metres, north up."""
     pad = PAD * max(seen.north - seen.south, seen.east - seen.west)

@@ -1,9 +1,11 @@
 """Drawings in files. Needs matplotlib, which comes with the extra `plot`."""
 
+import functools
 import io
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, ParamSpec
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
@@ -11,6 +13,8 @@ from airrace.errors import UsageError
 # Any: the stubs of matplotlib leave keyword arguments untyped.
 Figure = Any
 Axes = Any
+
+P = ParamSpec("P")
 
 Layout = Literal["constrained", "compressed"]
 
@@ -30,6 +34,20 @@ def ensure_drawable(path: Path) -> None:
         raise UsageError(f"cannot draw into {path}; its name must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
     if find_spec("matplotlib") is None:
         raise UsageError("drawing needs matplotlib: pip install 'airrace[plot]'")
+
+
+def names_as_they_are(make: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Decorator of what makes a drawing: a name with dollar signs is no formula."""
+
+    @functools.wraps(make)
+    def made(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        import matplotlib
+
+        library: Any = matplotlib  # Any: its stubs leave paths untyped
+        with library.rc_context({"text.parse_math": False}):
+            return make(*args, **kwargs)
+
+    return made
 
 
 def new_figure(

@@ -13,7 +13,7 @@ from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
 from airrace.batch import github
 from airrace.batch.plan import Plan, Result, Step, invalid
-from airrace.batch.ranking import Row, counts, has_siblings, ranked
+from airrace.batch.ranking import Row, counts, ranked
 from airrace.batch.report_csv import csv_text
 from airrace.batch.report_junit import fit, junit_text
 from airrace.batch.report_markdown import markdown_text
@@ -29,7 +29,8 @@ FINDING = Finding("tracks/bad, a.yaml", 7, 3, "rules.n_z_mx", "unknown key `n_z_
 
 def a_step(name: str, course: str = "", **swept: str) -> Step:
     pairs = tuple((key.replace("__", "."), value) for key, value in swept.items())
-    return Step(name, course or name, f"tracks/{course or name}.yaml", "configs/edge540.yaml", pairs, None)
+    flown = course or "course"
+    return Step(name, flown, f"tracks/{flown}.yaml", "configs/edge540.yaml", pairs, None)
 
 
 def rows_of(*pairs: tuple[Step, Result]) -> list[Row]:
@@ -54,16 +55,30 @@ def test_differences_are_to_the_fastest_certified_flight() -> None:
     assert [row.behind for row in ROWS] == [0.0, 2.25, -10.25, None, None, None]
 
 
-def test_each_course_has_a_best_of_its_own() -> None:
+def test_courses_are_ranked_apart_from_each_other() -> None:
     rows = rows_of(
+        (a_step("b2", "b"), Result(0, "", 21.0)),
         (a_step("a1", "a"), Result(0, "", 10.0)),
         (a_step("b1", "b"), Result(0, "", 20.0)),
-        (a_step("b2", "b"), Result(0, "", 21.0)),
     )
-    assert has_siblings(rows)
-    assert [row.behind_course for row in rows] == [0.0, 0.0, 1.0]
-    assert not has_siblings(rows[1:])
-    assert not has_siblings(rows[:2])
+    assert [row.step.name for row in rows] == ["b1", "b2", "a1"]
+    assert [row.behind for row in rows] == [0.0, 1.0, 0.0]
+    assert [row.behind_words for row in rows] == ["best", "+1.000", "best"]
+
+
+def test_what_five_milliseconds_tell_apart_is_a_tie() -> None:
+    rows = rows_of(*((a_step(name, "a"), Result(0, "", time)) for name, time in (("x", 10.0), ("y", 10.004))))
+    assert [row.behind_words for row in rows] == ["best", "tie"]
+
+
+def test_stage_and_laps_stand_beside_the_race_time() -> None:
+    rows = rows_of((a_step("a"), Result(0, "", 20.0, stage="point-mass", laps=(10.5, 9.5))))
+    assert rendered(ranking_table(rows)).splitlines()[-1].split()[:6] == [
+        *("a", "certified", "point-mass", "20.000", "best", "9.500")
+    ]
+    (line,) = csv.DictReader(io.StringIO(csv_text(rows, Path("out"))))
+    assert (line["stage"], line["laps_s"]) == ("point-mass", "10.5 9.5")
+    assert "| a | certified | point-mass | 20.000 | best | 0.0 |" in markdown_text(rows, ())
 
 
 def test_states_are_counted() -> None:
@@ -104,9 +119,9 @@ def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
     assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
     assert "ways tried" not in markdown_text(ROWS, ())
     shown = rendered(ranking_table(EXPLORED)).splitlines()
-    assert shown[-2].split()[:5] == ["bent", "certified", "60.000", "+0.000", "7"]
-    assert shown[-2].split()[5:] == ["+0.125", "0.0"]
-    assert shown[-1].split()[4:6] == ["-", "-"]
+    assert shown[-2].split()[:5] == ["bent", "certified", "-", "60.000", "best"]
+    assert shown[-2].split()[5:] == ["7", "+0.125", "0.0"]
+    assert shown[-1].split()[4:7] == ["+1.000", "-", "-"]
     assert "next way" not in rendered(ranking_table(ROWS))
 
 
@@ -207,7 +222,7 @@ def test_annotations_lead_to_file_and_line_and_are_escaped() -> None:
         "::error file=tracks/bad%2C a.yaml,line=7,col=3,title=rules.n_z_mx::"
         "unknown key `n_z_mx`;%0Adid you mean `n_z_max`? 100 %25" in lines
     )
-    assert any(line.startswith("::error file=tracks/no <way>.yaml,title=no <way>%3A infeasible::") for line in lines)
+    assert any(line.startswith("::error file=tracks/course.yaml,title=no <way>%3A infeasible::") for line in lines)
     assert not any("fast" in line for line in lines)
     assert all("\n" not in line for line in lines)
 
@@ -234,10 +249,10 @@ def test_the_summary_of_the_step_is_appended_to(tmp_path: Path) -> None:
 
 def test_markdown_cells_hold_what_would_break_them() -> None:
     text = markdown_text(ROWS, ())
-    assert "| no &lt;way> | infeasible |" in text
+    assert "| no &lt;way> | infeasible |  |" in text
     table = [line for line in text.splitlines() if line.startswith("|")]
     assert len(table) == 2 + len(ROWS)
-    assert {line.replace("\\|", "").count("|") for line in table} == {6}
+    assert {line.replace("\\|", "").count("|") for line in table} == {7}
 
 
 def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[Row]:

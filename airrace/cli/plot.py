@@ -1,0 +1,41 @@
+"""`airrace plot`: a flight as a drawing."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answering
+from airrace.cli.options import StageOfFlights
+
+
+def plot(
+    name: Annotated[str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="The file to be written; or .svg, .pdf; by default RUN.png."),
+    ] = None,
+    kneeboard: Annotated[
+        bool, typer.Option("--kneeboard", help="One page to hold in the hand: map and table of the gates.")
+    ] = False,
+    stage: StageOfFlights = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing drawing.")] = False,
+) -> None:
+    """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
+    with answering(as_json=False):
+        from airrace.runs.flight_sources import Named, opened_flight
+        from airrace.runs.output import ensure_free
+        from airrace.views.drawing import ensure_drawable
+
+        path = output or Named.of(name).path.with_suffix(".png")
+        ensure_drawable(path)
+        ensure_free(path, force=force)
+        flight = opened_flight(name, stage=stage)
+        if kneeboard:
+            from airrace.views.kneeboard import draw_kneeboard
+
+            draw_kneeboard(flight, path)
+        else:
+            from airrace.views.flight_figure import draw_flight
+
+            draw_flight(flight, path)

@@ -1,0 +1,65 @@
+"""The line flown over a map of its course, coloured by a history."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from airrace.flights import Flight
+from airrace.trajectory import Array
+from airrace.views.course_drawing import draw_elements, draw_surroundings
+from airrace.views.drawing import Axes
+from airrace.views.labels import Box
+from airrace.views.scenery import Scenery, Way, scenery
+
+COLOURS = "viridis"
+PAD = 0.06  # of the extent, around what is drawn
+
+
+def flown_scenery(flight: Flight) -> tuple[Scenery, Box]:
+    """The course from above with the line flown in the place of the planned ways, and the frame that holds both."""
+    seen = scenery(flight.race)
+    line = np.stack([flight["x"], flight["y"]], axis=1)
+    (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
+    south, west = min(south, seen.south), min(west, seen.west)
+    north, east = max(north, seen.north), max(east, seen.east)
+    pad = PAD * max(north - south, east - west)
+    frame = Box(west - pad, south - pad, east - west + 2 * pad, north - south + 2 * pad)
+    seen = replace(seen, ways=(Way(1, line, planned=True),), south=south, north=north, west=west, east=east)
+    return seen, frame
+
+
+def draw_map(axes: Axes, flight: Flight, seen: Scenery, frame: Box, colour: str) -> Any:
+    """Course and line on axes of equal scale, north up.
+
+    Args:
+        axes: to be drawn on.
+        flight: whose line it is.
+        seen, frame: of `flown_scenery`.
+        colour: the history that colours the line.
+
+    Returns:
+        The coloured line, for a colour bar.
+    """
+    axes.set(
+        xlim=(frame.left, frame.left + frame.width),
+        ylim=(frame.bottom, frame.bottom + frame.height),
+        aspect="equal",
+    )
+    axes.grid(color="#e6e6e6", linewidth=0.6)
+    axes.set_axisbelow(True)
+    draw_surroundings(axes, seen, frame)
+    draw_elements(axes, seen, frame)
+    return draw_coloured(axes, flight["y"], flight["x"], flight.values(colour), width=2.4)
+
+
+def draw_coloured(axes: Axes, across: Array, up: Array, values: Array, *, width: float) -> Any:
+    """A line in the colours of some values at its points, each of shape (n,)."""
+    from matplotlib.collections import LineCollection
+
+    points = np.stack([across, up], axis=1)
+    pieces = LineCollection(np.stack([points[:-1], points[1:]], axis=1).tolist(), cmap=COLOURS, linewidths=width)
+    pieces.set_array(0.5 * (values[1:] + values[:-1]))
+    pieces.set_capstyle("round")
+    pieces.set_zorder(3)
+    return axes.add_collection(pieces)

@@ -1,0 +1,123 @@
+"""A flight on one page that a pilot can hold in the hand: the line on a map, and what to fly at every gate."""
+
+import math
+from pathlib import Path
+
+from airrace.flights import Flight
+from airrace.flights.leg_facts import LegFacts, leg_facts
+from airrace.quantities import KNOT
+from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
+from airrace.views.flown_line import draw_map, flown_scenery
+
+WIDTH, HEIGHT = 5.83, 8.27  # inches: A5
+ROWS_MAX = 44  # in one column of the table
+HEADS = ("", "gate", "time s", "IAS kt", "m", "bank", "climb", "g at", "g most", "roll")
+PLACES = (0.03, 0.06, 0.27, 0.39, 0.48, 0.59, 0.70, 0.79, 0.89, 1.0)
+"""Where the columns of the table end, as shares of its width; the second begins where the first ends."""
+
+
+def draw_kneeboard(flight: Flight, path: Path) -> None:
+    """Draw the page into a file, replacing it as a whole.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    save_figure(kneeboard_figure(flight), path)
+
+
+@names_as_they_are
+def kneeboard_figure(flight: Flight) -> Figure:
+    """The page: A5, upright. Gates are numbered as they are flown; the map's labels are these numbers."""
+    figure = new_figure(WIDTH, HEIGHT, layout=None)
+    figure.text(0.04, 0.972, flight.course.name[:60], fontsize=12, fontweight="bold", va="center")
+    figure.text(0.04, 0.951, _subtitle(flight), fontsize=7.5, color=GREY, va="center")
+    rows = min(len(flight.crossings), ROWS_MAX)
+    table_height = min(0.6, 0.0185 * (rows + 2))
+    plan = figure.add_axes((0.04, 0.05 + table_height, 0.92, 0.88 - table_height))
+    plan.set_anchor("C")
+    seen, frame = flown_scenery(flight)
+    line = draw_map(plan, flight, seen, frame, "n_z")
+    plan.tick_params(labelbottom=False, labelleft=False, length=0)
+    bar = figure.colorbar(line, ax=plan, shrink=0.5, pad=0.01, aspect=30)
+    bar.set_label("g", fontsize=7)
+    bar.ax.tick_params(labelsize=6)
+    _number_gates(plan, flight)
+    table = figure.add_axes((0.04, 0.03, 0.92, table_height))
+    table.axis("off")
+    _draw_table(table, flight, leg_facts(flight))
+    figure.text(0.04, 0.014, _footnote(flight), fontsize=5.5, color=GREY, va="center")
+    return figure
+
+
+def _subtitle(flight: Flight) -> str:
+    wind = flight.air.wind
+    air = "still air" if wind is None else f"wind {math.degrees(wind.origin) % 360:.0f}° {wind.speed / KNOT:.0f} kt"
+    time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
+    return f"{flight.aircraft.name}, {time}, {air}; {flight.label}"[:100]
+
+
+def _footnote(flight: Flight) -> str:
+    limit = flight.limit("n_z")
+    bound = f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
+    certified = "" if flight.source.certified is not False else "; NOT certified"
+    return f"bank and climb in degrees, + right wing down; heights above the track's origin{bound}{certified}"
+
+
+def _number_gates(axes: Axes, flight: Flight) -> None:
+    """The numbers of the passings beside each place; a place that is passed several times has all of them."""
+    places: dict[tuple[float, float], list[int]] = {}
+    for number, crossing in enumerate(flight.crossings):
+        if crossing.found:
+            where = crossing.passage.element.place or (crossing.value("x"), crossing.value("y"))
+            places.setdefault((round(where[0], 1), round(where[1], 1)), []).append(number)
+    for (north, east), numbers in places.items():
+        axes.annotate(
+            ",".join(map(str, numbers)),
+            (east, north),
+            xytext=(5.0, 4.0),
+            textcoords="offset points",
+            fontsize=7,
+            fontweight="bold",
+            color=BLACK,
+            zorder=9,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
+        )
+
+
+def _draw_table(axes: Axes, flight: Flight, facts: tuple[LegFacts, ...]) -> None:
+    cells = [_cells(flight, number, facts) for number in range(len(flight.crossings))]
+    shown = cells if len(cells) <= ROWS_MAX else [*cells[: ROWS_MAX - 2], ("", "...", *[""] * 8), cells[-1]]
+    step = 1.0 / (len(shown) + 1.5)
+    size = min(8.0, 560.0 * step * axes.get_position().height)
+    for row, texts in enumerate((HEADS, *shown)):
+        height = 1.0 - step * (row + 0.5)
+        if row % 2 == 0 and row:
+            axes.axhspan(height - 0.5 * step, height + 0.5 * step, color="#f1f1f1", zorder=0)
+        for column, (place, text) in enumerate(zip(PLACES, texts, strict=True)):
+            weight = "bold" if column == 0 or row == 0 else "normal"
+            side = "left" if column == 1 else "right"
+            colour = GREY if row == 0 else BLACK
+            axes.text(place, height, text, fontsize=size, ha=side, va="center", color=colour, fontweight=weight)
+    axes.set(xlim=(0.0, 1.0), ylim=(0.0, 1.0))
+
+
+def _cells(flight: Flight, number: int, facts: tuple[LegFacts, ...]) -> tuple[str, ...]:
+    """One passing: when and how, and what the leg that leads to it asks for."""
+    crossing = flight.crossings[number]
+    leg = facts[number - 1] if number else None
+    return (
+        str(number),
+        crossing.name[:16],
+        _told(crossing.time, "{:.2f}"),
+        _told(crossing.value("V_I") / KNOT, "{:.0f}"),
+        _told(crossing.value("height"), "{:.0f}"),
+        _told(math.degrees(crossing.value("mu")), "{:z.0f}"),
+        _told(math.degrees(crossing.value("gamma")), "{:z.0f}"),
+        _told(crossing.value("n_z"), "{:.1f}"),
+        "" if leg is None else _told(leg.n_z.greatest, "{:.1f}"),
+        "" if leg is None else _told(math.degrees(leg.roll_rate), "{:.0f}"),
+    )
+
+
+def _told(value: float, form: str) -> str:
+    return form.format(value) if math.isfinite(value) else "-"
