@@ -75,7 +75,9 @@ def _subcommand(name: str) -> Callable[..., None]:
 
     def write(
         names: FlightNames,
-        output: Annotated[Path, typer.Option(metavar="FILE", help="The file to be written.")],
+        output: Annotated[
+            Path | None, typer.Option(metavar="FILE", help="The file to be written; by default beside the first run.")
+        ] = None,
         stage: StageOfFlights = None,
         rate: Annotated[
             float | None, typer.Option(metavar="HZ", help="Samples per second; by default what suits the format.")

@@ -72,7 +72,7 @@ def _things(flights: Sequence[Flight]) -> Iterator[str]:
             for east, north in feature.places:
                 kind = "Navaid+Static+Waypoint" if feature.shape is not Shape.AREA else "Navaid+Static+Bullseye"
                 place = f"{east:.8f}|{north:.8f}|{course.origin.elevation:.2f}"
-                yield f"{number:x},T={place},Type={kind},Name={_escaped(f'{feature.kind} {feature.name}')},Color=Grey"
+                yield f"{number:x},T={place},Type={kind},Name={_escaped(f'{feature.kind} {feature.name}')}"
                 number += 1
 
 

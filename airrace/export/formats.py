@@ -24,11 +24,13 @@ class Format:
         write: from flights and the instant at which their clocks start to the content of a file.
         rate_hz: samples per second unless somebody asks otherwise; None for all that a flight has.
         globe: whether it wants latitudes and longitudes.
+        suffix: of its files, where that is not the name of the format.
     """
 
     write: Callable[[Sequence[Flight], datetime], bytes]
     rate_hz: float | None
     globe: bool = True
+    suffix: str = ""
 
 
 FORMATS = {
@@ -40,7 +42,7 @@ FORMATS = {
     "gpx": Format(gpx, 5.0),
     "geojson": Format(geojson, 10.0),
     "parquet": Format(parquet, None, globe=False),
-    "netcdf": Format(netcdf, None, globe=False),
+    "netcdf": Format(netcdf, None, globe=False, suffix="nc"),
     "mat": Format(mat, None, globe=False),
 }
 """By the name of the command's subcommand."""

@@ -9,7 +9,7 @@ from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
 from airrace.export.formats import FORMATS
 from airrace.export.globe import BEGIN, on_globe
-from airrace.runs.flight_sources import opened_flights
+from airrace.runs.flight_sources import Named, opened_flights
 from airrace.runs.output import ensure_free
 from airrace.track.course import Origin
 
@@ -20,7 +20,7 @@ RATES = 1e-3, 1e4
 def write_flights(
     format_name: str,
     names: Sequence[str],
-    output: Path,
+    output: Path | None = None,
     *,
     stage: str | None = None,
     rate: float | None = None,
@@ -33,7 +33,7 @@ def write_flights(
     Args:
         format_name: one of `airrace.export.formats.FORMATS`.
         names: of the flights, as of `opened_flights`.
-        output: the file.
+        output: the file; None for one beside the first run, with the suffix of the format.
         stage: of the runs that name none; None for their last ones.
         rate: samples per second; None for what suits the format.
         origin: where the courses lie, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what they say.
@@ -45,8 +45,9 @@ def write_flights(
             one, or a library that it needs is not installed.
         StorageError: the system refused.
     """
-    ensure_free(output, force=force)
     chosen, where = FORMATS[format_name], None if origin is None else origin_of(origin)
+    path = output or Named.of(names[0]).path.with_suffix(f".{chosen.suffix or format_name}")
+    ensure_free(path, force=force)
     begin = BEGIN if start is None else begin_of(start)
     if rate is not None and not RATES[0] <= rate <= RATES[1]:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {RATES[0]:g} and {RATES[1]:g}")
@@ -56,7 +57,7 @@ def write_flights(
     hertz = chosen.rate_hz if rate is None else rate
     if hertz is not None:
         flights = [flight.at_rate(hertz) for flight in flights]
-    replace_file(output, chosen.write(flights, begin))
+    replace_file(path, chosen.write(flights, begin))
 
 
 def origin_of(text: str) -> Origin:

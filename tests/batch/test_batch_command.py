@@ -90,9 +90,9 @@ def test_all_jobs_are_flown_and_shown_fastest_first(airrace: Shell) -> None:
     ran = airrace("oval.yaml", "--sweep", "environment.wind.speed_kt=5,0", "--set", "environment.wind.from_deg=0")
     assert ran.code == 0
     lines = [line.split() for line in ran.out.splitlines() if line.startswith("oval,")]
-    assert [line[:4] for line in lines] == [
-        ["oval,speed_kt=0", "certified", "10.000", "+0.000"],
-        ["oval,speed_kt=5", "certified", "10.500", "+0.500"],
+    assert [line[:5] for line in lines] == [
+        ["oval,speed_kt=0", "certified", "point-mass", "10.000", "best"],
+        ["oval,speed_kt=5", "certified", "point-mass", "10.500", "+0.500"],
     ]
     assert "+0.1000 s per knot" in ran.out
     assert "(2 of 2)" in ran.err
@@ -215,7 +215,7 @@ def test_github_gets_marks_on_the_files_and_a_summary(airrace: Shell, monkeypatc
     ran = airrace("*.yaml", "--json")
     assert ran.answered["counts"] == {"certified": 1, "invalid input": 1}
     assert "::error file=broken.yaml,line=5,col=" in ran.err
-    assert "| oval | certified | 10.000 |" in (airrace.folder / "summary.md").read_text()
+    assert "| oval | certified | point-mass | 10.000 | best |" in (airrace.folder / "summary.md").read_text()
 
 
 def test_quiet_says_nothing_about_success(airrace: Shell) -> None:

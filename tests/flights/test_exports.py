@@ -267,6 +267,19 @@ def test_hostile_names_reach_no_format_unescaped(name: str) -> None:
         json.loads(content)
 
 
+def test_the_table_of_a_stage_is_read_by_one_line_of_pandas(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    path = tmp_path / "run.csv"
+    half_cuban()["point-mass"].to_csv(path, rate=20)
+    table = pandas.read_csv(path, skiprows=6, index_col="time_s")
+    one = half_cuban().flight().at(table.index.to_numpy())
+    np.testing.assert_allclose(table["V_A_m_s"], one["V_A"], atol=2e-3)
+    np.testing.assert_allclose(table["V_I_kt"] * KNOT, one["V_I"], atol=2e-3)
+    np.testing.assert_allclose(table["height_m"], one["height"], atol=0.02)
+    assert "latitude_deg" not in table
+    assert set(table["phase"]) == set(half_cuban()["point-mass"].trajectory.phases)
+
+
 def test_a_history_that_is_missing_is_left_out() -> None:
     one = flight()
     bare = replace(one, histories={name: one.histories[name] for name in ("x", "y", "z", "height", "V_K")})
@@ -314,6 +327,8 @@ def test_the_command_writes_a_course_without_an_origin_where_it_is_told(tmp_path
     _, (track,) = read_kml(output.read_bytes())
     assert track.coordinates[0][1] == pytest.approx(48.0, abs=0.05)
     assert run("kml", str(stored), "--output", str(output), "--origin", "48,11")[0] == 2
+    assert run("netcdf", f"{stored}:point-mass") == (0, "")
+    assert (tmp_path / "run.nc").read_bytes().startswith(b"CDF")
 
 
 @pytest.mark.parametrize(

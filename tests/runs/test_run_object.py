@@ -8,7 +8,7 @@ from canned_procedure import stage_result
 
 from airrace.procedure.result import Outcome, Stage
 from airrace.runs.answer import Answer
-from airrace.runs.run_object import is_certified, run_object, summarise
+from airrace.runs.run_object import is_certified, lap_times, run_object, summarise
 
 
 def test_the_object_has_the_documented_keys() -> None:
@@ -24,6 +24,7 @@ def test_the_object_has_the_documented_keys() -> None:
             "status",
             "message",
             "race_time_s",
+            "lap_times_s",
             "regularisation_s",
             "started_from",
             "strayed_m",
@@ -82,3 +83,11 @@ def test_each_outcome_has_its_code(outcome: Outcome, code: int) -> None:
     assert answer.code == code
     assert bool(answer.error) == bool(code)
     assert answer.fields["certified"] == (code == 0)
+
+
+def test_laps_add_up_to_the_race_and_one_lap_is_none() -> None:
+    """The names of passings begin with the number of the lap."""
+    own = stage_result(Stage.POINT_MASS, passings=("0:g0", "1:g1", "1:g0", "2:g1", "2:g0"))
+    assert lap_times(own.splits) == [5.0, 5.0]
+    assert sum(lap_times(own.splits)) == own.trajectory.race_time
+    assert lap_times(stage_result(Stage.POINT_MASS, passings=("0:g0", "1:g1", "1:g0")).splits) == []
