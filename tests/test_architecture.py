@@ -60,7 +60,7 @@ def test_every_package_appears_in_the_architecture() -> None:
 def test_every_module_of_these_rooms_appears_in_the_architecture() -> None:
     text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
     engine, core = ("optimal_control", "optimal_control/fatrop"), ("planning", "procedure", "procedure/ways")
-    for package in (*engine, *core, "checkpoint", "runs", "views"):
+    for package in (*engine, *core, "checkpoint", "runs", "report", "views"):
         modules = {path.name for path in (ROOT / "airrace" / package).glob("*.py")} - {"__init__.py"}
         assert {module for module in modules if f"`{module}`" not in text} == set(), package
 

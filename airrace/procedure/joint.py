@@ -94,7 +94,7 @@ def optimise_jointly(
 
 
 Refinement = Callable[[Workbench, Start, str], StageResult | Failure]
-"""From a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted of it."""
+"""A way from a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted."""
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ class Ladder:
         return result
 
     def proves(self, stage: Stage) -> bool:
-        """Whether a stage is proved on a second mesh."""
+        """Tell whether a stage is proved on a second mesh."""
         return proves(self._settings, stage, self._last)
 
     def complete(self, stage: Stage, bench: Workbench) -> StageResult:
@@ -258,7 +258,7 @@ class Ladder:
 
 
 def proves(settings: Settings, stage: Stage, last: Stage | None) -> bool:
-    """Whether a stage of a run up to `last` is proved on a second mesh; None where every stage is."""
+    """Tell whether a stage of a run up to `last` is proved on a second mesh; `last` is None where every stage is."""
     return settings.proof is Proof.ALL or last is None or stage is last
 
 

@@ -30,7 +30,7 @@ LEGS = (
     Head("energy height", "m, at the end"),
     Head("nearest", "m"),
     Head("required", "m"),
-    Head("to", text=True),
+    Head("to what", text=True),
 )
 LOST = (
     Head("leg to", text=True),
@@ -72,7 +72,8 @@ def lost_section(comparison: Comparison) -> str:
     label = comparison.other.label
     rows = [Row(_lost(leg, comparison)) for leg in comparison.by_loss]
     others = [
-        f"{what}: {its} against {mine}." for what, mine, its in conditions(comparison.reference, comparison.other)
+        f"{what[:1].upper()}{what[1:]}: {its} against {mine}."
+        for what, mine, its in conditions(comparison.reference, comparison.other)
     ]
     told = f"Positive where it is slower than {comparison.reference.label}; the legs on which it loses most come first."
     return section(f"Where {label} loses and wins", table(LOST, rows) + note(" ".join((told, *others))))

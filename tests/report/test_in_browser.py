@@ -297,6 +297,15 @@ def test_keys_play_step_jump_and_change_the_view(laptop: Opened) -> None:
     assert laptop.seconds == 0.0
 
 
+def test_the_space_bar_plays_after_a_button_was_clicked(laptop: Opened) -> None:
+    laptop.set(1.0)
+    laptop.page.click("button[data-view=orbit]")
+    laptop.page.keyboard.press("Space")
+    assert laptop.run("() => airrace.clock.running") is True
+    laptop.page.keyboard.press("Space")
+    assert laptop.run("() => airrace.clock.running") is False
+
+
 def test_play_runs_at_the_speed_that_is_chosen_and_stops_at_the_end(laptop: Opened) -> None:
     laptop.page.locator("body").click(position={"x": 3, "y": 3})
     laptop.page.select_option("#transport select", "0.5")

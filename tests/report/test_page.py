@@ -126,7 +126,7 @@ def test_the_legs_of_a_comparison_come_with_what_differs() -> None:
     cells = read(page).texts["td"]
     for leg in comparison.legs:
         assert ", ".join(one.text for one in leg.differences) in cells
-    assert "wind: 20 kt from 70 deg against none." in page
+    assert "Wind: 20 kt from 70 deg against none." in page
 
 
 def test_the_legs_tell_what_they_come_near_to() -> None:

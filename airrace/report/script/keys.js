@@ -2,6 +2,10 @@
 
 /** Watch the keyboard; what is typed into a field, and what the browser itself does with a key, is left alone. */
 export function watchKeys(transport, viewButtons) {
+  // A button that a finger or the mouse has pressed does not keep the keys: the space bar plays, and presses it no more.
+  document.addEventListener("click", (event) => {
+    if (event.detail > 0) event.target.closest("button")?.blur();
+  });
   document.addEventListener("keydown", (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
     const { target } = event;

@@ -31,8 +31,8 @@ function begin() {
     scene?.invalidate();
     strips.redraw();
   });
-  const window_ = document.querySelector("[data-window]");
-  window_.addEventListener("change", () => strips.showWhole(window_.value === "race"));
+  const stretch = document.querySelector("[data-window]");
+  stretch.addEventListener("change", () => strips.showWhole(stretch.value === "race"));
   watchKeys(transport, controls?.buttons ?? []);
   const force = watchTheme(document.getElementById("theme"), () => {
     scene?.restyle();

@@ -8,9 +8,9 @@ import {
   Line,
   LineBasicMaterial,
   Mesh,
+  MeshBasicMaterial,
   Scene,
   SphereGeometry,
-  MeshBasicMaterial,
   Vector3,
   WebGLRenderer,
 } from "three";
