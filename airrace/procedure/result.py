@@ -22,7 +22,7 @@ class Outcome(Enum):
 
 
 class State(Enum):
-    """How far a stage can be trusted, in a word for people.
+    """The trust that a stage deserves, in a word for people.
 
     `CERTIFIED` holds in all that a certificate measures. `SOLVED` holds in all of it but the race time on a second
     mesh, which was not looked for. `GUESS` is no optimum, by design.
@@ -231,7 +231,7 @@ class StageResult:
 
     @property
     def state(self) -> State:
-        """How far the stage can be trusted."""
+        """The trust that the stage deserves."""
         if self.certified:
             return State.CERTIFIED
         if self.holds:

@@ -21,7 +21,7 @@ class Explore(Enum):
 
 
 class Proof(Enum):
-    """Which stages are solved on a second mesh, so that their race time is proved as well.
+    """The stages that are solved on a second mesh, so that their race time is proved as well.
 
     The stages that are not are solved on one mesh, and all else is measured of them as well.
     """

@@ -75,7 +75,7 @@ class FlownStage:
 
     @property
     def state(self) -> str:
-        """How far the stage can be trusted: `certified`, `solved` (all but the race time on a second mesh), `a guess`,
+        """The trust that the stage deserves: `certified`, `solved` (all but the race time on a second mesh), `a guess`,
         `not certified`, or why no flight was found."""
         return self.result.state.value
 

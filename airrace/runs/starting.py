@@ -22,7 +22,7 @@ from airrace.runs.stored import document_of, library_versions, new_run, resolved
 logger = logging.getLogger(__name__)
 
 PROOF = "settings.proof="
-"""How an override begins that says which stages are proved."""
+"""The beginning of an override that says which stages are proved."""
 
 
 @dataclass(frozen=True)

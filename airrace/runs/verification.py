@@ -30,7 +30,7 @@ class Verification:
 
     @property
     def finding(self) -> str:
-        """What became of the stage: what speaks against it, or what was verified."""
+        """The outcome for the stage: what speaks against it, or what was verified."""
         if self.objection:
             return self.objection
         return "verified" if self.result.certified else f"verified as {ONE_MESH}"
