@@ -101,7 +101,6 @@ def optimize(
         if stage is Stage.POINT_MASS:
             _end(scenario, progress)
         result = _result(stage, scenario, [passage.name for passage in race.course.passages])
-        progress.stage_finished(result)
         yield result
 
 
@@ -139,7 +138,7 @@ def recertified(
         yield result, certificate(kkt_error=1e-3 if os.environ.get("CANNED_SCENARIO") == "loose" else 2e-9)
 
 
-def derived_quantities(race: Race, settings: Settings, result: StageResult) -> Mapping[Quantity, object]:
+def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, object]:
     return {}
 
 
@@ -151,7 +150,7 @@ def continuous(race: Race, result: StageResult, longest_step: float) -> Continuo
     return Continuous(flown.time, dict(zip(flown.states, flown.state, strict=True)) | controls, {})
 
 
-def sampler(race: Race, settings: Settings, result: StageResult) -> "Sampler":
+def sampler(race: Race, result: StageResult) -> "Sampler":
     return Sampler(result)
 
 

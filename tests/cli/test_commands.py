@@ -238,7 +238,7 @@ def test_show_prints_the_object_of_the_run(airrace: Shell, run_file: Path) -> No
     assert ran.answered["race_time_s"] == pytest.approx(10.0)
     for piece in ("homotopy", "point-mass", "kkt_error", "1:g1"):
         assert piece in airrace("show", run_file, "--certificate").out
-    assert "certificate: certified (Solve_Succeeded), all 2 items hold" in airrace("show", run_file).out
+    assert "certificate: certified (Solve_Succeeded), all 3 items hold" in airrace("show", run_file).out
 
 
 def test_verify_believes_only_what_it_measures(airrace: Shell, run_file: Path) -> None:
