@@ -10,6 +10,11 @@ from airrace.trajectory import Array
 
 DIRECTIONS = 12
 """The number of directions around a place in which a label may go."""
+OUTSIDE = 1000.0
+"""The price of a label that lies outside the frame, in points of the drawing that a label covers.
+
+Twenty times that of one that lies on another label: of four places in a corner the last label else lay half outside.
+"""
 GAPS = (1.0, 2.0, 3.5, 5.5)
 """The distances between a place and its label that are tried, as multiples of the gap asked for."""
 
@@ -75,4 +80,4 @@ def _cost(box: Box, others: Sequence[Box], drawn: Array, frame: Box) -> float:
     area = box.width * box.height
     covered = sum(box.overlap(other) for other in others) / area
     outside = 1.0 - box.overlap(frame) / area
-    return 50.0 * covered + 50.0 * outside + box.holds(drawn)
+    return 50.0 * covered + OUTSIDE * outside + box.holds(drawn)

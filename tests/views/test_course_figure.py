@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from shown_courses import SHIPPED, everything, race
 
@@ -85,6 +85,7 @@ def test_a_course_is_drawn_the_same_every_time(tmp_path: Path) -> None:
 places = st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 1000)), min_size=1, max_size=12, unique=True)
 
 
+@example(anchors=[(0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0)])  # a corner with hardly any room
 @given(anchors=places)
 def test_labels_stay_within_the_frame_and_near_what_they_name(anchors: list[tuple[float, float]]) -> None:
     frame = Box(0.0, 0.0, 1000.0, 1000.0)
