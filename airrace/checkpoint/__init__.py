@@ -8,15 +8,23 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
-from airrace.checkpoint.store import read_checkpoint, write_checkpoint
+from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredBreach, StoredHistory, StoredPassing
+from airrace.checkpoint.store import read_checkpoint, read_stored, write_checkpoint, write_recorded
 
 __all__ = [
     "Checkpoint",
+    "Recorded",
+    "RecordedLog",
+    "StoredBreach",
     "StoredDocument",
+    "StoredHistory",
     "StoredInputs",
+    "StoredPassing",
     "StoredStage",
     "inputs_hash",
     "read_checkpoint",
+    "read_stored",
     "stale_stages",
     "write_checkpoint",
+    "write_recorded",
 ]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.encode import QUANTITY_NAME, SCHEMA, ExploredSummary, Version
+from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, ExploredSummary, Version
 from airrace.checkpoint.place import Place
 from airrace.checkpoint.possible import ensure_possible
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
@@ -36,6 +36,8 @@ def decode(root: Group) -> Checkpoint:
         CheckpointError: another schema; a member that is missing, unknown or of the wrong kind; shapes that
             contradict each other, or numbers that no flight can have.
     """
+    if CONTENT in root.attributes:
+        raise CheckpointError("this is a flown log, not a run; show, report, compare, plot and export take it")
     schema = root.attributes.get("schema")
     if schema != SCHEMA:
         raise CheckpointError(f"the checkpoint's schema is {schema}; this airrace reads schema {SCHEMA}")
@@ -46,10 +48,15 @@ def decode(root: Group) -> Checkpoint:
     if unknown:
         raise CheckpointError(f"/stages: unknown stage {min(unknown)!r}")
     stored = [_stage(stages.group(stage.value), stage) for stage in STAGES if stage.value in stages.node.members]
-    return Checkpoint(_inputs(place.group("inputs")), {row.name: row.version for row in versions}, tuple(stored))
+    return Checkpoint(inputs_of(place.group("inputs")), {row.name: row.version for row in versions}, tuple(stored))
 
 
-def _inputs(place: Place) -> StoredInputs:
+def inputs_of(place: Place) -> StoredInputs:
+    """Return the inputs that a group holds, as runs and flown logs store them.
+
+    Raises:
+        CheckpointError: a member is missing, unknown or of the wrong kind.
+    """
     place.expecting("track", "aircraft", "overrides", "resolved", optional=("settings",))
     return StoredInputs(
         track=_document(place.group("track")),
@@ -169,7 +176,7 @@ def _histories(place: Place, length: int) -> tuple[tuple[Quantity, ...], Array]:
         values = place.floats(name)
         if len(values) != length:
             raise CheckpointError(f"{place.path}/{name}: {len(values)} values instead of {length}")
-        quantity, row = _declaration(name, place.series(name).attributes, f"{place.path}/{name}")
+        quantity, row = declaration_of(name, place.series(name).attributes, f"{place.path}/{name}")
         rows[row] = (quantity, values)
     if sorted(rows) != list(range(len(place.node.members))):
         raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
@@ -178,7 +185,12 @@ def _histories(place: Place, length: int) -> tuple[tuple[Quantity, ...], Array]:
     return tuple(quantity for quantity, _ in ordered), history
 
 
-def _declaration(name: str, attributes: Mapping[str, Attribute], path: str) -> tuple[Quantity, int]:
+def declaration_of(name: str, attributes: Mapping[str, Attribute], path: str) -> tuple[Quantity, int]:
+    """Return the quantity that attributes declare, and its row.
+
+    Raises:
+        CheckpointError: they declare none.
+    """
     match attributes:
         case {
             "units": str(unit),

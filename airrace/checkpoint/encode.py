@@ -37,6 +37,8 @@ from airrace.trajectory import Array, Trajectory
 
 SCHEMA = 4
 """The version of this layout; a reader refuses every other."""
+CONTENT = "content"
+"""The attribute that tells files of another kind from runs, which have none."""
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 
@@ -66,14 +68,15 @@ def encode(checkpoint: Checkpoint) -> Group:
     """
     versions = [Version(name, version) for name, version in checkpoint.versions.items()]
     members: dict[str, Node] = {
-        "inputs": _inputs(checkpoint.inputs),
+        "inputs": inputs_group(checkpoint.inputs),
         "versions": table_of(Version, versions),
         "stages": Group({stored.result.stage.value: _stage(stored) for stored in checkpoint.stages}),
     }
     return Group(members, {"schema": SCHEMA})
 
 
-def _inputs(inputs: StoredInputs) -> Group:
+def inputs_group(inputs: StoredInputs) -> Group:
+    """Return the inputs as a group, as runs and flown logs store them."""
     members: dict[str, Node] = {
         "track": _document(inputs.track),
         "aircraft": _document(inputs.aircraft),
@@ -104,8 +107,8 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
         "outcome": result.outcome.value,
         "message": result.message,
         **_trajectory(result.trajectory, path),
-        "constraint_multipliers": _series(result.constraint_multipliers, "1", "multipliers of the constraints"),
-        "bound_multipliers": _series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
+        "constraint_multipliers": series(result.constraint_multipliers, "1", "multipliers of the constraints"),
+        "bound_multipliers": series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
         "mesh": _mesh(result.mesh),
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
@@ -120,23 +123,23 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
 
 def _trajectory(trajectory: Trajectory, path: str) -> dict[str, Node]:
     return {
-        "time": _series(trajectory.time, "s", "time at the nodes"),
-        "interval_time": _series(trajectory.time[:-1], "s", "time at the beginning of the intervals"),
+        "time": series(trajectory.time, "s", "time at the nodes"),
+        "interval_time": series(trajectory.time[:-1], "s", "time at the beginning of the intervals"),
         "states": _histories(trajectory.states, trajectory.state, f"{path}/time"),
         "controls": _histories(trajectory.controls, trajectory.control, f"{path}/interval_time"),
         "phases": Table({"phase": trajectory.phases}),
-        "first_node": _integers(trajectory.first_node, "node at which each phase begins, and the last node"),
-        "durations": _series(trajectory.durations, "s", "duration of each phase"),
+        "first_node": integers(trajectory.first_node, "node at which each phase begins, and the last node"),
+        "durations": series(trajectory.durations, "s", "duration of each phase"),
     }
 
 
 def _mesh(record: MeshRecord) -> Group:
     return Group(
         {
-            "why": _integers(record.why, "why each interval is as long as it is"),
-            "coarser": _integers(record.coarser, "1 for nodes of the mesh whose race time was compared"),
-            "defect": _series(record.defect, "scaled", "deviation of the replay from the next node"),
-            "drift": _series(record.drift, "1", "distance of the Hamiltonian from -1"),
+            "why": integers(record.why, "why each interval is as long as it is"),
+            "coarser": integers(record.coarser, "1 for nodes of the mesh whose race time was compared"),
+            "defect": series(record.defect, "scaled", "deviation of the replay from the next node"),
+            "drift": series(record.drift, "1", "distance of the Hamiltonian from -1"),
         }
     )
 
@@ -161,12 +164,13 @@ def _histories(declared: tuple[Quantity, ...], values: Array, axis: str) -> Grou
     for row, (quantity, history) in enumerate(zip(declared, values, strict=True)):
         if not QUANTITY_NAME.fullmatch(quantity.name) or quantity.name in members:
             raise CheckpointError(f"{quantity.name!r} is not a name of its own for a quantity: it cannot be stored")
-        members[quantity.name] = Series(np.asarray(history, np.float64), _declaration(quantity, row), axis)
+        members[quantity.name] = Series(np.asarray(history, np.float64), declaration(quantity, row), axis)
     return Group(members)
 
 
-def _declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
-    declaration: dict[str, Attribute] = {
+def declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
+    """Return the attributes that declare a quantity, with its row among those beside it."""
+    attributes: dict[str, Attribute] = {
         "units": quantity.unit,
         "long_name": quantity.text,
         "scale": float(quantity.scale),
@@ -174,12 +178,14 @@ def _declaration(quantity: Quantity, row: int) -> dict[str, Attribute]:
         "upper": float(quantity.upper),
         "row": row,
     }
-    return declaration | ({"rate_of": quantity.rate_of} if quantity.rate_of else {})
+    return attributes | ({"rate_of": quantity.rate_of} if quantity.rate_of else {})
 
 
-def _series(values: Array, units: str, long_name: str) -> Series:
+def series(values: Array, units: str, long_name: str) -> Series:
+    """Return numbers with their unit and meaning."""
     return Series(np.asarray(values, np.float64), {"units": units, "long_name": long_name})
 
 
-def _integers(values: Sequence[int] | NDArray[np.generic], long_name: str) -> Series:
+def integers(values: Sequence[int] | NDArray[np.generic], long_name: str) -> Series:
+    """Return whole numbers with their meaning."""
     return Series(np.asarray(values, np.int64), {"units": "1", "long_name": long_name})

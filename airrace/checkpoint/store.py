@@ -1,8 +1,10 @@
-"""Checkpoints on the disk: the only two functions that read and write them."""
+"""Checkpoints and flown logs on the disk: the only functions that read and write them."""
 
 import os
 import stat
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.checkpoint.checkpoint import Checkpoint
@@ -11,8 +13,12 @@ from airrace.checkpoint.encode import encode
 from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unseal
 from airrace.checkpoint.hdf5_reader import tree_of
 from airrace.checkpoint.hdf5_writer import image_of
+from airrace.checkpoint.recorded import Recorded
+from airrace.checkpoint.recorded_tree import decode_recorded, encode_recorded, is_recorded
+from airrace.checkpoint.tree import Group
 from airrace.errors import CheckpointError
 
+T = TypeVar("T")
 SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
@@ -27,11 +33,12 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
             more than 256 MiB); the old checkpoint survives.
     """
-    image = image_of(encode(checkpoint))
-    if BLOCK_SIZE + len(image) > SIZE_MAX:
-        raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
-    decode(tree_of(image))
-    replace_file(path, seal(image))
+    _write(path, encode(checkpoint), decode)
+
+
+def write_recorded(path: Path, recorded: Recorded) -> None:
+    """Replace the file at `path` by a flown log, at once and as a whole; errors as of `write_checkpoint`."""
+    _write(path, encode_recorded(recorded), decode_recorded)
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -40,8 +47,25 @@ def read_checkpoint(path: Path) -> Checkpoint:
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.
     """
+    return _read(path, decode)
+
+
+def read_stored(path: Path) -> Checkpoint | Recorded:
+    """Return the run or the flown log at `path`, verified; errors as of `read_checkpoint`."""
+    return _read(path, lambda root: decode_recorded(root) if is_recorded(root) else decode(root))
+
+
+def _write(path: Path, root: Group, understood: Callable[[Group], object]) -> None:
+    image = image_of(root)
+    if BLOCK_SIZE + len(image) > SIZE_MAX:
+        raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
+    understood(tree_of(image))
+    replace_file(path, seal(image))
+
+
+def _read(path: Path, understood: Callable[[Group], T]) -> T:
     try:
-        return decode(tree_of(unseal(_content(path))))
+        return understood(tree_of(unseal(_content(path))))
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:

@@ -13,6 +13,7 @@ from airrace.cli.batch import batch
 from airrace.cli.check import check
 from airrace.cli.compare import compare
 from airrace.cli.export import export
+from airrace.cli.import_log import import_log
 from airrace.cli.init import init
 from airrace.cli.optimize import optimize
 from airrace.cli.plot import plot
@@ -36,6 +37,7 @@ app = typer.Typer(
 app.command()(optimize)
 app.command()(resume)
 app.add_typer(export)
+app.command("import")(import_log)
 app.command()(report)
 app.command()(show)
 app.command()(compare)

@@ -15,10 +15,13 @@ class Language(Enum):
     AIRCRAFT = "aircraft"
     SETTINGS = "settings"
     BATCH = "batch"
+    LOG = "log"
 
 
 def schema(
-    language: Annotated[Language, typer.Argument(metavar="LANGUAGE", help="One of: track, aircraft, settings, batch.")],
+    language: Annotated[
+        Language, typer.Argument(metavar="LANGUAGE", help="One of: track, aircraft, settings, batch, log.")
+    ],
 ) -> None:
     """Print the JSON Schema of an input file.
 

@@ -1,12 +1,16 @@
-"""The command `airrace show`: what a checkpoint holds."""
+"""The command `airrace show`: what a checkpoint or a flown log holds."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from airrace.cli import completion
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson, RunFile
+
+if TYPE_CHECKING:
+    from airrace.checkpoint import Recorded
+    from airrace.runs.answer import Answer
 
 
 def show(
@@ -23,11 +27,28 @@ def show(
 ) -> None:
     """Show stages, times, legs and certificates."""
     with answering(as_json=as_json) as answer:
-        from airrace.checkpoint import read_checkpoint
+        from airrace.checkpoint import Recorded, read_stored
         from airrace.cli.show_texts import shown_texts
         from airrace.runs.shown import shown_object, shown_of
 
-        shown = shown_of(read_checkpoint(run_file), run_file, stage)
+        stored = read_stored(run_file)
+        if isinstance(stored, Recorded):
+            _show_flown(answer, stored, stage, legs=legs, as_json=as_json)
+            return
+        shown = shown_of(stored, run_file, stage)
         answer.fields.update(shown_object(shown))
         if not as_json:
             answer.texts.extend(shown_texts(shown, legs=legs, certificates=certificate))
+
+
+def _show_flown(answer: "Answer", stored: "Recorded", stage: str | None, *, legs: bool, as_json: bool) -> None:
+    from airrace.cli.flown_tables import flown_texts
+    from airrace.runs.flight_sources import source_of
+    from airrace.runs.flown_log import opened_log
+    from airrace.runs.flown_object import flown_object
+
+    flown = opened_log(stored)
+    source_of(flown, stage)
+    answer.fields.update(flown_object(flown))
+    if not as_json:
+        answer.texts.extend(flown_texts(flown, legs=legs))

@@ -16,6 +16,7 @@ from airrace.documents.document import Document, read_document
 from airrace.documents.nodes import JSON, Entry, MappingNode, Place, Reporter, ScalarNode, dotted
 from airrace.documents.objects import Scene, aircraft_of, is_of_objects, scene_of
 from airrace.documents.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
+from airrace.documents.penalties import penalties_of
 from airrace.documents.places import Places
 from airrace.documents.references import check_references
 from airrace.documents.resolved import resolved_inputs
@@ -28,6 +29,7 @@ from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
+from airrace.logs.penalties import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 
@@ -54,6 +56,7 @@ class Inputs:
         overrides: the `key=value` texts of the command line.
         resolved: everything as understood, plain and JSON-able, SI and radians, defaults filled in; an absent limit
             (an infinity) is null.
+        penalties: of the season whose rules the course names; no optimum depends on them.
     """
 
     race: Race
@@ -63,6 +66,7 @@ class Inputs:
     settings_file: Document | None
     overrides: tuple[str, ...]
     resolved: Mapping[str, JSON]
+    penalties: Penalties = NONE_KNOWN
 
 
 def load_inputs(
@@ -168,6 +172,7 @@ class _Run:
     def __init__(self, overrides: Sequence[str]) -> None:
         self.findings: list[Finding] = []
         self._texts = tuple(overrides)
+        self._penalties = NONE_KNOWN
         self._overrides = parse_overrides(overrides, self.findings)
 
     def open(self, document: Document | None, language: _Language) -> _Opened | None:
@@ -226,6 +231,7 @@ class _Run:
             settings_file=settings_file,
             overrides=self._texts,
             resolved=resolved_inputs(race, settings),
+            penalties=self._penalties,
         )
 
     def _scene(self, track: _Opened) -> Scene | None:
@@ -237,6 +243,7 @@ class _Run:
         if entry is None:
             return None
         course = build_course(entry, track.reporter)
+        self._penalties = penalties_of(entry.rules)
         return Scene(course, build_air(entry.environment, Places(entry.origin, track.reporter)))
 
     def _aircraft(self, aircraft: _Opened) -> Aircraft | None:

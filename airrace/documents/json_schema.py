@@ -12,6 +12,7 @@ from pydantic_core import core_schema
 
 from airrace.documents.aircraft_schema import AircraftEntry
 from airrace.documents.batch import BatchEntry
+from airrace.documents.log_layout import LogEntry
 from airrace.documents.presets import preset_names
 from airrace.documents.rules_schema import RulesEntry
 from airrace.documents.schema import Schema
@@ -24,6 +25,7 @@ LANGUAGES: dict[str, Callable[[], type[Schema]]] = {
     "aircraft": lambda: AircraftEntry,
     "settings": lambda: SettingsEntry,
     "batch": lambda: BatchEntry,
+    "log": lambda: LogEntry,
 }
 """The languages by name, each with the model that reads its documents."""
 
@@ -32,6 +34,7 @@ _TITLES = {
     "aircraft": "Aircraft of airrace",
     "settings": "Settings of airrace",
     "batch": "Batch of airrace",
+    "log": "Mapping of a log for airrace",
 }
 _FIRST = ("$schema", "title", "description")
 

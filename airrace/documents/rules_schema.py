@@ -50,6 +50,35 @@ class RulesEntry(LimitsEntry):
     preset: str | None = Field(default=None, description="the season whose rules hold where no key here says otherwise")
 
 
+Seconds = Annotated[float, Ge(0), Le(100)] | Literal["dnf"] | None
+"""A penalty: seconds that are added, or `dnf` where the race is over."""
+
+
+class PenaltiesEntry(Schema):
+    """The penalties for broken rules, by which flown logs are judged; no optimum depends on them."""
+
+    what: ClassVar[str] = "penalties"
+    pylon_s: Seconds = Field(default=None, description="a wing touches a pylon")
+    missed_s: Seconds = Field(default=None, description="a gate is passed outside of its pylons, or not at all")
+    too_high_s: Seconds = Field(default=None, description="a gate is passed above its legal heights")
+    too_low_s: Seconds = Field(default=None, description="a gate is passed below its legal heights")
+    bank_s: Seconds = Field(default=None, description="a gate is passed with another bank than prescribed")
+    climb_s: Seconds = Field(default=None, description="a gate is passed climbing or descending too steeply")
+    manoeuvre_s: Seconds = Field(default=None, description="a height or an attitude is not reached")
+    start_speed_s: Seconds = Field(default=None, description="the start is passed too fast")
+    start_speed_dnf_kt: Annotated[float, Ge(50), Le(500)] | None = Field(
+        default=None, description="the speed at the start from which on the race is over"
+    )
+    load_factor_s: Seconds = Field(default=None, description="the load factor is too large")
+    load_factor_g: Annotated[float, Gt(1), Le(25)] | None = Field(
+        default=None, description="the load factor from which that counts, if it is not `n_z_max`"
+    )
+    load_factor_time_s: Annotated[float, Ge(0), Le(10)] = Field(default=0.0, description="for how long it has to last")
+    load_factor_dnf_g: Annotated[float, Gt(1), Le(25)] | None = Field(
+        default=None, description="the load factor above which the race is over at once"
+    )
+
+
 class PresetEntry(Schema):
     """A whole preset file."""
 
@@ -60,3 +89,4 @@ class PresetEntry(Schema):
     gate_defaults: GateDefaultsEntry = Field(
         default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
     )
+    penalties: PenaltiesEntry = Field(default=PenaltiesEntry(), description="what broken rules cost in a flown race")

@@ -14,6 +14,7 @@ _DECLARED = (
     Quantity("V_K", "m/s", text="kinematic speed: along the flight path, relative to the ground"),
     Quantity("V_A", "m/s", text="true airspeed"),
     Quantity("V_I", "m/s", text="indicated airspeed of an instrument without errors (calibrated airspeed)"),
+    Quantity("V_G", "m/s", text="speed over ground, its horizontal part"),
     Quantity("chi", "rad", text="course over ground"),
     Quantity("gamma", "rad", text="climb angle"),
     Quantity("mu", "rad", text="kinematic bank angle, right wing down"),

@@ -1,7 +1,7 @@
 """The sections of a report about the stage that found a flight: certificate, ways tried, prices, inputs."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from airrace.documents import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
@@ -87,13 +87,19 @@ def prices_section(prices: Mapping[str, Price] | None) -> str:
 
 def inputs_section(inputs: Inputs, result: StageResult, versions: Mapping[str, str]) -> str:
     """Return what was asked for: course, aircraft, air, values set by hand, and the files' own texts."""
+    solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
+    return given_section(inputs, [("stage", solved)], versions)
+
+
+def given_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions: Mapping[str, str]) -> str:
+    """Return what was asked for, with further facts between the values set by hand and what made it all."""
     race = inputs.race
     pairs = [
         ("course", f"{race.course.name} ({len(race.course.passages) - 1} legs)"),
         ("aircraft", race.aircraft.name),
         ("wind", _wind(inputs)),
         ("set by hand", ", ".join(inputs.overrides) or "nothing"),
-        ("stage", f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"),
+        *further,
         ("made by", ", ".join(f"{name} {version}" for name, version in versions.items())),
     ]
     documents = [("Course", inputs.track), ("Aircraft", inputs.aircraft), ("Settings", inputs.settings_file)]

@@ -1,13 +1,21 @@
-"""Flights by the names that every door takes: `RUN.h5`, or `RUN.h5:STAGE` for another stage than the last one."""
+"""Flights by the names that every door takes.
 
-from collections.abc import Sequence
+`RUN.h5` is the last stage of a run, `RUN.h5:STAGE` another one, `FLOWN.h5` an imported log, and `LOG.csv` a log itself.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from airrace.checkpoint import Recorded, read_stored
+from airrace.errors import UsageError
 from airrace.flights import Flight
+from airrace.logs.reading import is_log
+from airrace.runs.flown_log import FlownLog, opened_log
 from airrace.runs.flown_stage import FlownStage
+from airrace.runs.imported import flown_through
 from airrace.runs.run import Run
-from airrace.runs.stored import opened_run
+from airrace.runs.stored import stored_run
 
 
 @dataclass(frozen=True)
@@ -29,26 +37,23 @@ def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Fl
     """Return the flights of these names, each with a label of its own.
 
     Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
-    flights or a stage was named.
+    flights or a stage was named. A log that is not imported yet is flown through the course of the first file that has
+    one.
 
     Args:
-        texts: `RUN.h5` or `RUN.h5:STAGE` each.
-        stage: for those that name none; None for the last one of the run.
+        texts: `RUN.h5`, `RUN.h5:STAGE`, a flown log `FLOWN.h5`, or a log itself each.
+        stage: for runs whose names say none; None for their last ones.
 
     Raises:
         CheckpointError: a file is no whole, undamaged checkpoint.
-        InputError: this version of airrace no longer accepts its inputs.
-        UsageError: a run has no such stage, or that found no flight.
+        InputError: this version of airrace no longer accepts its inputs, or a log is not valid.
+        UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
     """
     names = [Named.of(text) for text in texts]
-    runs: dict[Path, Run] = {}
-    stages: list[FlownStage] = []
-    for name in names:
-        if name.path not in runs:
-            runs[name.path] = opened_run(name.path)
-        stages.append(runs[name.path].stage(name.stage or stage))
-    labels = _labels(names, stages)
-    return [flown.flight(label) for flown, label in zip(stages, labels, strict=True)]
+    kept = {name.path: opened_file(name.path) for name in names if not _is_log(name)}
+    sources = [_source(name, kept, stage) for name in names]
+    labels = _labels(names, sources)
+    return [source.flight(label) for source, label in zip(sources, labels, strict=True)]
 
 
 def opened_flight(text: str, *, stage: str | None = None) -> Flight:
@@ -56,15 +61,50 @@ def opened_flight(text: str, *, stage: str | None = None) -> Flight:
     return opened_flights([text], stage=stage)[0]
 
 
-def _labels(names: Sequence[Named], stages: Sequence[FlownStage]) -> list[str]:
+def opened_file(path: Path) -> Run | FlownLog:
+    """Return the run or the flown log in a file; errors as of `opened_flights`."""
+    stored = read_stored(path)
+    return opened_log(stored) if isinstance(stored, Recorded) else stored_run(stored, path)
+
+
+def source_of(kept: Run | FlownLog, stage: str | None) -> FlownStage | FlownLog:
+    """Return the stage of a run, None for its last one, or a flown log, which has no stages.
+
+    Raises:
+        UsageError: there is no such stage.
+    """
+    if isinstance(kept, Run):
+        return kept.stage(stage)
+    if stage is not None:
+        raise UsageError(f"a flown log has no stages; leave `{stage}` out")
+    return kept
+
+
+def _is_log(name: Named) -> bool:
+    return name.stage is None and is_log(name.path)
+
+
+def _source(name: Named, kept: Mapping[Path, Run | FlownLog], stage: str | None) -> FlownStage | FlownLog:
+    if not _is_log(name):
+        one = kept[name.path]
+        return source_of(one, name.stage or (stage if isinstance(one, Run) else None))
+    if not kept:
+        raise UsageError(
+            f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
+        )
+    return flown_through(name.path, next(iter(kept.values())).inputs)
+
+
+def _labels(names: Sequence[Named], sources: Sequence[FlownStage | FlownLog]) -> list[str]:
     """Return unique labels: the file's stem, its name with the stage, its path with the stage, at last a number."""
-    several = len({stage.stage for stage in stages}) > 1
+    stages = [source.name if isinstance(source, FlownStage) else "" for source in sources]
+    several = len(set(filter(None, stages))) > 1
     short = [
-        f"{name.path.stem}:{stage.name}" if several or name.stage else name.path.stem
+        f"{name.path.stem}:{stage}" if stage and (several or name.stage) else name.path.stem
         for name, stage in zip(names, stages, strict=True)
     ]
     if len(set(short)) < len(short):
-        short = [f"{name.path}:{stage.name}" for name, stage in zip(names, stages, strict=True)]
+        short = [f"{name.path}:{stage}" if stage else f"{name.path}" for name, stage in zip(names, stages, strict=True)]
     if len(set(short)) < len(short):
         short = [f"{label} ({number})" for number, label in enumerate(short, start=1)]
     return short

@@ -2,18 +2,27 @@
 
 from collections.abc import Sequence
 
+from airrace.errors import NotCertified
 from airrace.report.flight_page import flight_page
-from airrace.report.stage_sections import certificate_section, inputs_section, prices_section, ways_section
-from airrace.runs.flight_sources import Named, opened_flights
+from airrace.report.log_sections import breaches_section, recording_section
+from airrace.report.stage_sections import (
+    certificate_section,
+    given_section,
+    inputs_section,
+    prices_section,
+    ways_section,
+)
+from airrace.runs.flight_sources import Named, opened_file, opened_flights
+from airrace.runs.flown_log import FlownLog
 from airrace.runs.flown_stage import FlownStage
-from airrace.runs.stored import opened_run
 
 
 def opened_report(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
     """Return the page as text.
 
     Args:
-        names: `RUN.h5` or `RUN.h5:STAGE` each; the report is about the first of them, the others fly beside it.
+        names: `RUN.h5`, `RUN.h5:STAGE` or a flown log each; the report is about the first of them, the others fly
+            beside it.
         stage: for those that name none; None for the last one of the run.
         priced: whether the prices of the inputs' numbers are computed and told, which takes some seconds.
 
@@ -21,12 +30,28 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
         CheckpointError: a file is no whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts its inputs.
         UsageError: a run has no such stage, or that found no flight, or a flight is of a course with other passings.
-        NotCertified: prices were asked for, and the stage is no certified optimum.
+        NotCertified: prices were asked for, and the stage is no certified optimum, or the first flight is a log.
     """
     first = Named.of(names[0])
-    flown = opened_run(first.path).stage(first.stage or stage)
+    kept = opened_file(first.path)
     flights = opened_flights(names, stage=stage)
+    if isinstance(kept, FlownLog):
+        if priced:
+            raise NotCertified(f"{first.path} is a flown log: it has no prices")
+        return flight_page(flights, log_sections(kept), flights[0].source.version).as_html()
+    flown = kept.stage(first.stage or stage)
     return flight_page(flights, stage_sections(flown, priced=priced), footer_of(flown)).as_html()
+
+
+def log_sections(flown: FlownLog) -> list[str]:
+    """Return what a flown log knows besides its flight: passings that break rules, remarks, inputs."""
+    log = flown.recorded.log
+    told = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
+    return [
+        breaches_section(flown.breaches, flown.penalty),
+        recording_section([*told, ("start", f"{log.offset:.3f} s after the first sample")], flown.remarks),
+        given_section(flown.inputs, [], flown.recorded.versions),
+    ]
 
 
 def report_page(flown: FlownStage, others: Sequence[str] = (), *, priced: bool = False) -> str:

@@ -22,14 +22,19 @@ from airrace.runs.run import Run
 
 def new_run(inputs: Inputs, path: Path | None = None) -> Run:
     """Return a run of which nothing is finished yet."""
-    stored = StoredInputs(
+    versions = {**library_versions(), "python": platform.python_version()}
+    return Run(inputs, Checkpoint(stored_inputs(inputs), versions), path)
+
+
+def stored_inputs(inputs: Inputs) -> StoredInputs:
+    """Return the inputs as runs and flown logs store them."""
+    return StoredInputs(
         track=_stored(inputs.track),
         aircraft=_stored(inputs.aircraft),
         settings=None if inputs.settings_file is None else _stored(inputs.settings_file),
         overrides=tuple(inputs.overrides),
         resolved=resolved_text(inputs),
     )
-    return Run(inputs, Checkpoint(stored, {**library_versions(), "python": platform.python_version()}), path)
 
 
 def library_versions() -> dict[str, str]:

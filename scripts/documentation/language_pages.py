@@ -13,12 +13,14 @@ TITLES = {
     "aircraft": "Keys of an aircraft",
     "settings": "Keys of the settings",
     "batch": "Keys of a batch",
+    "log": "Keys of a log's mapping",
 }
 GUIDES = {
     "track": "[Describing a course](../course.md) explains the language by examples.",
     "aircraft": "[Adding an aircraft](../how_to/aircraft.md) tells where the numbers come from.",
     "settings": "[Settings](../settings.md) has the defaults, and says what they are for.",
     "batch": "[Many courses at once](../batches.md) explains batches by examples.",
+    "log": "[Flown logs](../flown_logs.md) explains mappings by examples.",
 }
 
 

@@ -1,0 +1,78 @@
+"""The command `airrace import`: a log of a flight becomes a flight like any other."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli import completion
+from airrace.cli.answer import answering
+from airrace.cli.options import AircraftFile, AsJson, Overrides, Quiet
+
+
+def import_log(
+    log: Annotated[Path, typer.Argument(metavar="LOG", readable=False, help="The log: CSV, GPX, IGC or ACMI.")],
+    course: Annotated[
+        Path,
+        typer.Option(
+            metavar="TRACK",
+            readable=False,
+            autocompletion=completion.tracks,
+            help="The course that was flown: a file, or a name that `airrace tracks` lists.",
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE.h5", help="The flight; by default beside the log, as LOG.h5.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(metavar="FILE.yaml", readable=False, help="What the columns of a CSV file mean.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=HEADER", help="One column, e.g. 'altitude=GPS alt [ft]'; as often as you like."),
+    ] = None,
+    time_zone: Annotated[
+        str | None, typer.Option(metavar="ZONE", help="Of times that name none: +02:00 or Europe/Zagreb; else UTC.")
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option(metavar="M", help="Standard deviation of the positions; estimated by default.")
+    ] = None,
+    run: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Which run through the course, where there are several.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Which aircraft of an ACMI recording.")] = None,
+    aircraft: AircraftFile = None,
+    overrides: Overrides = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Import a flown log: find its run through a course, smooth it, and tell which rules it would break.
+
+    show, report, compare, plot and export take the file that is written.
+    """
+    with answering({"flown": True, "log": str(log)}, as_json=as_json) as answer:
+        from airrace.runs.output import ensure_free
+
+        path = output or log.with_suffix(".h5")
+        ensure_free(path, force=force)
+        from airrace.cli.flown_tables import flown_texts
+        from airrace.runs.flown_object import flown_object
+        from airrace.runs.imported import import_log as imported
+
+        flown = imported(
+            log,
+            course,
+            aircraft=aircraft,
+            set=overrides or (),
+            mapping=mapping,
+            columns=column or (),
+            time_zone=time_zone,
+            noise=noise,
+            run=run,
+            name=name,
+        )
+        flown.save(path)
+        answer.fields.update(flown_object(flown))
+        if not as_json and not quiet:
+            answer.texts.extend([*flown_texts(flown), f"{path} is written"])

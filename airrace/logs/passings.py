@@ -1,0 +1,163 @@
+"""The passings of a course on a path: when each element was passed, and which run through the course that makes.
+
+An element that stands somewhere is passed where the path crosses the line through its centre, across one of the axes
+along which it may be flown. Among all such crossings that sequence in the order of the course is a run which goes by
+the elements most closely, in the shortest time, and leaves out fewest. What stands nowhere (a height, an attitude) is
+passed between its neighbours, where the path comes nearest to what is asked.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from airrace.planning.race import Race
+from airrace.track.course import Passage
+from airrace.trajectory import Array
+
+ASIDE = 60.0
+"""m: farther beside its centre, or beyond its reach, nothing is a passing."""
+SCALE = 10.0
+"""m: a passing that is so far beside the centre costs 1."""
+SKIPPED = 40.0
+"""The cost of an element that is not passed at all: more than that of the worst passing, 36."""
+PACE = 0.05
+"""The cost of a second, so that a run is not mixed with another one."""
+
+
+@dataclass(frozen=True)
+class Passed:
+    """A crossing of the line across an element.
+
+    Attributes:
+        time: when, s.
+        axis: along which of its axes, rad.
+        aside: how far to the right of its centre, m.
+    """
+
+    time: float
+    axis: float
+    aside: float
+
+
+@dataclass(frozen=True)
+class PassedRun:
+    """A run through the course: one entry per passage, None where it was not passed or stands nowhere."""
+
+    passings: tuple[Passed | None, ...]
+
+    @property
+    def begin(self) -> float:
+        """The time of its first passing, s."""
+        return min(one.time for one in self.passings if one is not None)
+
+    @property
+    def end(self) -> float:
+        """The time of its last passing, s."""
+        return max(one.time for one in self.passings if one is not None)
+
+    @property
+    def count(self) -> int:
+        """The number of passings that were made."""
+        return sum(one is not None for one in self.passings)
+
+
+def standing(passage: Passage) -> bool:
+    """Return whether a passage stands at a place, so that its passing can be seen from above."""
+    return passage.element.stands and passage.element.place is not None
+
+
+def candidates(passage: Passage, time: Array, x: Array, y: Array) -> list[Passed]:
+    """Return all crossings of the line across an element, in the order of time.
+
+    Args:
+        passage: of an element that stands somewhere.
+        time, x, y: the path, s and m, shape (n,).
+    """
+    place = passage.element.place
+    assert place is not None
+    axes = {round(one.axis, 9): one.axis for one in passage.element.crossings(passage.direction, 0.0, rolling=False)}
+    reach = float(getattr(passage.element, "reach", 0.0))
+    found: list[Passed] = []
+    for axis in axes.values():
+        along = math.cos(axis) * (x - place[0]) + math.sin(axis) * (y - place[1])
+        right = -math.sin(axis) * (x - place[0]) + math.cos(axis) * (y - place[1])
+        rows = np.flatnonzero((along[:-1] < 0.0) & (along[1:] >= 0.0))
+        share = along[rows] / (along[rows] - along[rows + 1])
+        aside = right[rows] + share * (right[rows + 1] - right[rows])
+        when = time[rows] + share * (time[rows + 1] - time[rows])
+        near = np.abs(aside) <= ASIDE + reach
+        found += [Passed(float(t), axis, float(a)) for t, a in zip(when[near], aside[near], strict=True)]
+    return sorted(found, key=lambda one: one.time)
+
+
+def runs(race: Race, time: Array, x: Array, y: Array) -> list[PassedRun]:
+    """Return the runs on a path that share no time, in their order; each makes half of the passings at least.
+
+    Args:
+        race: whose course it is.
+        time, x, y: the path, s and m, shape (n,).
+    """
+    passages = race.course.passages
+    known = [candidates(one, time, x, y) if standing(one) else [] for one in passages]
+    needed = sum(standing(one) for one in passages)
+    found: list[PassedRun] = []
+    while True:
+        best = _best(passages, known)
+        if best is None or best.count < max(0.5 * needed, 1):
+            return sorted(found, key=lambda one: one.begin)
+        found.append(best)
+        known = [[one for one in row if not best.begin <= one.time <= best.end] for row in known]
+
+
+def _best(passages: Sequence[Passage], known: Sequence[Sequence[Passed]]) -> PassedRun | None:
+    """Return the run of the least cost, by dynamic programming from the last passage back to the first.
+
+    At all times at which anything is passed it is known what the rest of the course costs from there; `later` is that
+    cost behind each of the times, for the passages that are still to come.
+    """
+    times = np.unique([one.time for row in known for one in row])
+    if not len(times):
+        return None
+    later = np.zeros(len(times) + 1)  # at the end of the path, too
+    choices: list[Array] = []
+    for passage, row in zip(reversed(passages), reversed(known), strict=True):
+        if not standing(passage):
+            choices.append(np.full(len(times) + 1, -1))
+            continue
+        later, choice = _with_passage(times, later, row)
+        choices.append(choice)
+    first = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
+    return _followed(times, first, list(reversed(choices)), known)
+
+
+def _with_passage(times: Array, later: Array, row: Sequence[Passed]) -> tuple[Array, Array]:
+    """Return the cost of the rest from every time on with one more passage, and which of its crossings comes next."""
+    cost = np.full(len(times), np.inf)
+    index = np.full(len(times), -1)
+    at = np.searchsorted(times, [one.time for one in row])
+    for number, (place, one) in enumerate(zip(at.tolist(), row, strict=True)):
+        mine = min((one.aside / SCALE) ** 2, SKIPPED - 4.0) + later[place + 1] + PACE * one.time
+        if mine < cost[place]:
+            cost[place], index[place] = mine, number
+    best, choice = later + SKIPPED, np.full(len(times) + 1, -1)
+    least, chosen = np.inf, -1
+    for place in range(len(times) - 1, -1, -1):
+        if cost[place] < least:
+            least, chosen = float(cost[place]), int(index[place])
+        if least - PACE * times[place] < best[place]:
+            best[place], choice[place] = least - PACE * times[place], chosen
+    return best, choice
+
+
+def _followed(
+    times: Array, place: int, choices: Sequence[Array], known: Sequence[Sequence[Passed]]
+) -> PassedRun | None:
+    passings: list[Passed | None] = []
+    for choice, row in zip(choices, known, strict=True):
+        number = int(choice[place])
+        passings.append(row[number] if number >= 0 else None)
+        if number >= 0:
+            place = int(np.searchsorted(times, row[number].time)) + 1
+    return PassedRun(tuple(passings)) if any(one is not None for one in passings) else None

@@ -1,0 +1,101 @@
+"""A recording put in order and placed in the track's frame: what cannot be true is left out, and told."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.logs.recording import Recording, refuse
+from airrace.planning.race import Race
+from airrace.track.geodetic import metres, placed
+from airrace.trajectory import Array
+
+FAR = 10_000.0
+"""m: a sample that is farther from all that the course names has nothing to do with its race."""
+FASTEST = 340.0
+"""m/s: a sample that could only be reached and left faster than sound is an outlier."""
+NEAREST_IN_TIME = 1e-4
+"""s: samples that are closer together are one."""
+
+
+def in_order(recording: Recording) -> Recording:
+    """Return the recording without samples that repeat the time before them, and that lack a position."""
+    places = [name for name in ("latitude", "longitude", "x", "y", "altitude", "height") if name in recording.columns]
+    heights = [recording.columns[name] for name in ("height", "altitude") if name in recording.columns]
+    known = np.isfinite(heights).any(axis=0)
+    for name in places:
+        if name not in ("altitude", "height"):
+            known &= np.isfinite(recording.columns[name])
+    told: list[str] = []
+    if not known.all():
+        told.append(f"{int((~known).sum())} samples have no position and are left out")
+    fresh = known.copy()
+    rows = np.flatnonzero(known)
+    fresh[rows[1:][np.diff(recording.time[rows]) < NEAREST_IN_TIME]] = False
+    if repeated := int(known.sum() - fresh.sum()):
+        told.append(f"{repeated} samples repeat the time of the one before and are left out")
+    if fresh.sum() < 2:
+        refuse(recording.path, 0, "has no two samples with a time and a position")
+    return recording.kept(fresh, *told)
+
+
+def in_frame(recording: Recording, race: Race) -> Recording:
+    """Return the recording with `x`, `y` and `height` in the track's frame, near the course and without outliers.
+
+    Raises:
+        InputError: it tells latitude and longitude and the course has no origin, or it is nowhere near the course.
+    """
+    columns = dict(recording.columns)
+    if "x" not in columns:
+        if not placed(race.course.origin):
+            refuse(
+                recording.path,
+                0,
+                f"tells latitude and longitude, but the course {race.course.name} has no origin; give it one with "
+                "--set origin.latitude_deg=... and --set origin.longitude_deg=...",
+            )
+        columns["x"], columns["y"], _ = metres(columns["latitude"], columns["longitude"], race.course.origin)
+    height = columns.get("height", np.full_like(recording.time, np.nan))
+    if "altitude" in columns:
+        height = np.where(np.isfinite(height), height, columns["altitude"] - race.course.origin.elevation)
+    columns["height"] = height
+    told = Recording(
+        recording.path, recording.format, recording.time, columns, recording.lines, recording.begins, recording.remarks
+    )
+    near = _near(told, race)
+    if near.sum() < 2:
+        refuse(
+            recording.path,
+            0,
+            f"is nowhere within {FAR / 1000.0:g} km of the course {race.course.name}; is it another course, or are "
+            "latitude and longitude mixed up?",
+        )
+    outliers = _leaps(told) & near
+    if count := int(outliers.sum()):
+        line = int(told.lines[np.flatnonzero(outliers)[0]])
+        where = f"the first one in line {line}"
+        return told.kept(near & ~outliers, f"{count} outliers are left out: leaps faster than sound, {where}")
+    return told.kept(near)
+
+
+def _near(recording: Recording, race: Race) -> NDArray[np.bool_]:
+    places = [one.element.place for one in race.course.passages if one.element.place is not None]
+    north, east = np.array(places or [(0.0, 0.0)]).T
+    x, y = recording.columns["x"], recording.columns["y"]
+    inside = (x > north.min() - FAR) & (x < north.max() + FAR)
+    return inside & (y > east.min() - FAR) & (y < east.max() + FAR) & (np.abs(recording.columns["height"]) < FAR)
+
+
+def _leaps(recording: Recording) -> NDArray[np.bool_]:
+    """Return the samples that are reached and left too fast, while their neighbours agree with one another."""
+    places = np.stack([recording.columns[name] for name in ("x", "y", "height")])
+    time = recording.time
+    leap = np.zeros(len(time), bool)
+    if len(time) < 3:
+        return leap
+    fast = _speed(places[:, 1:] - places[:, :-1], np.diff(time)) > FASTEST
+    around = _speed(places[:, 2:] - places[:, :-2], time[2:] - time[:-2]) <= FASTEST
+    leap[1:-1] = fast[1:] & fast[:-1] & around
+    return leap
+
+
+def _speed(way: Array, seconds: Array) -> Array:
+    return np.asarray(np.linalg.norm(way, axis=0) / np.maximum(seconds, NEAREST_IN_TIME), np.float64)

@@ -1,0 +1,190 @@
+"""Positions with noise smoothed into a path: position, velocity and acceleration at evenly spaced times.
+
+The path is the most probable one where the jerk `j` of the aircraft is mostly small and now and then very large, as it
+is in a race, and the positions `z_k` at times `t_k` scatter by `sigma` (m):
+
+    sum_k |z_k - r(t_k)|^2 / (2 sigma^2)  -  sum_i log p(j_i)  ->  min,      j_i of Student's t-distribution
+
+Between two nodes the jerk is white noise of the density `q`; with one degree of freedom its logarithm is a sum of
+weighted squares whose weights follow from the path itself. So the weights are found by iteration, and every step is
+the smoother of Rauch, Tung and Striebel, solved as a banded system of equations. With a normal distribution instead the
+rolls of a race are smeared, or the noise is followed: on an optimum sampled at 20 Hz with 1.5 m of noise the bank is
+off by 15 degrees (root mean square, where the aircraft does not roll), and by 6 with this one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from airrace.trajectory import Array
+
+STEP = 0.05
+"""s, between two nodes of the path. Half of it gains less than a tenth of a degree of bank."""
+DENSITY = np.array([1000.0, 1000.0, 300.0])
+"""m^2/s^5, of the jerk's noise: north, east and up. Chosen on Rovinj 2014, sampled at 5 and at 20 Hz with 1.5 m of
+noise: with a third or with three times of these, neither bank nor load factor is better by more than a tenth."""
+FREEDOM = 1.0
+"""Degrees of freedom of the distribution of the jerk."""
+ITERATIONS = 20
+"""The number of times that the weights are renewed; later ones move the path by centimetres."""
+OUTLYING = 5.0
+"""Standard deviations from the path beyond which a position is an outlier and left out."""
+LEAST_NOISE, MOST_NOISE = 0.02, 30.0
+"""m: the bounds of the noise that is estimated from the positions themselves."""
+LONGEST = 1200.0
+"""s, of the longest path that is smoothed."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """A smoothed path on evenly spaced nodes.
+
+    Attributes:
+        time: of the nodes, s, shape (n,).
+        position, velocity, acceleration: north, east and up, m, m/s, m/s^2, each of shape (3, n).
+        noise: standard deviation of the positions, m, north, east and up, shape (3,).
+        outliers: which of the given positions were left out, shape (m,).
+        scatter: root mean square of the distance of the others from the path, by axis, m, shape (3,).
+        factors: what `deviations` needs: the weighted normal equations of every axis, factored.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    noise: Array
+    outliers: NDArray[np.bool_]
+    scatter: Array
+    factors: tuple[Array, ...]
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return position, velocity and acceleration at other times within the path, each of shape (3, m).
+
+        Positions and velocities are those of cubics through the nodes, with the slopes there.
+        """
+        k = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, len(self.time) - 2)
+        u, h = (times - self.time[k]) / STEP, STEP
+        position = _cubic(self.position, self.velocity, k, u, h)
+        velocity = _cubic(self.velocity, self.acceleration, k, u, h)
+        acceleration = (1.0 - u) * self.acceleration[:, k] + u * self.acceleration[:, k + 1]
+        return position, velocity, acceleration
+
+    def deviations(self, times: Array) -> Array:
+        """Return the standard deviation of the position at the nodes next to some times, m, shape (3, m)."""
+        k = np.clip(np.rint((times - self.time[0]) / STEP).astype(np.int64), 0, len(self.time) - 1)
+        column = np.arange(len(times))
+        found = np.empty((3, len(times)))
+        for axis, factor in enumerate(self.factors):
+            unit = np.zeros((factor.shape[1], len(times)))
+            unit[3 * k, column] = 1.0
+            found[axis] = np.sqrt(cho_solve_banded((factor, True), unit, check_finite=False)[3 * k, column])
+        return found
+
+
+def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
+    """Return the path of positions.
+
+    Args:
+        time: s, rising, shape (m,), at most `LONGEST` long.
+        places: north, east and up, m, shape (3, m).
+        noise: standard deviation of the positions, m; None to estimate it.
+    """
+    sigma = np.full(3, noise) if noise is not None else _noise(time, places)
+    nodes = time[0] + STEP * np.arange(max(int(np.ceil((time[-1] - time[0]) / STEP)), 1) + 1)
+    system = _System(nodes, time)
+    weights, kept = np.ones(len(nodes) - 1), np.ones(len(time), bool)
+    for _ in range(ITERATIONS):
+        solved = [system.solve(places[axis], kept / sigma[axis] ** 2, weights / DENSITY[axis]) for axis in range(3)]
+        states = np.stack([state for state, _ in solved])
+        surprise = sum(system.surprise(states[axis]) / DENSITY[axis] for axis in range(3))
+        weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
+        off = places - system.positions(states)
+        kept = (np.abs(off) < OUTLYING * sigma[:, None]).all(axis=0)
+    scatter = np.sqrt(np.mean(off[:, kept] ** 2, axis=1)) if kept.any() else np.full(3, np.nan)
+    position, velocity, acceleration = np.moveaxis(states, 2, 0)
+    return Path(nodes, position, velocity, acceleration, sigma, ~kept, scatter, tuple(one for _, one in solved))
+
+
+def _noise(time: Array, places: Array) -> Array:
+    """Return the noise by the median of fourth differences, in which the flight itself is small.
+
+    For white noise their standard deviation is `sqrt(70) sigma`.
+    """
+    if len(time) < 10:
+        return np.full(3, 1.5)
+    even = np.abs(np.diff(time) - np.median(np.diff(time))) < 0.05 * np.median(np.diff(time))
+    rows = np.flatnonzero(even[:-3] & even[1:-2] & even[2:-1] & even[3:])
+    if len(rows) < 5:
+        return np.full(3, 1.5)
+    fourth = np.abs(np.diff(places, 4, axis=1)[:, rows])
+    sigma = np.median(fourth, axis=1) / (0.6745 * np.sqrt(70.0))
+    level = np.full(2, sigma[:2].mean())
+    return np.clip(np.append(level, sigma[2]), LEAST_NOISE, MOST_NOISE)
+
+
+class _System:
+    """The normal equations of one axis: states (position, velocity, acceleration) at the nodes."""
+
+    def __init__(self, nodes: Array, time: Array) -> None:
+        h = STEP
+        self._step = np.array([[1.0, h, h * h / 2.0], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+        covariance = np.array(
+            [[h**5 / 20.0, h**4 / 8.0, h**3 / 6.0], [h**4 / 8.0, h**3 / 3.0, h**2 / 2.0], [h**3 / 6.0, h**2 / 2.0, h]]
+        )
+        self._information = np.linalg.inv(covariance)
+        self._count = len(nodes)
+        self._node = np.clip(((time - nodes[0]) / h).astype(np.int64), 0, self._count - 2)
+        late = time - nodes[self._node]
+        self._seen = np.stack([np.ones_like(late), late, late * late / 2.0], axis=1)
+
+    def solve(self, places: Array, certainty: Array, weights: Array) -> tuple[Array, Array]:
+        """Return the states, shape (n, 3), and the factored equations, shape (6, 3 n).
+
+        Args:
+            places: measured, shape (m,).
+            certainty: of them, 1/m^2, shape (m,).
+            weights: of the jerk between the nodes, s^5/m^2, shape (n - 1,).
+        """
+        A, W = self._step, self._information
+        diagonal, beside = np.zeros((self._count, 3, 3)), -weights[:, None, None] * (A.T @ W)
+        diagonal[:-1] += weights[:, None, None] * (A.T @ W @ A)
+        diagonal[1:] += weights[:, None, None] * W
+        outer = certainty[:, None, None] * self._seen[:, :, None] * self._seen[:, None, :]
+        np.add.at(diagonal, self._node, outer)
+        right = np.zeros((self._count, 3))
+        np.add.at(right, self._node, (certainty * places)[:, None] * self._seen)
+        diagonal += 1e-9 * np.eye(3)  # so that a path without positions at its ends has a solution
+        factor = cholesky_banded(_banded(diagonal, beside), lower=True, check_finite=False)
+        return cho_solve_banded((factor, True), right.ravel(), check_finite=False).reshape(-1, 3), factor
+
+    def surprise(self, state: Array) -> Array:
+        """Return the squared jerk of every step, in terms of a density of one, shape (n - 1,)."""
+        off = state[1:] - state[:-1] @ self._step.T
+        return np.einsum("ni,ij,nj->n", off, self._information, off)
+
+    def positions(self, states: Array) -> Array:
+        """Return the path at the times of the measurements, shape (3, m); states of shape (3, n, 3)."""
+        return np.einsum("mi,ami->am", self._seen, states[:, self._node])
+
+
+def _banded(diagonal: Array, beside: Array) -> Array:
+    """Return a symmetric matrix of blocks in the lower banded form of LAPACK."""
+    banded = np.zeros((6, 3 * len(diagonal)))
+    for column in range(3):
+        for row in range(3):
+            if row >= column:
+                banded[row - column, column::3] = diagonal[:, row, column]
+            banded[3 + row - column, column : 3 * len(beside) : 3] = beside[:, column, row]
+    return banded
+
+
+def _cubic(values: Array, slopes: Array, k: NDArray[np.int64], u: Array, h: float) -> Array:
+    u2, u3 = u * u, u * u * u
+    return (
+        (2.0 * u3 - 3.0 * u2 + 1.0) * values[:, k]
+        + h * (u3 - 2.0 * u2 + u) * slopes[:, k]
+        + (3.0 * u2 - 2.0 * u3) * values[:, k + 1]
+        + h * (u3 - u2) * slopes[:, k + 1]
+    )

@@ -1,0 +1,129 @@
+"""A flown log: the flight that was made of it, what it would be penalised for, and what there is to tell of it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from airrace.checkpoint import (
+    Recorded,
+    RecordedLog,
+    StoredBreach,
+    StoredHistory,
+    StoredPassing,
+    write_recorded,
+)
+from airrace.documents import Inputs, inputs_from_documents
+from airrace.errors import CheckpointError
+from airrace.flights import Basis, Crossing, Flight, History, Source
+from airrace.logs import Flown
+from airrace.logs.judging import Breach
+from airrace.runs.stored import document_of, library_versions, stored_inputs
+
+
+@dataclass(frozen=True, eq=False)
+class FlownLog:
+    """A log that was flown through a course.
+
+    Attributes:
+        inputs: course, aircraft and air, as they were given.
+        recorded: what its file holds.
+    """
+
+    inputs: Inputs
+    recorded: Recorded
+
+    @property
+    def breaches(self) -> tuple[Breach, ...]:
+        """The rules that the flight would break, in the order of the course."""
+        return tuple(Breach(**vars(one)) for one in self.recorded.breaches)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What whoever looks at the flight should know, as sentences."""
+        return self.recorded.log.remarks
+
+    @property
+    def penalty(self) -> float:
+        """The penalties of all breaches that are certain, s; infinity where one of them ends the race."""
+        known = [one.penalty for one in self.breaches if one.certain and not math.isnan(one.penalty)]
+        return sum(known)
+
+    def flight(self, label: str | None = None) -> Flight:
+        """Return the flight; see `airrace.flights`.
+
+        Args:
+            label: what people call it; None for the name of the log.
+
+        Raises:
+            CheckpointError: the passings are not those of its course.
+        """
+        stored, race = self.recorded, self.inputs.race
+        names = [passage.name for passage in race.course.passages]
+        if [one.passing for one in stored.passings] != names:
+            raise CheckpointError("the flown log is damaged: its passings are not those of its course")
+        histories = {one.quantity.name: History(one.quantity, one.values, Basis(one.basis)) for one in stored.histories}
+        crossings: list[Crossing] = []
+        for passage, passing in zip(race.course.passages, stored.passings, strict=True):
+            values: dict[str, float] = {}
+            if math.isfinite(passing.time):
+                row = min(int(np.searchsorted(stored.time, passing.time - 1e-9)), len(stored.time) - 1)
+                values = {name: float(one.values[row]) for name, one in histories.items()}
+            crossings.append(Crossing(passage, passing.time, values))
+        source = Source(
+            label or stored.label, version=stored.versions.get("airrace", ""), remark=" ".join(self.remarks)
+        )
+        return Flight(race, source, stored.time, histories, tuple(crossings))
+
+    def save(self, path: Path) -> None:
+        """Write it into a file, replacing what is there.
+
+        Raises:
+            StorageError: the system refused.
+            CheckpointError: it cannot be stored, for instance because it would be too large.
+        """
+        write_recorded(path, self.recorded)
+
+
+def new_flown_log(inputs: Inputs, flown: Flown) -> FlownLog:
+    """Return a flown log that is stored nowhere yet."""
+    flight, log = flown.flight, flown.recording
+    recorded = Recorded(
+        inputs=stored_inputs(inputs),
+        versions=library_versions(),
+        log=RecordedLog(
+            path=log.path,
+            format=log.format,
+            begins="" if log.begins is None else log.begins.isoformat(),
+            offset=flown.offset,
+            time=log.time,
+            lines=log.lines,
+            columns=log.columns,
+            remarks=flown.remarks,
+        ),
+        time=flight.time,
+        histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
+        passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
+        breaches=tuple(StoredBreach(**vars(one)) for one in flown.breaches),
+        label=flight.label,
+    )
+    return FlownLog(inputs, recorded)
+
+
+def opened_log(recorded: Recorded) -> FlownLog:
+    """Return a flown log that was read from its file; its inputs are understood anew from their stored texts.
+
+    Raises:
+        InputError: this version of airrace no longer accepts them.
+    """
+    stored = recorded.inputs
+    inputs = inputs_from_documents(
+        document_of(stored.track), document_of(stored.aircraft), None, _without_settings(stored.overrides)
+    )
+    return FlownLog(inputs, recorded)
+
+
+def _without_settings(overrides: Sequence[str]) -> list[str]:
+    return [one for one in overrides if not one.strip().startswith("settings.")]
