@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from airrace.quantities import Interval
     from airrace.runs.checked import Checked
     from airrace.runs.doors import check, open, optimize, resume, tracks
+    from airrace.runs.flown_log import FlownLog
     from airrace.runs.flown_stage import FlownStage
+    from airrace.runs.imported import import_log
     from airrace.runs.init import init
     from airrace.runs.run import Run
     from airrace.track.course import Course, Direction, EndState, Origin, Passage, Rules
@@ -46,6 +48,7 @@ __all__ = [
     "CrowdShape",
     "Direction",
     "EndState",
+    "FlownLog",
     "FlownStage",
     "Gate",
     "Inputs",
@@ -73,6 +76,7 @@ __all__ = [
     "Trajectory",
     "Turning",
     "check",
+    "import_log",
     "init",
     "load_inputs",
     "open",
@@ -95,7 +99,9 @@ _HOMES = {
     "airrace.quantities": ("Interval",),
     "airrace.runs.checked": ("Checked",),
     "airrace.runs.doors": ("check", "open", "optimize", "resume", "tracks"),
+    "airrace.runs.flown_log": ("FlownLog",),
     "airrace.runs.flown_stage": ("FlownStage",),
+    "airrace.runs.imported": ("import_log",),
     "airrace.runs.init": ("init",),
     "airrace.runs.run": ("Run",),
     "airrace.track.course": ("Course", "Direction", "EndState", "Origin", "Passage", "Rules"),

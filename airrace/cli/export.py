@@ -56,17 +56,18 @@ def csv_table(
     """
     with answering(as_json=False) as answer:
         from airrace.errors import UsageError
+        from airrace.runs.flight_sources import opened_file, source_of
+        from airrace.runs.flown_log import FlownLog
         from airrace.runs.output import ensure_free
         from airrace.runs.splits import Splits
-        from airrace.runs.stored import opened_run
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
         beside = [] if splits or output is None else [output.with_suffix(f".splits{output.suffix}")]
         for path in [*([] if output is None else [output]), *beside]:
             ensure_free(path, force=force)
-        flown = opened_run(run_file).stage(stage)
-        passings = Splits(flown.result.splits)
+        flown = source_of(opened_file(run_file), stage)
+        passings = flown.splits if isinstance(flown, FlownLog) else Splits(flown.result.splits)
         text = passings.to_csv(output) if splits else flown.to_csv(output, rate)
         answer.texts.extend([text] if output is None else [])
         for path in beside:

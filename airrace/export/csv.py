@@ -10,9 +10,10 @@ from typing import TextIO
 
 import numpy as np
 
-from airrace.export.columns import Derived
+from airrace.export.columns import Column, Derived, displayed
 from airrace.export.flight_table import NO_DERIVED, flight_table, split_columns
 from airrace.export.sampling import Sampler
+from airrace.flights import Flight
 from airrace.procedure.result import GateSplit, StageResult
 from airrace.trajectory import Array
 
@@ -56,6 +57,28 @@ def export_csv(
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*(column.header for column in flight.columns), "phase"])
     writer.writerows(zip(*(_formatted(column.values) for column in flight.columns), flight.phases, strict=True))
+
+
+def export_flight_csv(flight: Flight, stream: TextIO) -> None:
+    """Write a flight of any source: all of its histories over its times, with the leg that each row belongs to.
+
+    Args:
+        flight: at the times that are wanted.
+        stream: receives the text.
+    """
+    race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
+    entries = {"track": flight.course.name, "aircraft": flight.aircraft.name, "flight": flight.label}
+    for key, value in {**entries, "race time": race_time, "airrace version": flight.source.version}.items():
+        stream.write(f"# {key}: {' '.join(value.split())}\n")
+    columns = [Column("time_s", flight.time)]
+    for one in flight.histories.values():
+        columns.extend(displayed(one.quantity, one.values))
+    made = [crossing for crossing in flight.crossings if crossing.found]
+    last = np.clip(np.searchsorted([one.time for one in made], flight.time), 0, len(made) - 1)
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow([*(column.header for column in columns), "phase"])
+    phases = [made[index].name for index in last.tolist()]
+    writer.writerows(zip(*(_formatted(column.values) for column in columns), phases, strict=True))
 
 
 def export_splits_csv(splits: Sequence[GateSplit], stream: TextIO) -> None:

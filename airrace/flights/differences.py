@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.flights.flight import Flight
+from airrace.flights.history import Basis
 from airrace.flights.legs import Leg, way
 from airrace.quantities import KNOT
 
@@ -103,6 +104,9 @@ def _mean_load_factor(flight: Flight, leg: Leg) -> float:
 
 
 def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
+    """Return the greatest load factor, g; NaN where it is derived from a recording, for that flattens its peaks."""
+    if not flight.source.stage and "n_z" in flight and flight.basis("n_z") is Basis.DERIVED:
+        return math.nan
     return float(flight.values("n_z")[leg.rows].max())
 
 

@@ -51,7 +51,8 @@ def read_csv(path: str, lines: Iterable[str], layout: Layout) -> Recording:
     numbered = _told(lines)
     line, header = next(numbered, (0, ""))
     delimiter = layout.delimiter or max(DELIMITERS, key=header.count)
-    headers = [one.strip().lstrip("\ufeff") for one in next(csv.reader([header], delimiter=delimiter), [])]
+    empty: list[str] = []
+    headers = [one.strip().lstrip("\ufeff") for one in next(csv.reader([header], delimiter=delimiter), empty)]
     columns = _columns(path, line, headers, layout)
     rows = _Rows(path, columns, layout)
     rows.read(numbered, delimiter)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.flights import Crossing, Flight, History, Source, attitude
 from airrace.flights.derivation import completed
@@ -15,8 +16,8 @@ from airrace.logs.judging import Breach, Deviations, breaches
 from airrace.logs.passings import PassedRun, runs, standing
 from airrace.logs.penalties import NONE_KNOWN, Penalties
 from airrace.logs.placing import in_frame, in_order
-from airrace.logs.recording import Recording, refuse
-from airrace.logs.smoothing import LONGEST, Path, smoothed
+from airrace.logs.recording import Recording, counted, refuse
+from airrace.logs.smoothing import EDGE, LONGEST, Path, smoothed
 from airrace.planning.race import Race
 from airrace.track.course import Passage
 from airrace.trajectory import Array
@@ -43,7 +44,9 @@ the path."""
 LOAD_FACTOR_AT_A_GATE = 1.7
 """The same of the load factor, g; it falls as the power 0.25 of the noise: 0.6 to 0.8 with 0.02 m, 1.7 with 1.5 m."""
 SLOPE_TIME = 0.15
-"""s: the velocity at a passing is less certain than its position by this time. Measured likewise."""
+"""s: the velocity across the path at a passing is less certain than its position by this time. Measured likewise."""
+SPEED_TIME = 0.6
+"""s: the same of the speed, which changes more slowly than the direction."""
 TOLD = 5
 """The greatest number of gaps that are told one by one."""
 
@@ -113,9 +116,8 @@ def flown_flight(
 
 def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[PassedRun, tuple[str, ...]]:
     """Return the run that is imported, as found on a coarse path, and a sentence where there are several."""
-    time = np.arange(placed.time[0], placed.time[-1], COARSE)
-    x, y = (np.interp(time, placed.time, placed.columns[name]) for name in ("x", "y"))
-    found = runs(race, time, x, y) if len(time) > 1 else []
+    time, x, y = _coarse(placed)
+    found = runs(race, time, x, y)
     if not found:
         count = sum(standing(one) for one in race.course.passages)
         refuse(
@@ -133,6 +135,19 @@ def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[Pass
     begins = ", ".join(f"{one.begin:.1f}" for one in found)
     told = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
     return found[index], (told,)
+
+
+def _coarse(placed: Recording) -> tuple[Array, Array, Array]:
+    """Return time, north and east on a coarse path, which goes straight on where the log ends."""
+    inside = np.arange(placed.time[0], placed.time[-1] + 0.5 * COARSE, COARSE)
+    time = np.concatenate([[inside[0] - EDGE], inside, [inside[-1] + EDGE]])
+    places: list[Array] = []
+    for name in ("x", "y"):
+        values = np.interp(inside, placed.time, placed.columns[name])
+        slopes = (np.diff(values[:3]).mean(), np.diff(values[-3:]).mean()) if len(inside) > 2 else (0.0, 0.0)
+        ahead, behind = values[0] - slopes[0] / COARSE * EDGE, values[-1] + slopes[1] / COARSE * EDGE
+        places.append(np.concatenate([[ahead], values, [behind]]))
+    return time, places[0], places[1]
 
 
 def _way_off(run: PassedRun) -> float:
@@ -162,7 +177,7 @@ def _flight(race: Race, part: Recording, path: Path, run: PassedRun, label: str)
 
 def _histories(race: Race, part: Recording, path: Path, time: Array) -> Histories:
     position, velocity, acceleration = path.at(time)
-    given: dict[str, History] = derived_histories(race, position, velocity, acceleration, time)
+    given: dict[str, History] = derived_histories(race, position, velocity, acceleration)
     measured = measured_histories(part, time)
     if {"phi", "theta", "psi"} <= set(measured):
         R_OB = euler_axes(*(measured[name].values for name in ("psi", "theta", "phi")))
@@ -202,7 +217,7 @@ def _times(passages: Sequence[Passage], run: PassedRun, flight: Flight) -> list[
     return times
 
 
-def _nearest(passage: Passage, flight: Flight, rows: Array) -> int:
+def _nearest(passage: Passage, flight: Flight, rows: NDArray[np.int64]) -> int:
     """Return which of the rows keeps the conditions of an element that stands nowhere best."""
     columns = {
         "x": flight["x"][rows],
@@ -233,9 +248,10 @@ def _deviations(path: Path, run: PassedRun, flight: Flight) -> Mapping[str, Devi
     for column, (_, crossing) in enumerate(made):
         north, east, up = places[:, column].tolist()
         across = max(north, east)
-        slope = max(across, up) / SLOPE_TIME
-        path_angle = math.atan2(slope, crossing.value("V_K"))
-        found[crossing.name] = Deviations(across, math.hypot(across, tip), up, bank, path_angle, slope, load)
+        worst = max(across, up)
+        path_angle = math.atan2(worst / SLOPE_TIME, crossing.value("V_K"))
+        wing = math.hypot(across, tip)
+        found[crossing.name] = Deviations(across, wing, up, bank, path_angle, worst / SPEED_TIME, load)
     return found
 
 
@@ -250,7 +266,7 @@ def _remarks(part: Recording, path: Path, flight: Flight) -> list[str]:
     ]
     if count := int(path.outliers.sum()):
         first = int(part.lines[np.flatnonzero(path.outliers)[0]])
-        told.append(f"{count} outliers are left out, the first one in line {first}")
+        told.append(f"{counted(count, 'outlier')} left out, the first one in line {first}")
     gaps = np.flatnonzero((steps > GAP) & (steps > 2.5 * usual))
     for row in gaps[:TOLD].tolist():
         told.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")

@@ -28,9 +28,7 @@ SLOWEST = 1.0
 """m/s: below it a path has no direction."""
 
 
-def derived_histories(
-    race: Race, position: Array, velocity: Array, acceleration: Array, time: Array
-) -> dict[str, History]:
+def derived_histories(race: Race, position: Array, velocity: Array, acceleration: Array) -> dict[str, History]:
     """Return what follows from a path, all of it derived.
 
     The load factor is what the acceleration leaves across the path once gravity is taken out. A flight without
@@ -38,12 +36,12 @@ def derived_histories(
 
         f = a + g0 e_up,      n_z = |f - (f . e) e| / g0,      z_Kbar = -(f - (f . e) e) / (n_z g0)
 
-    Negative load factors look like a roll on the back.
+    Negative load factors look like a roll on the back. A roll rate is not told: a roll takes a quarter of a
+    second, less than such an estimate resolves.
 
     Args:
         race: course, aircraft and air.
         position, velocity, acceleration: north, east and up, m, m/s and m/s^2, each of shape (3, n).
-        time: s, shape (n,).
     """
     speed = np.maximum(np.linalg.norm(velocity, axis=0), SLOWEST)
     e = velocity / speed
@@ -55,7 +53,7 @@ def derived_histories(
     x, z = down * e, -down * across / lift
     R = np.stack([x, np.cross(z, x, axis=0), z], axis=1)
     values = {"x": position[0], "y": position[1], "height": position[2], "z": -position[2], "V_K": speed}
-    values |= {"n_z": lift / g0, "n_x": along / g0, "p_Kbar": roll_rate(R, time)}
+    values |= {"n_z": lift / g0, "n_x": along / g0}
     values |= dict(zip(PATH_ATTITUDE, attitude.quaternions(R), strict=True))
     values |= _lift(race, position, down * velocity, lift / g0)
     return {name: History(DERIVED.get(name) or GLOSSARY[name], one, Basis.DERIVED) for name, one in values.items()}
@@ -111,7 +109,9 @@ def path_attitude(velocity: Array, right_wing: Array) -> list[Array]:
 
 def euler_axes(psi: Array, theta: Array, phi: Array) -> Array:
     """Return `R_OB` of heading, pitch and roll, rad, shape (3, 3, n)."""
-    cz, sz, cy, sy, cx, sx = np.cos(psi), np.sin(psi), np.cos(theta), np.sin(theta), np.cos(phi), np.sin(phi)
+    cz, sz = np.asarray(np.cos(psi)), np.asarray(np.sin(psi))
+    cy, sy = np.asarray(np.cos(theta)), np.asarray(np.sin(theta))
+    cx, sx = np.asarray(np.cos(phi)), np.asarray(np.sin(phi))
     return np.stack(
         [
             np.stack([cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx]),

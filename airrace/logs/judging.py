@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.dynamics.crossing import crossing_values
 from airrace.flights import Crossing, Flight
@@ -261,7 +262,7 @@ def _distances(flight: Flight, known: Deviations) -> Iterator[Breach]:
             yield Breach("", rule, when, nearest, one.required, off, "m", math.nan)
 
 
-def _rows(flight: Flight, leg: int) -> np.ndarray:
+def _rows(flight: Flight, leg: int) -> NDArray[np.int64]:
     before, after = flight.crossings[leg - 1], flight.crossings[leg]
     if leg == 0 or not (before.found and after.found):
         return np.zeros(0, np.int64)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.logs.recording import Recording, refuse
+from airrace.logs.recording import Recording, counted, refuse
 from airrace.planning.race import Race
 from airrace.track.geodetic import metres, placed
 from airrace.trajectory import Array
@@ -20,18 +20,18 @@ def in_order(recording: Recording) -> Recording:
     """Return the recording without samples that repeat the time before them, and that lack a position."""
     places = [name for name in ("latitude", "longitude", "x", "y", "altitude", "height") if name in recording.columns]
     heights = [recording.columns[name] for name in ("height", "altitude") if name in recording.columns]
-    known = np.isfinite(heights).any(axis=0)
+    known: NDArray[np.bool_] = np.logical_or.reduce(np.isfinite(heights), axis=0)
     for name in places:
         if name not in ("altitude", "height"):
             known &= np.isfinite(recording.columns[name])
     told: list[str] = []
     if not known.all():
-        told.append(f"{int((~known).sum())} samples have no position and are left out")
+        told.append(f"{counted(int((~known).sum()), 'sample')} without a position and left out")
     fresh = known.copy()
     rows = np.flatnonzero(known)
     fresh[rows[1:][np.diff(recording.time[rows]) < NEAREST_IN_TIME]] = False
     if repeated := int(known.sum() - fresh.sum()):
-        told.append(f"{repeated} samples repeat the time of the one before and are left out")
+        told.append(f"{counted(repeated, 'sample')} left out for repeating the time of the one before")
     if fresh.sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
     return recording.kept(fresh, *told)
@@ -72,7 +72,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
     if count := int(outliers.sum()):
         line = int(told.lines[np.flatnonzero(outliers)[0]])
         where = f"the first one in line {line}"
-        return told.kept(near & ~outliers, f"{count} outliers are left out: leaps faster than sound, {where}")
+        return told.kept(near & ~outliers, f"{counted(count, 'outlier')} left out: leaps faster than sound, {where}")
     return told.kept(near)
 
 

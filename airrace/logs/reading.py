@@ -1,12 +1,11 @@
 """The reader of logs: which format a file has, and how much of it is believed."""
 
-import io
 import os
 import stat
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, BinaryIO
 
 from airrace.logs.acmi_log import read_acmi
 from airrace.logs.csv_log import read_csv
@@ -66,15 +65,13 @@ def is_log(path: Path) -> bool:
 def _opened(path: Path) -> BinaryIO:
     # A named pipe without a writer would block a plain open.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    file = open(descriptor, "rb")  # noqa: SIM115  # the caller closes it
     status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode):
-        file.close()
-        refuse(str(path), 0, "is not a file")
-    if status.st_size > SIZE_MAX:
-        file.close()
-        refuse(str(path), 0, f"is larger than {SIZE_MAX // 1024**3} GiB; cut the log to the flight")
-    return file
+    regular, large = stat.S_ISREG(status.st_mode), status.st_size > SIZE_MAX
+    if not regular or large:
+        os.close(descriptor)
+        size = f"is larger than {SIZE_MAX // 1024**3} GiB; cut the log to the flight"
+        refuse(str(path), 0, size if regular else "is not a file")
+    return open(descriptor, "rb")
 
 
 def _limited(path: str, file: BinaryIO, most: int) -> bytes:
@@ -84,7 +81,7 @@ def _limited(path: str, file: BinaryIO, most: int) -> bytes:
     return content
 
 
-def _lines(path: str, file: io.BufferedIOBase | BinaryIO) -> Iterator[str]:
+def _lines(path: str, file: IO[bytes]) -> Iterator[str]:
     """Yield the lines, none of them without end and all of them together no longer than they may be."""
     number, size = 0, 0
     while line := file.readline(LINE_MAX):

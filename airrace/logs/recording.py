@@ -74,6 +74,11 @@ def refuse(path: str, line: int, message: str, key: str = "") -> Never:
     raise InputError([Finding(path, line, 0 if line == 0 else 1, key, message)])
 
 
+def counted(number: int, what: str) -> str:
+    """Return a number of things with their verb, `1 outlier is` or `3 outliers are`."""
+    return f"1 {what} is" if number == 1 else f"{number} {what}s are"
+
+
 def listed(words: Sequence[str], most: int = 12) -> str:
     """Return words for a message, shortened and in quotes, at most so many of them."""
     shown = [f"`{word[:60]}`" for word in words[:most]]

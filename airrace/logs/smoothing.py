@@ -16,7 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
+
+# scipy leaves these two untyped.
+from scipy.linalg import cho_solve_banded, cholesky_banded  # pyright: ignore[reportUnknownVariableType]
 
 from airrace.trajectory import Array
 
@@ -33,6 +35,9 @@ OUTLYING = 5.0
 """Standard deviations from the path beyond which a position is an outlier and left out."""
 LEAST_NOISE, MOST_NOISE = 0.02, 30.0
 """m: the bounds of the noise that is estimated from the positions themselves."""
+EDGE = 0.5
+"""s: the path goes on for so long before the first position and behind the last one, for a log may begin or end at a
+gate."""
 LONGEST = 1200.0
 """s, of the longest path that is smoothed."""
 
@@ -79,7 +84,7 @@ class Path:
         for axis, factor in enumerate(self.factors):
             unit = np.zeros((factor.shape[1], len(times)))
             unit[3 * k, column] = 1.0
-            found[axis] = np.sqrt(cho_solve_banded((factor, True), unit, check_finite=False)[3 * k, column])
+            found[axis] = np.sqrt(_solved(factor, unit)[3 * k, column])
         return found
 
 
@@ -92,19 +97,20 @@ def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
         noise: standard deviation of the positions, m; None to estimate it.
     """
     sigma = np.full(3, noise) if noise is not None else _noise(time, places)
-    nodes = time[0] + STEP * np.arange(max(int(np.ceil((time[-1] - time[0]) / STEP)), 1) + 1)
+    nodes = time[0] - EDGE + STEP * np.arange(int(np.ceil((time[-1] - time[0] + 2.0 * EDGE) / STEP)) + 1)
     system = _System(nodes, time)
     weights, kept = np.ones(len(nodes) - 1), np.ones(len(time), bool)
+    states, factors, off = np.zeros((3, len(nodes), 3)), list[Array](), np.zeros_like(places)
     for _ in range(ITERATIONS):
         solved = [system.solve(places[axis], kept / sigma[axis] ** 2, weights / DENSITY[axis]) for axis in range(3)]
-        states = np.stack([state for state, _ in solved])
-        surprise = sum(system.surprise(states[axis]) / DENSITY[axis] for axis in range(3))
+        states, factors = np.stack([state for state, _ in solved]), [factor for _, factor in solved]
+        surprise = np.sum([system.surprise(states[axis]) / DENSITY[axis] for axis in range(3)], axis=0)
         weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
         off = places - system.positions(states)
-        kept = (np.abs(off) < OUTLYING * sigma[:, None]).all(axis=0)
+        kept = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
     scatter = np.sqrt(np.mean(off[:, kept] ** 2, axis=1)) if kept.any() else np.full(3, np.nan)
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
-    return Path(nodes, position, velocity, acceleration, sigma, ~kept, scatter, tuple(one for _, one in solved))
+    return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(kept), scatter, tuple(factors))
 
 
 def _noise(time: Array, places: Array) -> Array:
@@ -156,8 +162,8 @@ class _System:
         right = np.zeros((self._count, 3))
         np.add.at(right, self._node, (certainty * places)[:, None] * self._seen)
         diagonal += 1e-9 * np.eye(3)  # so that a path without positions at its ends has a solution
-        factor = cholesky_banded(_banded(diagonal, beside), lower=True, check_finite=False)
-        return cho_solve_banded((factor, True), right.ravel(), check_finite=False).reshape(-1, 3), factor
+        factor = np.asarray(cholesky_banded(_banded(diagonal, beside), lower=True, check_finite=False), np.float64)
+        return _solved(factor, right.ravel()).reshape(-1, 3), factor
 
     def surprise(self, state: Array) -> Array:
         """Return the squared jerk of every step, in terms of a density of one, shape (n - 1,)."""
@@ -167,6 +173,10 @@ class _System:
     def positions(self, states: Array) -> Array:
         """Return the path at the times of the measurements, shape (3, m); states of shape (3, n, 3)."""
         return np.einsum("mi,ami->am", self._seen, states[:, self._node])
+
+
+def _solved(factor: Array, right: Array) -> Array:
+    return np.asarray(cho_solve_banded((factor, True), right, check_finite=False), np.float64)
 
 
 def _banded(diagonal: Array, beside: Array) -> Array:

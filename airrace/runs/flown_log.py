@@ -1,5 +1,6 @@
 """A flown log: the flight that was made of it, what it would be penalised for, and what there is to tell of it."""
 
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +17,18 @@ from airrace.checkpoint import (
     write_recorded,
 )
 from airrace.documents import Inputs, inputs_from_documents
-from airrace.errors import CheckpointError
+from airrace.errors import CheckpointError, UsageError
+from airrace.export.csv import export_flight_csv
 from airrace.flights import Basis, Crossing, Flight, History, Source
 from airrace.logs import Flown
 from airrace.logs.judging import Breach
+from airrace.procedure.result import GateSplit
+from airrace.runs.output import write_text
+from airrace.runs.splits import Splits
 from airrace.runs.stored import document_of, library_versions, stored_inputs
+
+RATES = 1e-3, 1e4
+"""Rows per second that may be asked for, Hz."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,14 +85,54 @@ class FlownLog:
         )
         return Flight(race, source, stored.time, histories, tuple(crossings))
 
-    def save(self, path: Path) -> None:
+    @property
+    def splits(self) -> Splits:
+        """The gate splits of the passings that were made."""
+        made = [one for one in self.flight().crossings if one.found]
+        return Splits(
+            tuple(
+                GateSplit(
+                    one.name,
+                    one.time,
+                    V_K=one.value("V_K"),
+                    height=one.value("height"),
+                    n_z=one.value("n_z"),
+                    bank=one.value("mu"),
+                    climb=one.value("gamma"),
+                    heading=one.value("chi"),
+                )
+                for one in made
+            )
+        )
+
+    def to_csv(self, path: str | Path | None = None, rate: float | None = None) -> str:
+        """Return all histories as comma-separated values.
+
+        Args:
+            path: a file to be written; None for none.
+            rate: rows per second; None for all times of the flight.
+
+        Raises:
+            UsageError: the rate cannot be exported.
+            StorageError: the system refused.
+        """
+        if rate is not None and not RATES[0] <= rate <= RATES[1]:
+            raise UsageError(f"a rate of {rate:g} Hz cannot be exported; it must lie in {RATES[0]:g} to {RATES[1]:g}")
+        flight = self.flight()
+        stream = io.StringIO(newline="")
+        export_flight_csv(flight if rate is None else flight.at_rate(rate), stream)
+        if path is not None:
+            write_text(Path(path), stream.getvalue())
+        return stream.getvalue()
+
+    def save(self, path: str | Path) -> None:
         """Write it into a file, replacing what is there.
 
         Raises:
             StorageError: the system refused.
             CheckpointError: it cannot be stored, for instance because it would be too large.
         """
-        write_recorded(path, self.recorded)
+        write_recorded(Path(path), self.recorded)
 
 
 def new_flown_log(inputs: Inputs, flown: Flown) -> FlownLog:

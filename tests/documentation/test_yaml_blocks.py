@@ -15,6 +15,7 @@ from pages import ROOT, Block, blocks
 from airrace.documents import Document, load_inputs
 from airrace.documents.batch import read_batch
 from airrace.documents.json_schema import LANGUAGES, json_schema
+from airrace.documents.log_layout import read_layout
 
 BLOCKS = blocks("yaml")
 WORKFLOW = "# .github/workflows/"
@@ -43,6 +44,9 @@ def read(block: Block, folder: Path) -> None:
         case "batch":
             _, reporter = read_batch(Document("batch.yaml", block.text))
             assert reporter.findings == []
+        case "log":
+            layout, _ = read_layout(path)
+            assert layout.columns
         case _:
             raise AssertionError(f"{block}: {language} is no language")
 

@@ -1,0 +1,249 @@
+"""A flown log is stored, read back with distrust, and taken by every command that takes flights."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic import csv_text, fixes, known
+from typer.testing import CliRunner
+
+import airrace
+from airrace.checkpoint import Recorded, read_checkpoint, read_stored, write_recorded
+from airrace.checkpoint.recorded import StoredHistory
+from airrace.checkpoint.recorded_tree import decode_recorded, encode_recorded
+from airrace.checkpoint.tree import Group, Node
+from airrace.cli.main import app
+from airrace.errors import CheckpointError
+from airrace.runs.flight_sources import opened_flight, opened_flights
+from airrace.runs.flown_log import FlownLog, opened_log
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Holds `log.csv` and, imported, `log.h5`."""
+    place = tmp_path_factory.mktemp("flown")
+    (place / "log.csv").write_text(csv_text(fixes(20.0)))
+    airrace.import_log(place / "log.csv", "rovinj_2014").save(place / "log.h5")
+    return place
+
+
+@pytest.fixture(scope="module")
+def recorded(folder: Path) -> Recorded:
+    found = read_stored(folder / "log.h5")
+    assert isinstance(found, Recorded)
+    return found
+
+
+def run(*arguments: str | Path) -> tuple[int, str, str]:
+    result = CliRunner().invoke(app, [str(one) for one in arguments])
+    return result.exit_code, result.stdout, result.stderr
+
+
+def test_a_stored_flight_is_the_imported_one(folder: Path) -> None:
+    imported = airrace.import_log(folder / "log.csv", "rovinj_2014")
+    first, second = imported.flight(), opened_flight(str(folder / "log.h5"))
+    assert first.label == second.label == "log"
+    assert list(first.histories) == list(second.histories)
+    for name in first.histories:
+        assert np.array_equal(first[name], second[name])
+        assert (first.basis(name), first.limit(name)) == (second.basis(name), second.limit(name))
+    assert [(one.name, one.time, one.values) for one in first.crossings] == [
+        (one.name, one.time, one.values) for one in second.crossings
+    ]
+
+
+def test_the_breaches_are_stored(recorded: Recorded) -> None:
+    flown = opened_log(recorded)
+    assert flown.breaches
+    assert flown.penalty == 0.0
+    assert [vars(one) for one in flown.breaches] == pytest.approx([vars(one) for one in recorded.breaches], nan_ok=True)
+
+
+def test_what_was_recorded_is_stored(recorded: Recorded) -> None:
+    log, seen = recorded.log, fixes(20.0)
+    assert (log.format, Path(log.path).name) == ("csv", "log.csv")
+    kept = np.isin(np.round(seen.time - seen.time[0], 4), np.round(log.time, 4))
+    assert log.columns["x"] == pytest.approx(seen.north[kept], abs=1e-3)
+    assert log.lines[0] >= 2
+
+
+def test_the_command_imports_and_says_what_it_found(folder: Path, tmp_path: Path) -> None:
+    output = tmp_path / "flown.h5"
+    code, out, _ = run("import", folder / "log.csv", "--course", "rovinj_2014", "--output", output)
+    assert code == 0
+    assert "log: race time 55.5" in out
+    assert "rules that would be broken" in out
+    assert "note: positions come at 20 Hz" in out
+    assert max(len(line) for line in out.splitlines()) <= 100
+    again = run("import", folder / "log.csv", "--course", "rovinj_2014", "--output", output)
+    assert again[0] == 2
+    assert "exists" in again[2]
+
+
+def test_the_object_tells_passings_breaches_and_bases(folder: Path) -> None:
+    code, out, _ = run("show", folder / "log.h5", "--json")
+    told = json.loads(out)
+    assert code == 0
+    assert told["race_time_s"] == pytest.approx(list(known().passings.values())[-1], abs=0.05)
+    assert [one["passing"] for one in told["passings"]] == list(known().passings)
+    assert {"rule", "certain", "penalty_s", "deviation"} <= set(told["breaches"][0])
+    assert told["histories"]["mu"] == "derived"
+    assert len(told["legs"]) == len(known().passings) - 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("show", "log.h5", "--legs"), "legs: speeds and clearances"),
+        (("compare", "log.h5", "log.csv"), "a tie within 5 ms"),
+        (("export", "csv", "log.h5", "--rate", "10"), "time_s,"),
+        (("export", "csv", "log.h5", "--splits"), "1:g4,"),
+    ],
+)
+def test_commands_take_flown_logs(
+    folder: Path, arguments: tuple[str, ...], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    code, out, err = run(*arguments)
+    assert (code, err) == (0, "")
+    assert said in out
+
+
+def test_an_exported_flight_is_imported_again(folder: Path, tmp_path: Path) -> None:
+    """The table tells more than positions, and its clock is that of the flight."""
+    table, again = tmp_path / "again.csv", tmp_path / "again.h5"
+    assert run("export", "csv", folder / "log.h5", "--rate", "50", "--output", table)[0] == 0
+    assert run("import", table, "--course", "rovinj_2014", "--output", again, "--quiet")[0] == 0
+    first, second = opened_flights([str(folder / "log.h5"), str(again)])
+    assert [one.time for one in second.crossings] == pytest.approx([one.time for one in first.crossings], abs=0.01)
+
+
+@pytest.mark.parametrize("name", ["kml", "acmi", "gpx", "fdr", "czml", "geojson", "mat"])
+def test_formats_of_other_programs_take_flown_logs(folder: Path, tmp_path: Path, name: str) -> None:
+    assert run("export", name, folder / "log.h5", "--output", tmp_path / f"flight.{name}") == (0, "", "")
+
+
+def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
+    hostile = folder / "<script>alert(1)<script>.csv"
+    hostile.write_text((folder / "log.csv").read_text())
+    run("import", hostile, "--course", "rovinj_2014", "--output", folder / "hostile.h5")
+    page = tmp_path / "report.html"
+    assert run("report", folder / "hostile.h5", folder / "log.h5", "--output", page)[0] == 0
+    text = page.read_text()
+    assert "recorded" in text
+    assert "Penalties of what is certain: 0 s." in text
+    assert "<script>alert(1)" not in text
+    assert run("report", folder / "log.h5", "--prices", "--output", tmp_path / "other.html")[0] == 5
+
+
+@pytest.mark.parametrize("command", [("verify",), ("resume",), ("prices",)])
+def test_commands_of_runs_say_that_it_is_a_flown_log(folder: Path, command: tuple[str, ...]) -> None:
+    code, _, err = run(*command, folder / "log.h5")
+    assert code == 7
+    assert "this is a flown log, not a run" in err
+
+
+def test_a_stage_of_a_flown_log_is_refused(folder: Path) -> None:
+    code, _, err = run("show", folder / "log.h5", "--stage", "six-dof")
+    assert code == 2
+    assert "a flown log has no stages" in err
+
+
+def test_a_log_without_a_course_is_refused(folder: Path) -> None:
+    code, _, err = run("compare", folder / "log.csv", folder / "log.csv")
+    assert code == 2
+    assert "no course is at hand for the log" in err
+    assert "--course TRACK" in err
+
+
+def test_a_refused_log_gives_one_sentence_and_its_code(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("time,x,y,height\n0,1,2,3\n1,one,2,3\n")
+    code, out, err = run("import", tmp_path / "log.csv", "--course", "rovinj_2014")
+    assert (code, out) == (3, "")
+    assert err.splitlines() == [
+        f"{tmp_path / 'log.csv'}:3:1: x: `one` is no number",
+        "airrace: the input is not valid: 1 finding",
+    ]
+    assert not (tmp_path / "log.h5").exists()
+
+
+def forged(root: Group, path: str, change: Node) -> Group:
+    """The tree with one member changed."""
+    name, _, rest = path.partition("/")
+    member = root.members[name]
+    new = change if not rest else forged(member, rest, change) if isinstance(member, Group) else member
+    return replace(root, members={**root.members, name: new})
+
+
+def test_forged_files_are_refused(recorded: Recorded, tmp_path: Path) -> None:
+    time = recorded.time
+    one = recorded.histories[0]
+    forgeries = {
+        "does not run forwards": replace(recorded, time=time[::-1].copy()),
+        "do not follow one another": replace(recorded, passings=tuple(reversed(recorded.passings))),
+        "is not finite over": replace(
+            recorded, histories=(replace(one, values=np.full_like(time, math.nan)), *recorded.histories[1:])
+        ),
+        "is neither measured nor derived": replace(
+            recorded, histories=(replace(one, basis="<b>"), *recorded.histories[1:])
+        ),
+        "is missing": replace(recorded, histories=recorded.histories[1:]),
+    }
+    for said, forgery in forgeries.items():
+        with pytest.raises(CheckpointError, match=said):
+            decode_recorded(encode_recorded(forgery))
+        with pytest.raises(CheckpointError, match=said):
+            write_recorded(tmp_path / "forged.h5", forgery)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_passings_of_another_course_are_refused(recorded: Recorded) -> None:
+    flown = opened_log(recorded)
+    renamed = tuple(replace(one, passing=f"x{one.passing}") for one in recorded.passings)
+    with pytest.raises(CheckpointError, match="its passings are not those of its course"):
+        FlownLog(flown.inputs, replace(recorded, passings=renamed)).flight()
+
+
+def test_other_schemas_and_members_are_refused(recorded: Recorded) -> None:
+    tree = encode_recorded(recorded)
+    with pytest.raises(CheckpointError, match="schema is 9"):
+        decode_recorded(replace(tree, attributes={**tree.attributes, "schema": 9}))
+    with pytest.raises(CheckpointError, match="'extra' is unknown"):
+        decode_recorded(replace(tree, members={**tree.members, "extra": "text"}))
+    with pytest.raises(CheckpointError, match="is not a text"):
+        decode_recorded(forged(tree, "flight/label", Group({})))
+
+
+def test_a_damaged_file_is_refused(folder: Path, tmp_path: Path) -> None:
+    content = bytearray((folder / "log.h5").read_bytes())
+    content[len(content) // 2] ^= 1
+    (tmp_path / "damaged.h5").write_bytes(content)
+    with pytest.raises(CheckpointError, match="its checksum does not match"):
+        read_stored(tmp_path / "damaged.h5")
+    with pytest.raises(CheckpointError, match="this is a flown log"):
+        read_checkpoint(folder / "log.h5")
+
+
+def test_names_that_are_no_names_cannot_be_stored(recorded: Recorded) -> None:
+    one = recorded.histories[0]
+    bad = StoredHistory(replace(one.quantity, name="../x"), one.values, one.basis)
+    with pytest.raises(CheckpointError, match="is not a name for a quantity"):
+        encode_recorded(replace(recorded, histories=(bad, *recorded.histories)))
+
+
+@pytest.mark.slow
+def test_five_million_rows_are_read(tmp_path: Path) -> None:
+    """A day at 60 Hz, of which a minute is the race."""
+    seen = fixes(20.0)
+    race = csv_text(seen, offset=100_000.0).splitlines(keepends=True)
+    path = tmp_path / "long.csv"
+    with path.open("w") as file:
+        file.write(race[0])
+        for row in range(5_000_000):
+            file.write(f"{row / 60.0:.4f},-900.0,-900.0,0.0\n")
+        file.writelines(race[1:])
+    flown = airrace.import_log(path, "rovinj_2014")
+    assert flown.flight().race_time == pytest.approx(list(known().passings.values())[-1], abs=0.05)

@@ -1,0 +1,131 @@
+"""Runs through a course are found, and judged by its rules."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic import Fixes, csv_text, fixes, known
+from test_recovery import flown, imported
+
+from airrace.documents import load_inputs
+from airrace.documents.presets import preset_names
+from airrace.flights import Basis
+from airrace.logs.penalties import ENDS_RACE, NONE_KNOWN, Penalties
+
+EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
+RULES = Penalties(pylon=3.0, missed=4.0, too_high=2.0, too_low=ENDS_RACE, bank=2.0, climb=2.0, start_speed=1.0)
+
+
+def near(passing: str, width: float = 0.8) -> np.ndarray:
+    """How much of a bump each sample takes: 1 at a passing, 0 beyond a width, s."""
+    off = np.abs(EXACT.time - known().passings[passing]) / width
+    return np.where(off < 1.0, np.cos(0.5 * np.pi * np.minimum(off, 1.0)) ** 2, 0.0)
+
+
+def certain(seen: Fixes) -> list[tuple[str, str, float]]:
+    found = imported(csv_text(seen), penalties=RULES).breaches
+    return [(one.passing, one.rule, one.penalty) for one in found if one.certain]
+
+
+def test_a_gate_passed_too_high_costs_its_penalty() -> None:
+    assert ("1:g4", "too-high", 2.0) in certain(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4")))
+
+
+def test_a_gate_passed_too_low_ends_the_race() -> None:
+    low = certain(replace(EXACT, height=EXACT.height - 5.0 * near("1:g4")))
+    assert ("1:g4", "too-low", ENDS_RACE) in low
+
+
+def test_a_gate_passed_beside_its_pylons_is_missed() -> None:
+    side = known().at("chi", np.array([known().passings["1:g4"]]))[0] + math.pi / 2
+    bump = 12.0 * near("1:g4", 1.5)
+    aside = replace(EXACT, north=EXACT.north + math.cos(side) * bump, east=EXACT.east + math.sin(side) * bump)
+    assert ("1:g4", "missed", 4.0) in certain(aside)
+
+
+def test_a_breach_tells_how_far_it_goes() -> None:
+    high = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), penalties=RULES)
+    breach = next(one for one in high.breaches if one.rule == "too-high" and one.passing == "1:g4")
+    at = next(one for one in high.flight.crossings if one.name == "1:g4")
+    assert (breach.value, breach.limit, breach.unit) == (at.value("height"), 25.0, "m")
+    assert breach.time == at.time
+
+
+def test_a_start_that_is_too_fast_is_told() -> None:
+    """Clocks that run slow by a tenth make everything faster by a ninth."""
+    fast = replace(EXACT, time=0.9 * EXACT.time)
+    assert ("0:g0", "start-speed", 1.0) in certain(fast)
+
+
+def test_a_recorded_bank_is_judged_and_an_estimate_is_not_certain() -> None:
+    roll = np.full_like(EXACT.time, 25.0)
+    heading, pitch = np.degrees(np.interp(EXACT.time, known().time, np.unwrap(known().histories["chi"]))), 0.0 * roll
+    lines = csv_text(EXACT).splitlines()
+    columns = zip(lines[1:], roll, pitch, heading, strict=True)
+    text = "\n".join(
+        [f"{lines[0]},roll [deg],pitch [deg],heading [deg]", *(f"{a},{b},{c},{d}" for a, b, c, d in columns)]
+    )
+    one = imported(text + "\n", penalties=RULES)
+    assert one.flight.basis("phi") is Basis.MEASURED
+    assert np.degrees(one.flight["phi"]) == pytest.approx(25.0)
+    assert "p_Kbar" in one.flight
+    banks = [breach for breach in one.breaches if breach.rule == "bank" and breach.certain]
+    assert {breach.passing for breach in banks} >= {"1:g4", "1:g5", "1:g6", "1:g7"}
+    assert all(breach.penalty == 2.0 for breach in banks)
+    estimated = [breach for breach in flown(20.0, 1).breaches if breach.rule == "bank"]
+    assert estimated
+    assert not any(breach.certain for breach in estimated)
+
+
+def test_a_recorded_load_factor_is_kept_and_judged() -> None:
+    load = np.where(np.abs(EXACT.time - 30.0) < 0.4, 10.6, 3.0)
+    lines = csv_text(EXACT).splitlines()
+    text = "\n".join([f"{lines[0]},load factor", *(f"{a},{b}" for a, b in zip(lines[1:], load, strict=True))]) + "\n"
+    for rules, penalty in (
+        (replace(RULES, load_factor=1.0, load_factor_time=0.6), 1.0),
+        (replace(RULES, load_factor=1.0, load_factor_time=0.6, load_factor_end=10.5), ENDS_RACE),
+    ):
+        one = imported(text, penalties=rules)
+        assert one.flight.basis("n_z") is Basis.MEASURED
+        (breach,) = [breach for breach in one.breaches if breach.rule == "load-factor"]
+        assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.6), penalty, True)
+    short = imported(text, penalties=replace(RULES, load_factor=1.0, load_factor_time=1.0))
+    assert not [breach for breach in short.breaches if breach.rule == "load-factor"]
+
+
+def test_the_better_of_two_runs_is_taken_and_told() -> None:
+    gap = 40.0
+    later = replace(EXACT, time=EXACT.time + EXACT.time[-1] - EXACT.time[0] + gap)
+    missing = (EXACT.time < 10.0) | (EXACT.time > 24.0)  # the first run is not recorded throughout
+    both = Fixes(*(np.concatenate([getattr(EXACT, name)[missing], getattr(later, name)]) for name in vars(EXACT)))
+    one = imported(csv_text(both))
+    told = next(remark for remark in one.remarks if "runs" in remark)
+    assert told.startswith("the log holds 2 runs")
+    assert told.endswith("this is run 2")
+    assert one.flight.race_time == pytest.approx(list(known().passings.values())[-1], abs=0.02)
+
+
+def test_a_passing_that_was_not_made_is_told_and_its_legs_are_not_flown() -> None:
+    stops = known().passings["1:g1#2"] + 0.5
+    cut = Fixes(*(getattr(EXACT, name)[EXACT.time < stops] for name in vars(EXACT)))
+    one = imported(csv_text(cut), penalties=RULES)
+    assert math.isnan(one.flight.race_time)
+    assert "not passed: 1:g0#2" in one.remarks
+    assert ("1:g0#2", "missed", 4.0) in [(b.passing, b.rule, b.penalty) for b in one.breaches]
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_seasons_have_penalties_with_their_sources(name: str) -> None:
+    penalties = load_inputs("rovinj_2014", overrides=[f"rules={name}"]).penalties
+    assert penalties.start_speed == 1.0
+    assert penalties.start_speed_end is not None
+    assert "penalties from" in penalties.source
+
+
+def test_a_course_without_a_season_has_no_penalties() -> None:
+    assert load_inputs("half_cuban_eight").penalties == NONE_KNOWN
+
+
+def test_penalties_change_no_inputs_of_a_run() -> None:
+    assert "penalties" not in str(load_inputs("rovinj_2014").resolved)
