@@ -1,6 +1,7 @@
 """A flown log as tables: its passings, the rules that it would break, and remarks."""
 
 import math
+import textwrap
 from collections.abc import Iterator, Sequence
 
 from rich.table import Table
@@ -31,7 +32,8 @@ def flown_texts(flown: FlownLog, *, legs: bool = False) -> Iterator[str]:
         yield line
     if legs:
         yield from (rendered(table, columns=PAGE) for table in leg_tables(flight))
-    yield "\n".join(f"note: {one}" for one in flown.remarks)
+    notes = (textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in flown.remarks)
+    yield "\n".join(notes)
 
 
 def _passings_table(flight: Flight) -> Table:

@@ -20,6 +20,15 @@ def init(
             help="Copy this course, a file or a name that comes along.",
         ),
     ] = None,
+    from_: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            readable=False,
+            help="Sketch the course from placemarks: KML, GPX or GeoJSON, in the order flown.",
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
 ) -> None:
     """Write a course to begin with.
@@ -29,5 +38,8 @@ def init(
     with answering(as_json=False) as answer:
         from airrace.runs.init import init as written
 
-        path = written(name, like=like, force=force)
+        path = written(name, like=like, from_=from_, force=force)
+        if from_ is not None:
+            answer.texts.append(f"{path} is written; look at it with `airrace check {path}`, for placemarks say little")
+            return
         answer.texts.append(f"{path} is written; fly it with `airrace optimize {path} --until point-mass`")

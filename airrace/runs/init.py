@@ -3,38 +3,57 @@
 from importlib import resources
 from pathlib import Path
 
+from airrace.documents.placemarks import read_placemarks
 from airrace.documents.shipped import SUFFIX, TRACKS
-from airrace.errors import Finding, InputError
+from airrace.documents.sketched import sketched_course
+from airrace.errors import Finding, InputError, UsageError
 from airrace.runs.output import ensure_free, write_text
 
 TEMPLATE = resources.files("airrace.documents") / "templates" / "course.yaml"
 
 
-def init(name: str | Path, *, like: str | Path | None = None, force: bool = False) -> Path:
+def init(
+    name: str | Path,
+    *,
+    like: str | Path | None = None,
+    from_: str | Path | None = None,
+    force: bool = False,
+) -> Path:
     """Write a track file to begin with.
 
     Args:
         name: the name of the new file; `.yaml` is added where it is missing.
         like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
+        from_: a file of placemarks (KML, GPX or GeoJSON) from which the course is sketched; None for none.
         force: whether an existing file is overwritten.
 
     Returns:
         The path of the file.
 
     Raises:
-        UsageError: the file exists and `force` is not given.
-        InputError: there is no such course to be copied.
+        UsageError: the file exists and `force` is not given, or a course is both to be copied and to be sketched.
+        InputError: there is no such course to be copied, or the placemarks make none.
         StorageError: the folder does not exist or takes no files.
     """
     path = Path(name)
     path = path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)
+    if like is not None and from_ is not None:
+        raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
     ensure_free(path, force=force)
-    write_text(path, _copied(Path(like)) if like is not None else _begun(path))
+    if from_ is not None:
+        text = sketched_course(str(from_), _title(path), read_placemarks(Path(from_)))
+    else:
+        text = _copied(Path(like)) if like is not None else _begun(path)
+    write_text(path, text)
     return path
 
 
+def _title(path: Path) -> str:
+    return path.stem.replace("_", " ").capitalize()
+
+
 def _begun(path: Path) -> str:
-    title = path.stem.replace("_", " ").capitalize()
+    title = _title(path)
     text = TEMPLATE.read_text(encoding="utf-8")
     return text.replace("{file}", path.name).replace("{name}", _quoted(title))
 

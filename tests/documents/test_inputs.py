@@ -186,7 +186,8 @@ def test_the_half_cuban_eight_is_laterally_free_between_its_ends() -> None:
 def test_a_missing_gate_field_names_the_gate_and_its_line() -> None:
     message = finding_in_track("    heading_deg: 90\n", "")
     assert message == (
-        "t.yaml:7:3: gates.g0.heading_deg: missing; a level gate needs `heading_deg`: its axis when flown forward"
+        "t.yaml:7:3: gates.g0.heading_deg: missing; a level gate needs `heading_deg`: its axis when flown forward; "
+        "or its two `pylons`"
     )
 
 

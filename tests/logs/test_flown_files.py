@@ -55,11 +55,11 @@ def test_a_stored_flight_is_the_imported_one(folder: Path) -> None:
     ]
 
 
-def test_the_breaches_are_stored(recorded: Recorded) -> None:
-    flown = opened_log(recorded)
+def test_the_breaches_are_stored(folder: Path, recorded: Recorded) -> None:
+    flown, imported = opened_log(recorded), airrace.import_log(folder / "log.csv", "rovinj_2014")
     assert flown.breaches
     assert flown.penalty == 0.0
-    assert [vars(one) for one in flown.breaches] == pytest.approx([vars(one) for one in recorded.breaches], nan_ok=True)
+    assert repr(flown.breaches) == repr(imported.breaches)
 
 
 def test_what_was_recorded_is_stored(recorded: Recorded) -> None:
@@ -77,7 +77,7 @@ def test_the_command_imports_and_says_what_it_found(folder: Path, tmp_path: Path
     assert "log: race time 55.5" in out
     assert "rules that would be broken" in out
     assert "note: positions come at 20 Hz" in out
-    assert max(len(line) for line in out.splitlines()) <= 100
+    assert max(len(line) for line in out.splitlines() if str(output) not in line) <= 80
     again = run("import", folder / "log.csv", "--course", "rovinj_2014", "--output", output)
     assert again[0] == 2
     assert "exists" in again[2]
