@@ -33,6 +33,8 @@ ITERATIONS = 20
 """The number of times that the weights are renewed; later ones move the path by centimetres."""
 OUTLYING = 5.0
 """Standard deviations from the path beyond which a position is an outlier and left out."""
+MOSTLY = 0.5
+"""The share of positions that are no outliers, at least; with fewer the noise was misjudged, and none is left out."""
 LEAST_NOISE, MOST_NOISE = 0.02, 30.0
 """m: the bounds of the noise that is estimated from the positions themselves."""
 EDGE = 0.5
@@ -96,7 +98,7 @@ def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
         places: north, east and up, m, shape (3, m).
         noise: standard deviation of the positions, m; None to estimate it.
     """
-    sigma = np.full(3, noise) if noise is not None else _noise(time, places)
+    sigma = np.full(3, max(noise, LEAST_NOISE)) if noise is not None else _noise(time, places)
     nodes = time[0] - EDGE + STEP * np.arange(int(np.ceil((time[-1] - time[0] + 2.0 * EDGE) / STEP)) + 1)
     system = _System(nodes, time)
     weights, kept = np.ones(len(nodes) - 1), np.ones(len(time), bool)
@@ -107,7 +109,8 @@ def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
         surprise = np.sum([system.surprise(states[axis]) / DENSITY[axis] for axis in range(3)], axis=0)
         weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
         off = places - system.positions(states)
-        kept = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
+        near = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
+        kept = near if near.mean() > MOSTLY else np.ones_like(near)
     scatter = np.sqrt(np.mean(off[:, kept] ** 2, axis=1)) if kept.any() else np.full(3, np.nan)
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
     return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(kept), scatter, tuple(factors))

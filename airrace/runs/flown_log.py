@@ -57,7 +57,7 @@ class FlownLog:
     def penalty(self) -> float:
         """The penalties of all breaches that are certain, s; infinity where one of them ends the race."""
         known = [one.penalty for one in self.breaches if one.certain and not math.isnan(one.penalty)]
-        return sum(known)
+        return float(sum(known))
 
     def flight(self, label: str | None = None) -> Flight:
         """Return the flight; see `airrace.flights`.

@@ -175,3 +175,12 @@ def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
     assert histories["mu"].values == pytest.approx(bank)
     assert histories["gamma"].values == pytest.approx(0.0, abs=1e-12)
     assert np.unwrap(histories["chi"].values) == pytest.approx(angle)
+
+
+def test_a_noise_that_is_said_too_small_leaves_no_log_without_positions() -> None:
+    from airrace.logs.smoothing import smoothed
+
+    seen = fixes(20.0, noise=5.0)
+    path = smoothed(seen.time, np.stack([seen.north, seen.east, seen.height]), noise=1e-6)
+    assert np.isfinite(path.position).all()
+    assert path.outliers.mean() < 0.5
