@@ -53,7 +53,7 @@ FIELDS = {
         Field("heading", "psi", _ANGLE, ("heading", "yaw", "psi")),
     )
 }
-"""What may be recorded, by name."""
+"""The quantities that may be recorded, by name."""
 
 _UNITS = {
     "°": "deg",

@@ -14,7 +14,7 @@ from airrace.trajectory import Array
 
 @dataclass(frozen=True)
 class Recording:
-    """What a log says, as it says it.
+    """The samples of a log, as it records them.
 
     Attributes:
         path: the file.
@@ -43,7 +43,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a log is to be understood where it does not say so itself.
+    """The meaning of a log where it does not say so itself.
 
     Attributes:
         columns: the header and the unit (empty for the usual one) of every quantity, by its name in

@@ -50,7 +50,7 @@ class FlownLog:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What whoever looks at the flight should know, as sentences."""
+        """Sentences for whoever looks at the flight."""
         return self.recorded.log.remarks
 
     @property

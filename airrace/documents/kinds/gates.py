@@ -125,7 +125,7 @@ class QuadEntry(TwoPylonEntry):
 
 @dataclasses.dataclass(frozen=True)
 class _Stand:
-    """Where a gate stands: its centre, its axis (rad) and its width (m)."""
+    """The place of a gate: its centre, its axis (rad) and its width (m)."""
 
     centre: Point
     heading: float
