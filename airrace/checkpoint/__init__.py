@@ -8,15 +8,19 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
-from airrace.checkpoint.store import read_checkpoint, write_checkpoint
+from airrace.checkpoint.envelope import Sign, Signature
+from airrace.checkpoint.store import read_checkpoint, read_sealed, write_checkpoint
 
 __all__ = [
     "Checkpoint",
+    "Sign",
+    "Signature",
     "StoredDocument",
     "StoredInputs",
     "StoredStage",
     "inputs_hash",
     "read_checkpoint",
+    "read_sealed",
     "stale_stages",
     "write_checkpoint",
 ]

@@ -1,4 +1,4 @@
-"""Checkpoints on the disk: the only two functions that read and write them."""
+"""Checkpoints on the disk: the only functions that read and write them."""
 
 import os
 import stat
@@ -8,7 +8,7 @@ from airrace.checkpoint.atomic import replace_file
 from airrace.checkpoint.checkpoint import Checkpoint
 from airrace.checkpoint.decode import decode
 from airrace.checkpoint.encode import encode
-from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unseal
+from airrace.checkpoint.envelope import BLOCK_SIZE, Sign, Signature, seal, unsealed
 from airrace.checkpoint.hdf5_reader import tree_of
 from airrace.checkpoint.hdf5_writer import image_of
 from airrace.errors import CheckpointError
@@ -17,10 +17,15 @@ SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
 
-def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: Path, checkpoint: Checkpoint, sign: Sign | None = None) -> None:
     """Replace the file at `path`, at once and as a whole.
 
     What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
+
+    Args:
+        path: the file.
+        checkpoint: its contents.
+        sign: signs them; None for a file without a signature.
 
     Raises:
         StorageError: the system refused; the old checkpoint survives.
@@ -31,17 +36,23 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     if BLOCK_SIZE + len(image) > SIZE_MAX:
         raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
     decode(tree_of(image))
-    replace_file(path, seal(image))
+    replace_file(path, seal(image, sign))
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Return the checkpoint at `path`, verified.
+    """Return the checkpoint at `path`, verified; errors as of `read_sealed`."""
+    return read_sealed(path)[0]
+
+
+def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
+    """Return the checkpoint at `path`, and the signature that the file carries, which is not examined.
 
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.
     """
     try:
-        return decode(tree_of(unseal(_content(path))))
+        image, signature = unsealed(_content(path))
+        return decode(tree_of(image)), signature
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:
