@@ -262,8 +262,8 @@ def _explained(bench: Workbench, failure: Failure) -> tuple[Outcome, str]:
     gave_up = f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}"
     advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
     if solution.infeasible:
-        conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess)
+        conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess, solution.worst)
         if conflict is not None:
-            return Outcome.INFEASIBLE, f"{conflict}; most violated: {solution.worst}"
+            return Outcome.INFEASIBLE, conflict
         return Outcome.NOT_CONVERGED, f"{gave_up}; the legs around it can be flown by themselves; {advice}"
     return Outcome.NOT_CONVERGED, f"{gave_up}; {advice}"
