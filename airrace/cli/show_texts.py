@@ -17,7 +17,7 @@ UNVERIFIED = "\n".join(
         PAGE,
     )
 )
-"""What `airrace show` says of its numbers."""
+"""The sentences that `airrace show` says of its numbers."""
 
 
 def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str]:

@@ -12,10 +12,10 @@ from airrace.track.pylon import Pylon
 FEWEST = 4
 """The smallest number of headings that tell whether positions fit them."""
 BETTER = 0.25
-"""How much better the headings must fit with north and east exchanged, as a mean cosine. Of the shipped courses the
+"""The gain by which the headings must fit better with north and east exchanged, as a mean cosine. Of the shipped courses the
 exchanged ones fit worse by 0.31 at least."""
 CLEAR = 20.0
-"""How far from a pylon the straight line between its neighbours must pass on the side that is asked for, m. On the
+"""The distance from a pylon at which the straight line between its neighbours must pass on the side asked for, m. On the
 shipped courses it does by 17 m at most, and all others are on the other side."""
 
 

@@ -39,7 +39,7 @@ HEARSAY = (
     "what intervals were last cut or joined for",
     "how far a start strayed",
 )
-"""What a file tells of a stage and nobody can measure again."""
+"""The records of a stage that nobody can measure again."""
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 
 OF = " of "
-"""What stands between a stage and the name of another run in `Facts.source`."""
+"""The word between a stage and the name of another run in `Facts.source`."""
 FROM_ANOTHER = "so the start is "
 """A part of the sentence on a start from another run that was not the one wished for."""
 LEFT_AS_PLANNED = "left as planned: "
-"""How the homotopy begins a sentence on phases that it could not fly."""
+"""The beginning of the homotopy's sentence on phases that it could not fly."""
 ROUNDED = 1e-9
 """The largest difference between two sums of the same numbers, as a fraction."""
 
