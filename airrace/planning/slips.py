@@ -12,11 +12,11 @@ from airrace.track.pylon import Pylon
 FEWEST = 4
 """The smallest number of headings that tell whether positions fit them."""
 BETTER = 0.25
-"""The gain by which the headings must fit better with north and east exchanged, as a mean cosine. Of the shipped courses the
-exchanged ones fit worse by 0.31 at least."""
+"""The gain by which headings must fit better with north and east exchanged, as a mean cosine. Those of the shipped
+courses fit worse by 0.31 at least."""
 CLEAR = 20.0
-"""The distance from a pylon at which the straight line between its neighbours must pass on the side asked for, m. On the
-shipped courses it does by 17 m at most, and all others are on the other side."""
+"""The distance from a pylon at which the straight line between its neighbours passes on the side asked for, m. On the
+shipped courses it is 17 m at most, and most lines pass on the other side."""
 
 
 def exchanged_axes(passages: Sequence[Passage]) -> bool:
