@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from airrace.errors import CheckpointError
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.kkt import kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.sampling import sample
 from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.transcription import transcribe
 from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight, stage_model
@@ -63,7 +64,7 @@ def _recertify(race: Race, settings: Settings, result: StageResult, service: Sol
         )
     kernels = build_kernels(problem.system, problem.scheme, compiled=settings.solver.compile_kernels)
     w, p = layout.pack(iterate), layout.parameter_values()
-    error, _, _ = kkt_error(transcribe(layout, kernels), layout, w, p, multipliers)
+    error, _, _ = kkt_error(Evaluation(Assembly(layout, kernels)), layout, w, p, multipliers)
     stored = result.certificate
     claims_proof = stored is None or stored.compares_meshes
     claims = () if stored is None else tuple(item for item in stored.items if item.name == "solver")
