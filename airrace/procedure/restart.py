@@ -107,11 +107,9 @@ def restarted(
     Raises:
         UsageError: the other run has no optimum of these stages that holds, or flies other passings.
     """
-    optima = startable(another, stages)
     obstacles: list[tuple[Stage, str]] = []
-    for optimum in optima:
+    for optimum in starting_points(another, stages, course):
         bench.progress.stage_started(optimum.stage)
-        ensure_same_passings(_names(course), [(split.name, "") for split in optimum.splits], another.name)
         found = _from_optimum(flights, bench, optimum, another.name)
         if isinstance(found, StageResult):
             remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
@@ -129,6 +127,18 @@ def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
     optima = another.optima(stages)
     if not optima:
         raise UsageError(f"{another.name} has no certified or solved stage up to {stages[-1].value} to start from")
+    return optima
+
+
+def starting_points(another: Another, stages: Sequence[Stage], course: Course) -> list[StageResult]:
+    """Return the optima of another run that this course can be started from, highest first.
+
+    Raises:
+        UsageError: there is none, or they fly other passings.
+    """
+    optima = startable(another, stages)
+    for optimum in optima:
+        ensure_same_passings(_names(course), [(split.name, "") for split in optimum.splits], another.name)
     return optima
 
 

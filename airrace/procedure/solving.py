@@ -1,13 +1,14 @@
 """The workbench of a stage: the primary solver, then the fallback, with every attempt on record."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.service import SolverService, Stalled
 from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.procedure.aside import Aside, Found
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
@@ -33,12 +34,15 @@ class Workbench:
 
     def crew(self) -> Crew:
         """Return the solver process and others beside it, for solves that do not depend on each other."""
+        return Crew(self.service, min(self.threads, CREW_MAX), self._another)
+
+    def aside(self, search: Callable[[Crew], Found]) -> Aside[Found]:
+        """Return a search beside what is solved here: at once where there are two threads, else afterwards."""
+        return Aside(search, self.crew, self._another if self.threads > 1 else None)
+
+    def _another(self) -> SolverService:
         solver = self.settings.solver
-
-        def another() -> SolverService:
-            return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
-
-        return Crew(self.service, min(self.threads, CREW_MAX), another)
+        return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
 
     def begin(self) -> None:
         """Start a new stage: forget the attempts of the one before."""
