@@ -130,7 +130,8 @@ class _ReadyFatrop:
     solver: FatropSolver
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
-        result = self.solver.solve(guess, bounds, p)  # fatrop makes its own first multipliers
+        known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
+        result = self.solver.solve(guess, bounds, p, known)
         return Answer(
             w=result.w,
             lam_g=result.lam_g,

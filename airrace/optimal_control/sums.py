@@ -18,7 +18,10 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Summands:
-    """One summand of each of some nonzeros: `weights * drawn[sources]` is added to `values[nonzeros]`."""
+    """One summand of each of some nonzeros: `weights * drawn[sources]` is added to `values[nonzeros]`.
+
+    The numbers of the nonzeros ascend.
+    """
 
     nonzeros: Indices
     weights: Array
@@ -50,17 +53,13 @@ class Sums:
         return values
 
     def chosen(self, numbers: Indices, factors: Array) -> "Sums":
-        """Return some of the nonzeros, in ascending order and each times a factor.
-
-        Factors are powers of two, or one; other ones would be rounded elsewhere than in a product with the sum.
-        """
-        place = np.full(len(self.rows), -1)
-        place[numbers] = np.arange(len(numbers))
+        """Return some of the nonzeros, each times a factor; a nonzero may be chosen several times."""
         turns: list[Summands] = []
         for one in self.turns:
-            kept = np.flatnonzero(place[one.nonzeros] >= 0)
-            places = place[one.nonzeros[kept]]
-            turns.append(Summands(places, one.weights[kept] * factors[places], one.sources[kept]))
+            place = np.minimum(np.searchsorted(one.nonzeros, numbers), len(one.nonzeros) - 1)
+            found = np.flatnonzero(one.nonzeros[place] == numbers)
+            place = place[found]
+            turns.append(Summands(found, one.weights[place] * factors[found], one.sources[place]))
         return Sums(self.shape, self.rows[numbers], self.columns[numbers], tuple(turns))
 
     def column(self, drawn: Array) -> Array:

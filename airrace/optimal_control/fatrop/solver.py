@@ -23,6 +23,7 @@ from airrace.optimal_control.fatrop.library import (
 )
 from airrace.optimal_control.fatrop.matrices import Destination, MatrixFamily, destination
 from airrace.optimal_control.fatrop.probe import require_known_interface
+from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
 from airrace.optimal_control.layout import Indices
 from airrace.trajectory import Array
@@ -37,6 +38,11 @@ STATUS = (
     "no step could be computed",
     "stopped for an unknown reason",
 )
+LARGEST_COSTATE = 1e9
+"""The size of the first multipliers of equalities beyond which fatrop does not believe them.
+
+Its own value of 1000 is for multipliers that were found from a guess; these are known.
+"""
 EXCEPTION = "-1: fatrop failed within"
 NOT_FINITE = "the derivatives are not finite at an iterate"
 _DOUBLE = 8
@@ -95,8 +101,14 @@ class FatropSolver:
         self._functions = functions
         self._options = dict(options)
 
-    def solve(self, guess: Array, bounds: Bounds, p: Array) -> FatropResult:
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Array | None = None) -> FatropResult:
         """Solve from a guess.
+
+        Args:
+            guess: of the unknowns, shape (n_w,).
+            bounds: of unknowns and constraints.
+            p: the parameters.
+            multipliers: a guess of those of (g, w), shape (n_g + n_w,); None if nothing is known of them.
 
         Raises:
             SolverCrash: the library is not what it should be.
@@ -104,7 +116,14 @@ class FatropSolver:
         """
         self._functions.p[:] = p
         self._functions.forget()
-        return _Run(self._stages, Rows(self._stages, bounds), self._functions, guess, self._options).result()
+        if multipliers is None:
+            return _Run(self._stages, Rows(self._stages, bounds), self._functions, guess, self._options).result()
+        self._functions.w[:] = guess
+        self._functions.values()
+        barrier = float(self._options["mu_init"])
+        known = Known(np.concatenate([self._functions.g, guess]), multipliers, barrier)
+        options = self._options | {"bound_push": barrier, "lam_max": LARGEST_COSTATE}
+        return _Run(self._stages, Rows(self._stages, bounds, known), self._functions, guess, options).result()
 
 
 class _Run:
@@ -268,7 +287,7 @@ class _Run:
         if not np.isfinite(self._jacobian).all():  # at a point that will not be accepted; fatrop's loops need numbers
             np.nan_to_num(self._jacobian, copy=False, posinf=0.0, neginf=0.0)
         matrices = (dynamics, equalities, inequalities)
-        self._destination(rows.families, matrices, rows.jacobian_places, rows.ones).write(self._jacobian)
+        self._destination(rows.families, matrices, rows.jacobian_places, rows.constants).write(self._jacobian)
 
     def _evaluate_hessian(
         self, factor: float, unknowns: int, multipliers: int, _p: int, _q: int, matrices: int, *_: int
@@ -299,18 +318,22 @@ class _Run:
         """Return fatrop's constraints, infinite where they are not numbers, which its line search can refuse."""
         self._values[: self._stages.constraints] = self._functions.g
         self._values[self._stages.constraints :] = self._functions.w
-        return _infinite(self._rows.signs * self._values[self._rows.items] + self._rows.shifts)
+        return _infinite(self._rows.factors * self._values[self._rows.items] + self._rows.shifts)
 
     def _multipliers(self, dual: Array) -> Array:
         """Return the multipliers of (g, w) from fatrop's; zero for what is not bounded."""
         both = np.zeros(self._stages.constraints + self._stages.unknowns)
-        both[self._rows.items] = self._rows.signs * dual
+        np.add.at(both, self._rows.items, self._rows.factors * dual)
         return both
 
     def _destination(
-        self, families: tuple[MatrixFamily, ...], structs: tuple[int, ...], places: Indices, ones: Indices | None = None
+        self,
+        families: tuple[MatrixFamily, ...],
+        structs: tuple[int, ...],
+        places: Indices,
+        constants: tuple[Indices, Array] | None = None,
     ) -> Destination:
-        """Return where these entries of some matrices lie; the others are zero, or one, from the first time on.
+        """Return where these entries of some matrices lie; the others are constant.
 
         fatrop has a few sets of matrices and uses them in turn.
         """
@@ -321,8 +344,8 @@ class _Run:
             ]
             everywhere = destination(np.concatenate(addresses))
             constant = np.zeros(len(everywhere.places))
-            if ones is not None:
-                constant[ones] = 1.0
+            if constants is not None:
+                constant[constants[0]] = constants[1]
             everywhere.write(constant)
             self._destinations[key] = everywhere.among(places)
         return self._destinations[key]

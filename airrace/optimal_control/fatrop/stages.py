@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.optimal_control.fatrop.matrices import MatrixFamily
+from airrace.optimal_control.fatrop.sides import Known, plain, weighed
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.sums import Sums
 from airrace.trajectory import Array
@@ -92,14 +92,14 @@ class Rows:
     Values v are those of the constraints, then those of the unknowns, (g, w); so are multipliers.
 
     Attributes:
-        items: the places in v of fatrop's constraints, in its order.
-        signs: fatrop's constraints are `signs * v[items] + shifts`.
+        items: the places in v of fatrop's constraints, in its order; those of both sides of a row are neighbours.
+        factors: fatrop's constraints are `factors * v[items] + shifts`.
         equalities: number of equalities per stage, shape (K,).
         inequalities: number of inequalities per stage, shape (K,).
         lower, upper: bounds of the inequalities.
     """
 
-    def __init__(self, stages: Stages, bounds: Bounds) -> None:
+    def __init__(self, stages: Stages, bounds: Bounds, known: Known | None = None) -> None:
         self.stages = stages
         lower = np.concatenate([bounds.g_lower, bounds.lower])
         upper = np.concatenate([bounds.g_upper, bounds.upper])
@@ -115,13 +115,14 @@ class Rows:
             lower[candidates[free]], upper[candidates[free]] = -WIDE, WIDE
             between[free] = True
         self.equalities: Indices = np.bincount(stage[equal], minlength=stages.count)
-        self.inequalities: Indices = np.bincount(stage[between], minlength=stages.count)
         fixed, ranged = candidates[equal], candidates[between]
-        self.items: Indices = np.concatenate([fixed, stages.gaps, ranged])
-        self.signs = np.ones(len(self.items))
-        self.signs[len(fixed) : len(fixed) + len(stages.gaps)] = -1.0
-        self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], np.zeros(len(ranged))])
-        self.lower, self.upper = lower[ranged], upper[ranged]
+        ends = lower[ranged], upper[ranged]
+        sides = plain(ranged, *ends) if known is None else weighed(ranged, *ends, known)
+        self.inequalities: Indices = np.bincount(np.repeat(stage[between], sides.copies), minlength=stages.count)
+        self.items: Indices = np.concatenate([fixed, stages.gaps, sides.items])
+        self.factors = np.concatenate([np.ones(len(fixed)), -np.ones(len(stages.gaps)), sides.factors])
+        self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], sides.shifts])
+        self.lower, self.upper = sides.lower, sides.upper
         self.first_inequality = np.cumsum(self.inequalities) - self.inequalities
         self.families = (
             stages.dynamics,
@@ -130,18 +131,19 @@ class Rows:
         )
 
     @cached_property
-    def jacobian(self) -> Sums:
-        """The nonzeros that are written to BAbt, Ggt and the inequalities' Ggt.
+    def _entries(self) -> tuple[Indices, Indices]:
+        """The nonzeros of the program's Jacobian that are written to BAbt and both Ggt, and the item of each.
 
-        Those of the dynamics have the other sign. The others of the program's Jacobian belong to the next states, whose
-        matrix fatrop knows, and to rows without bounds.
+        The others belong to the next states, whose matrix fatrop knows, and to rows without bounds.
 
         Raises:
             ValueError: a constraint reaches into another stage, other than a gap to the next states.
         """
         stages = self.stages
         rows, columns = stages.jacobian.rows, stages.jacobian.columns
-        column_start, stage_of_row = self._columns
+        stage_of_row = np.empty(stages.constraints, dtype=np.int64)
+        stage_of_row[stages.rows] = stages.stage_of_row
+        stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
         ahead = stages.stage_of_unknown[columns] == stage_of_row[rows] + 1
         next_state = np.full(stages.constraints, -1)
         next_state[stages.gaps] = stages.next_states
@@ -150,23 +152,35 @@ class Rows:
             or (stages.stage_of_unknown[columns[~ahead]] != stage_of_row[rows[~ahead]]).any()
         ):
             raise ValueError("a constraint reaches into another stage")
-        used = np.flatnonzero(~ahead & (column_start[rows] >= 0))
-        signs = np.ones(stages.constraints)
-        signs[stages.gaps] = -1.0
-        return stages.jacobian.chosen(used, signs[rows[used]])
+        again = np.concatenate([[False], self.items[1:] == self.items[:-1]])
+        numbers: list[Indices] = []
+        items: list[Indices] = []
+        for chosen in (~again, again):
+            item_of = np.full(stages.constraints + stages.unknowns, -1)
+            item_of[self.items[chosen]] = np.flatnonzero(chosen)
+            numbers.append(np.flatnonzero(~ahead & (item_of[rows] >= 0)))
+            items.append(item_of[rows[numbers[-1]]])
+        return np.concatenate(numbers), np.concatenate(items)
+
+    @cached_property
+    def jacobian(self) -> Sums:
+        """The nonzeros that are written to BAbt and both Ggt."""
+        numbers, items = self._entries
+        return self.stages.jacobian.chosen(numbers, self.factors[items])
 
     @cached_property
     def jacobian_places(self) -> Indices:
         """The places of these nonzeros, then of the residuals, among the entries of BAbt and both Ggt."""
-        stages, (column_start, _) = self.stages, self._columns
-        nonzeros = column_start[self.jacobian.rows] + stages.place_in_stage[self.jacobian.columns]
-        return np.concatenate([nonzeros, column_start[self.items] + stages.sizes[self._stage_of_item()]])
+        stages = self.stages
+        nonzeros = self._column_start[self._entries[1]] + stages.place_in_stage[self.jacobian.columns]
+        return np.concatenate([nonzeros, self._column_start + stages.sizes[self._stage_of_item()]])
 
     @cached_property
-    def ones(self) -> Indices:
-        """The places of the derivatives of simple bounds, which are one, among the entries of both Ggt."""
-        bounded = self.items[self.items >= self.stages.constraints]
-        return self._columns[0][bounded] + self.stages.place_in_stage[bounded - self.stages.constraints]
+    def constants(self) -> tuple[Indices, Array]:
+        """The places of the derivatives of simple bounds among these entries, and the derivatives."""
+        bounded = np.flatnonzero(self.items >= self.stages.constraints)
+        unknowns = self.items[bounded] - self.stages.constraints
+        return self._column_start[bounded] + self.stages.place_in_stage[unknowns], self.factors[bounded]
 
     def _stage_of_item(self) -> Indices:
         of_gap = np.repeat(np.arange(self.stages.count - 1), self.stages.n_x[1:])
@@ -174,28 +188,19 @@ class Rows:
         return np.concatenate([kinds[0], of_gap, kinds[1]])
 
     @cached_property
-    def _columns(self) -> tuple[Indices, NDArray[np.int64]]:
-        """Return, for every entry of v, where its column begins among the matrices' entries; for g, its stage.
-
-        An entry without a column has -1.
-        """
-        stages = self.stages
+    def _column_start(self) -> Indices:
+        """The place at which the column of each item begins among the entries of BAbt and both Ggt."""
         dynamics, equal, between = self.families
-        height = stages.sizes + 1
+        height = self.stages.sizes + 1
         starts = [
             equal.starts[:-1] + dynamics.entries,
             dynamics.starts[:-1],
             between.starts[:-1] + dynamics.entries + equal.entries,
         ]
-        counts = [self.equalities, stages.n_x[1:], self.inequalities]
+        counts = [self.equalities, self.stages.n_x[1:], self.inequalities]
         begin: list[Indices] = []
         for start, count in zip(starts, counts, strict=True):
             stage = np.repeat(np.arange(len(count)), count)
             within = np.arange(len(stage)) - (np.cumsum(count) - count)[stage]
             begin.append(start[stage] + within * height[stage])
-        column_start = np.full(stages.constraints + stages.unknowns, -1)
-        column_start[self.items] = np.concatenate(begin)
-        stage_of_row = np.empty(stages.constraints, dtype=np.int64)
-        stage_of_row[stages.rows] = stages.stage_of_row
-        stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
-        return column_start, stage_of_row
+        return np.concatenate(begin)
