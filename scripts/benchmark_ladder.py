@@ -77,6 +77,8 @@ def measured(*arguments: str, environment: Mapping[str, str] | None = None) -> M
         Uncertified: it ended otherwise.
     """
     command, started = [*COMMAND, *arguments, "--json", "--quiet"], time.perf_counter()
+    environment = {**(os.environ if environment is None else environment)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its modules compiled
     with tempfile.TemporaryFile("w+") as told:
         running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=told, text=True, env=environment, cwd=ROOT)
         assert running.stdout is not None  # it is a pipe
