@@ -12,13 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from airrace.errors import CheckpointError
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.kkt import kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.refinement import Marks, restrict
 from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.transcription import transcribe
 from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.declared import ensure_declared
@@ -168,8 +169,8 @@ def measured(race: Race, settings: Settings, believed: Believed, service: Solver
             f"but the race has {layout.constraints} constraints on this mesh"
         )
     kernels = build_kernels(problem.system, problem.scheme, compiled=settings.solver.compile_kernels)
-    program, w, p = transcribe(layout, kernels), layout.pack(iterate), layout.parameter_values()
-    error, bound_multipliers, _ = kkt_error(program, layout, w, p, believed.multipliers)
+    functions, w, p = Evaluation(Assembly(layout, kernels)), layout.pack(iterate), layout.parameter_values()
+    error, bound_multipliers, _ = kkt_error(functions, layout, w, p, believed.multipliers)
     evidence = examine(problem, iterate, believed.multipliers, settings.certificate)
     certificate = certify(
         problem,
@@ -186,7 +187,7 @@ def measured(race: Race, settings: Settings, believed: Believed, service: Solver
         trajectory=flown,
         splits=gate_splits(flight, flown),
         bound_multipliers=bound_multipliers,
-        regularisation=float(program.nlp(w, p)[0]) - flown.race_time,
+        regularisation=functions.f - flown.race_time,
         defect=evidence.audit.defect,
         drift=evidence.drift,
         items=certificate.items[1:],

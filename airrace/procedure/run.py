@@ -17,7 +17,7 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.remeasured import recertify, remeasured
-from airrace.procedure.restart import Another, is_better, overtaken, restarted, told
+from airrace.procedure.restart import Another, is_better, overtaken, restarted, starting_points, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
@@ -99,9 +99,12 @@ def optimize(
             yield completed
         remark, spare = "", None
         if start and not finished:
-            restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder, bench)
+            below = STAGES[: STAGES.index(until) + 1]
+            highest_optimum, *_ = starting_points(another, below, race.course)
+            with bench.aside(ladder.faster_way(highest_optimum)) as search:
+                restart = restarted(another, below, race.course, ladder, bench)
+                faster = "" if restart.result is None else search.result()
             remark = restart.remark
-            faster = "" if restart.result is None else ladder.faster_way(restart.result, bench)
             if restart.result is not None and faster:
                 remark, spare = overtaken(another, restart.result, faster), restart.result
             elif restart.result is not None:
