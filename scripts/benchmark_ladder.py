@@ -1,121 +1,251 @@
 """How long the whole ladder takes, from the point mass to six degrees of freedom, measured on the real command.
 
-    python scripts/benchmark_ladder.py [TRACK.yaml] [--repeats 3] [--threads 2] [--markdown]
+    python scripts/benchmark_ladder.py [COURSE ...] [--repeats 3] [--threads 2] [--proof last] [--explore off]
+                                       [--until STAGE] [--cold] [--what-if KEY=VALUE] [--json FILE] [--against FILE]
 
-Runs `airrace optimize` from the plan with a warm kernel cache. Of the run with the median wall time it prints, per
-stage, race time, iterations and seconds, and what the whole command takes against the race time. Processor seconds, of
-all cores together, tell how much of the wall time was waiting for other work on the machine. Ends with 1 if a run is
-not certified or the command takes longer than the race.
+COURSE is a shipped course or a track file; by default rovinj_2014. Every run is `airrace optimize` from the plan, in a
+process of its own, with a warm kernel cache; the runs of several courses take turns, so that a busy minute of the
+machine meets all of them. Of each course the run with the median wall time is told: the headline with wall and
+processor time over race time, then per stage race time, iterations, intervals, seconds and accuracy. Processor seconds,
+of all cores together, tell how much of the wall time was waiting for other work on the machine.
+
+- `--cold` flies each course once more with an empty kernel cache: what the first run on a machine takes.
+- `--what-if KEY=VALUE` (again for more) changes the flown run, too, as `airrace resume --set` does.
+- `--json FILE` keeps all figures; `--against FILE` compares with those that were kept. Seconds are compared only where
+  both stages ended in the same state: a run that proves less is not a faster one.
+
+Nothing else should run on the machine meanwhile. Ends with 1 if a run is not certified.
 """
 
 import argparse
 import json
-import resource
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = (sys.executable, "-m", "airrace")
+ACCURACY = ("replay_defect", "race_time_change", "hamiltonian_drift")
+"""The items of the certificate that tell how accurate a stage is."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage of a run: what it found, and what that took (s)."""
+
+    name: str
+    state: str
+    race_time: float
+    iterations: int
+    intervals: int
+    wall: float
+    solver: float
+    derivatives: float
+    accuracy: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One run: `wall` and `processor` seconds of the whole command with all its loading, and the object it printed."""
+    """One command: `wall` and `processor` seconds with all its loading, memory of its largest process, its stages."""
 
     wall: float
     processor: float
-    answer: dict[str, Any]  # Any: as read from JSON
+    megabytes: float
+    explored: float
+    stages: tuple[Stage, ...]
 
     @property
     def race(self) -> float:
         """Race time of the last stage, s."""
-        return self.answer["race_time_s"]
+        return self.stages[-1].race_time
 
 
-def measure(track: Path, threads: int) -> Measurement:
-    """Run `airrace optimize` once in a temporary folder.
+class Uncertified(Exception):
+    """A command that did not end with a certified flight."""
+
+
+def measured(*arguments: str, environment: Mapping[str, str] | None = None) -> Measurement:
+    """Run one command to its end.
 
     Raises:
-        SystemExit: the run is not certified.
+        Uncertified: it ended otherwise.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        options = ["--guess", "plan", "--json", "--quiet", "--threads", str(threads), "--out", f"{folder}/run.h5"]
-        command = [*COMMAND, "optimize", str(track), *options]
-        before, started = processor_seconds(), time.perf_counter()
-        process = subprocess.run(command, capture_output=True, text=True, check=False)
-        wall, processor = time.perf_counter() - started, processor_seconds() - before
-    if process.returncode:
-        ended = f"{' '.join(command)}\nended with {process.returncode}:"
-        print(ended, process.stderr, process.stdout, sep="\n", file=sys.stderr)
-        raise SystemExit(1)
-    return Measurement(wall, processor, json.loads(process.stdout))
+    command, started = [*COMMAND, *arguments, "--json", "--quiet"], time.perf_counter()
+    environment = {**(os.environ if environment is None else environment)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its modules compiled
+    with tempfile.TemporaryFile("w+") as told:
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=told, text=True, env=environment, cwd=ROOT)
+        assert running.stdout is not None  # it is a pipe
+        said = running.stdout.read()
+        _, status, used = os.wait4(running.pid, 0)
+        told.seek(0)
+        if status:
+            raise Uncertified(f"{' '.join(command)} ended with {os.waitstatus_to_exitcode(status)}:\n{told.read()}")
+    answer = json.loads(said)
+    explored = [stage["explored"]["seconds"] for stage in answer["stages"] if stage["explored"]]
+    return Measurement(
+        wall=time.perf_counter() - started,
+        processor=used.ru_utime + used.ru_stime,
+        megabytes=used.ru_maxrss / 1024.0,
+        explored=sum(explored),
+        stages=tuple(stage_of(one) for one in answer["stages"]),
+    )
 
 
-def processor_seconds() -> float:
-    """Of all processes that this one has started, and those that they have, as far as they have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+def stage_of(told: Mapping[str, Any]) -> Stage:  # Any: as read from JSON
+    """A stage as the command tells it."""
+    items = (
+        {} if told["certificate"] is None else {item["name"]: item["value"] for item in told["certificate"]["items"]}
+    )
+    return Stage(
+        name=told["stage"],
+        state=told["state"],
+        race_time=told["race_time_s"],
+        iterations=told["iterations"],
+        intervals=0 if told["mesh"] is None else told["mesh"]["intervals"],
+        wall=told["wall_s"],
+        solver=told["solve_s"],
+        derivatives=told["derivatives_s"],
+        accuracy={name: items[name] for name in ACCURACY if name in items},
+    )
+
+
+def median(runs: Sequence[Measurement]) -> Measurement:
+    """The run with the median wall time."""
+    return sorted(runs, key=lambda run: run.wall)[len(runs) // 2]
 
 
 Row = tuple[str, ...]
 
 
+def headline(name: str, run: Measurement) -> Row:
+    """A line of the table of runs."""
+    over = (f"{run.wall / run.race:.2f}", f"{run.processor / run.race:.2f}")
+    seconds = (f"{run.race:.3f}", f"{run.wall:.1f}", f"{run.processor:.1f}", f"{run.explored:.1f}")
+    return (name, *seconds, *over, f"{run.megabytes:.0f}")
+
+
+HEADLINES: Row = (
+    *("run", "race time s", "wall s", "processor s", "of it exploring s"),
+    *("wall / race", "processor / race", "memory MB"),
+)
+
+
 def stage_rows(run: Measurement) -> list[Row]:
-    """Headings, one row per stage, one for what lies between them, one for the whole command."""
-    rows: list[Row] = [("stage", "race time s", "iterations", "solver s", "stage s", "share")]
-    stages = run.answer["stages"]
-    for stage in stages:
-        seconds = (f"{stage['solve_s']:.1f}", f"{stage['wall_s']:.1f}", share(stage["wall_s"] / run.wall))
-        rows.append((f"`{stage['stage']}`", f"{stage['race_time_s']:.3f}", str(stage["iterations"]), *seconds))
-    rest = run.wall - sum(stage["wall_s"] for stage in stages)
-    iterations, solve = (sum(stage[key] for stage in stages) for key in ("iterations", "solve_s"))
-    rows.append(("loading and writing", "", "", "", f"{rest:.1f}", share(rest / run.wall)))
-    rows.append(("the whole command", f"{run.race:.3f}", str(iterations), f"{solve:.1f}", f"{run.wall:.1f}", ""))
+    """Headings, one row per stage, and one for what lies between the stages."""
+    rows: list[Row] = [
+        (
+            *("stage", "state", "race time s", "iterations", "intervals", "solver s", "derivatives s", "stage s"),
+            *("share", "replay defect", "change s"),
+        )
+    ]
+    for one in run.stages:
+        seconds = (f"{one.solver:.2f}", f"{one.derivatives:.2f}", f"{one.wall:.2f}", f"{one.wall / run.wall:.0%}")
+        accuracy = (form(one.accuracy.get("replay_defect"), ".1e"), form(one.accuracy.get("race_time_change"), ".4f"))
+        counts = (f"{one.race_time:.3f}", str(one.iterations), str(one.intervals))
+        rows.append((f"`{one.name}`", one.state, *counts, *seconds, *accuracy))
+    rest = run.wall - sum(one.wall for one in run.stages)
+    rows.append(("loading and writing", *[""] * 6, f"{rest:.2f}", f"{rest / run.wall:.0%}", "", ""))
     return rows
 
 
-def share(part: float) -> str:
-    """A part as per cent."""
-    return f"{100.0 * part:.0f} %"
+def form(value: float | None, how: str) -> str:
+    """A number, or nothing."""
+    return "" if value is None else format(value, how)
 
 
-def print_rows(rows: list[Row], *, markdown: bool) -> None:
-    """In columns, or as Markdown."""
-    if markdown:
-        headings, *rest = rows
-        for row in (headings, ("---",) * len(headings), *rest):
-            print("| " + " | ".join(row) + " |")
-        return
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    for first, *others in rows:
-        cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
-        print("  ".join((first.ljust(widths[0]), *cells)).rstrip())
+def compared_rows(now: Measurement, before: Mapping[str, Any]) -> list[Row]:  # Any: as read from JSON
+    """Stages beside those that were kept; ratios only where both ended in the same state."""
+    rows: list[Row] = [
+        ("stage", "state", "before", "race time, ms", "iterations", "before", "stage s", "before", "ratio")
+    ]
+    kept = {one["name"]: one for one in before["stages"]}
+    for one in now.stages:
+        if one.name not in kept:
+            continue
+        then = kept[one.name]
+        ratio = f"{one.wall / then['wall']:.2f}" if one.state == then["state"] else "-"
+        moved = f"{1000.0 * (one.race_time - then['race_time']):+.3f}"
+        counts = (str(one.iterations), str(then["iterations"]), f"{one.wall:.2f}", f"{then['wall']:.2f}", ratio)
+        rows.append((f"`{one.name}`", one.state, then["state"], moved, *counts))
+    return rows
 
 
-def main() -> None:
-    """Run the benchmark and print its table."""
+def print_rows(rows: Sequence[Row]) -> None:
+    """As a Markdown table."""
+    headings, *rest = rows
+    for row in (headings, ("---",) * len(headings), *rest):
+        print("| " + " | ".join(row) + " |")
+    print()
+
+
+def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> dict[str, Measurement]:
+    """Fly all courses, warm and as it is asked for cold and changed; the runs by what they are called."""
+    options = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
+
+    def fly(course: str, environment: Mapping[str, str] | None = None) -> Measurement:
+        out = str(folder / f"{Path(course).stem}.h5")
+        chosen = (*options, "--explore", asked.explore)
+        return measured("optimize", course, "--out", out, "--force", *chosen, environment=environment)
+
+    found: dict[str, Measurement] = {}
+    if asked.cold:
+        for course in courses:
+            with tempfile.TemporaryDirectory() as cache:
+                found[f"{Path(course).stem}, empty cache"] = fly(course, {**os.environ, "AIRRACE_CACHE_DIR": cache})
+    turns: list[list[Measurement]] = [[] for _ in courses]
+    for _ in range(asked.repeats):
+        for course, runs in zip(courses, turns, strict=True):
+            runs.append(fly(course))
+    found |= {Path(course).stem: median(runs) for course, runs in zip(courses, turns, strict=True)}
+    for course in courses if asked.what_if else ():
+        stored, new = (str(folder / f"{name}.h5") for name in (Path(course).stem, "changed"))
+        sets = [part for change in asked.what_if for part in ("--set", change)]
+        chosen = ("--until", asked.until, "--threads", str(asked.threads))
+        changed = measured("resume", stored, *sets, "--out", new, "--force", *chosen)
+        found[f"{Path(course).stem}, {', '.join(asked.what_if)}"] = changed
+    return found
+
+
+def main() -> int:
+    """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("track", type=Path, nargs="?", default=ROOT / "tracks" / "rovinj_2014.yaml")
+    parser.add_argument("courses", nargs="*", default=["rovinj_2014"], metavar="COURSE")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--markdown", action="store_true", help="the table as Markdown")
-    arguments = parser.parse_args()
-    measure(arguments.track, arguments.threads)  # fills the cache: kernels are compiled once per model and machine
-    runs = sorted((measure(arguments.track, arguments.threads) for _ in range(arguments.repeats)), key=lambda r: r.wall)
-    median = runs[len(runs) // 2]
-    print(f"{arguments.track.stem}, from the plan, {arguments.threads} threads: median of {len(runs)} runs\n")
-    print_rows(stage_rows(median), markdown=arguments.markdown)
-    walls = ", ".join(f"{run.wall:.1f}" for run in runs)
-    verdict = "less" if median.wall < median.race else "MORE"
-    print(f"\ncommand: {walls} s; processors: {median.processor:.1f} s")
-    print(f"the median is {median.wall / median.race:.2f} of the race time: {verdict} than the race itself")
-    raise SystemExit(0 if median.wall < median.race else 1)
+    parser.add_argument("--proof", choices=("last", "all"), default="last")
+    parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
+    parser.add_argument("--until", default="six-dof", metavar="STAGE")
+    parser.add_argument("--cold", action="store_true", help="once more with an empty kernel cache")
+    parser.add_argument("--what-if", action="append", default=[], metavar="KEY=VALUE", help="change the run, too")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="keep all figures")
+    parser.add_argument("--against", type=Path, metavar="FILE", help="compare with figures that were kept")
+    asked = parser.parse_args()
+    before = json.loads(asked.against.read_text()) if asked.against else {}
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            found = runs_of(asked.courses, asked, Path(folder))
+    except Uncertified as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(f"{asked.threads} threads, exploring {asked.explore}, proof {asked.proof}: medians of {asked.repeats} runs\n")
+    print_rows([HEADLINES, *(headline(name, run) for name, run in found.items())])
+    for name, run in found.items():
+        print(f"**{name}**\n")
+        print_rows(stage_rows(run))
+        if name in before:
+            print("and before\n")
+            print_rows(compared_rows(run, before[name]))
+    if asked.json:
+        asked.json.write_text(json.dumps({name: asdict(run) for name, run in found.items()}, indent=1) + "\n")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -82,8 +82,11 @@ def _in_turn(chosen: Sequence[Sequence[Job]]) -> Iterator[tuple[int, Job]]:
 
 
 def _placed(finding: Finding, places: Mapping[str, Place]) -> Finding:
-    if finding.file == SET_OPTION:
-        for key, place in places.items():
-            if finding.key == key or finding.key.startswith(f"{key}."):
-                return replace(finding, file=place.file, line=place.line, column=place.column)
+    if finding.file != SET_OPTION:
+        return finding
+    above = f"{finding.key.rpartition('.')[0]}."  # a key that was set may have made what something is missing in
+    within = [place for key, place in places.items() if finding.key == key or finding.key.startswith(f"{key}.")]
+    beside = [place for key, place in places.items() if above != "." and key.startswith(above)]
+    for place in (*within, *beside)[:1]:
+        return replace(finding, file=place.file, line=place.line, column=place.column)
     return finding

@@ -1,10 +1,12 @@
 """The courses that a user means with files, patterns and `batch.yaml`, and how each of them is to be flown."""
 
 import glob
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from airrace.batch.patterns import TooWideError, matching
 from airrace.batch.sweep import Sweep, parse_sweep, sweep_of
 from airrace.documents.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
 from airrace.documents.document import Document, read_document
@@ -105,13 +107,17 @@ def _batch_document(path: Path) -> Document | None:
 
     Whatever else is wrong with the file is reported when it is read as a course.
     """
-    document = read_document(path, []) if path.is_file() else None
+    document = read_document(path, []) if os.path.isfile(path) else None
     return document if document is not None and is_batch(document) else None
 
 
 def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> Group:
     findings: list[Finding] = []
-    courses = tuple(_files(entry.courses, folder, reporter, findings))
+    named = tuple(_files(entry.courses, folder, reporter, findings))
+    batches = [path for path in named if _batch_document(path) is not None]
+    for path in batches:
+        reporter.value(("courses",), f"{path} is a batch and no course; name the courses that it names")
+    courses = tuple(path for path in named if path not in batches)
     reporter.findings.extend(findings)
     aircraft = tuple(AIRCRAFT.meant(Path(name), folder) for name in entry.aircraft or ())
     settings = None if entry.settings is None else folder / entry.settings
@@ -163,7 +169,14 @@ def _files(named: Sequence[str], folder: Path, reporter: Reporter | None, findin
             else:
                 yield path
             continue
-        matches = [match for match in sorted(glob.glob(str(path), recursive=True)) if not Path(match).is_dir()]
+        try:
+            matches = matching(str(path))
+        except TooWideError as error:
+            if reporter is not None:
+                reporter.value(("courses", index), f"{path} {error}")
+            else:
+                findings.append(Finding(str(path), 0, 0, "", str(error)))
+            continue
         if not matches and reporter is not None:
             reporter.value(("courses", index), f"no file matches {path}")
         elif not matches:

@@ -8,13 +8,16 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
+from airrace.checkpoint.envelope import Sign, Signature
 from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredBreach, StoredHistory, StoredPassing
-from airrace.checkpoint.store import read_checkpoint, read_stored, write_checkpoint, write_recorded
+from airrace.checkpoint.store import read_checkpoint, read_sealed, read_stored, write_checkpoint, write_recorded
 
 __all__ = [
     "Checkpoint",
     "Recorded",
     "RecordedLog",
+    "Sign",
+    "Signature",
     "StoredBreach",
     "StoredDocument",
     "StoredHistory",
@@ -23,6 +26,7 @@ __all__ = [
     "StoredStage",
     "inputs_hash",
     "read_checkpoint",
+    "read_sealed",
     "read_stored",
     "stale_stages",
     "write_checkpoint",

@@ -27,6 +27,8 @@ def replace_file(path: Path, content: bytes) -> None:
     """
     try:
         target = Path(os.path.realpath(path))  # resolve() raises an error of its own for a loop of links
+        if target.is_symlink():
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP).lower())
         if target.exists() and not target.is_file():
             raise StorageError(f"cannot write {path}: it exists and is not a regular file")
         # Shortened, so that it stays a valid name where the target's is one.

@@ -10,7 +10,7 @@ from airrace.checkpoint.atomic import replace_file
 from airrace.checkpoint.checkpoint import Checkpoint
 from airrace.checkpoint.decode import decode
 from airrace.checkpoint.encode import encode
-from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unseal
+from airrace.checkpoint.envelope import BLOCK_SIZE, Sign, Signature, seal, unsealed
 from airrace.checkpoint.hdf5_reader import tree_of
 from airrace.checkpoint.hdf5_writer import image_of
 from airrace.checkpoint.recorded import Recorded
@@ -23,26 +23,36 @@ SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
 
-def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: Path, checkpoint: Checkpoint, sign: Sign | None = None) -> None:
     """Replace the file at `path`, at once and as a whole.
 
     What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
+
+    Args:
+        path: the file.
+        checkpoint: its contents.
+        sign: signs them; None for a file without a signature.
 
     Raises:
         StorageError: the system refused; the old checkpoint survives.
         CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
             more than 256 MiB); the old checkpoint survives.
     """
-    _write(path, encode(checkpoint), decode)
+    _write(path, encode(checkpoint), decode, sign)
 
 
 def write_recorded(path: Path, recorded: Recorded) -> None:
     """Replace the file at `path` by a flown log, at once and as a whole; errors as of `write_checkpoint`."""
-    _write(path, encode_recorded(recorded), decode_recorded)
+    _write(path, encode_recorded(recorded), decode_recorded, None)
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Return the checkpoint at `path`, verified.
+    """Return the checkpoint at `path`, verified; errors as of `read_sealed`."""
+    return read_sealed(path)[0]
+
+
+def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
+    """Return the checkpoint at `path`, and the signature that the file carries, which is not examined.
 
     Raises:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint of this schema.
@@ -52,20 +62,21 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
 def read_stored(path: Path) -> Checkpoint | Recorded:
     """Return the run or the flown log at `path`, verified; errors as of `read_checkpoint`."""
-    return _read(path, lambda root: decode_recorded(root) if is_recorded(root) else decode(root))
+    return _read(path, lambda root: decode_recorded(root) if is_recorded(root) else decode(root))[0]
 
 
-def _write(path: Path, root: Group, understood: Callable[[Group], object]) -> None:
+def _write(path: Path, root: Group, understood: Callable[[Group], object], sign: Sign | None) -> None:
     image = image_of(root)
     if BLOCK_SIZE + len(image) > SIZE_MAX:
         raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
     understood(tree_of(image))
-    replace_file(path, seal(image))
+    replace_file(path, seal(image, sign))
 
 
-def _read(path: Path, understood: Callable[[Group], T]) -> T:
+def _read(path: Path, understood: Callable[[Group], T]) -> tuple[T, Signature | None]:
     try:
-        return understood(tree_of(unseal(_content(path))))
+        image, signature = unsealed(_content(path))
+        return understood(tree_of(image)), signature
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
     except OSError as error:

@@ -13,6 +13,7 @@ from airrace.cli.options import (
     Overrides,
     Quiet,
     SettingsFile,
+    SigningKey,
     Threads,
     TrackFile,
     WhatIsProved,
@@ -49,6 +50,7 @@ def optimize(
         ),
     ] = None,
     overrides: Overrides = None,
+    sign: SigningKey = None,
     threads: Threads = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -65,11 +67,13 @@ def optimize(
         from airrace.cli.running import fly
         from airrace.runs.beginning import new_task, settings_texts
         from airrace.runs.output import ensure_free
+        from airrace.runs.signing import signer_of
 
+        signer = None if sign is None else signer_of(sign)
         path = out or Path(f"{track.stem}.h5")
         ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
         entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)]
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )
-        fly(answer, task, threads=threads, quiet=quiet)
+        fly(answer, task.signed(signer), threads=threads, quiet=quiet)

@@ -59,5 +59,20 @@ WhatIsProved = Annotated[
     ),
 ]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]
+SigningKey = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign", metavar="KEY", readable=False, help="Sign the file with this private key of Ed25519 (extra: sign)."
+    ),
+]
+TrustedKey = Annotated[
+    Path | None,
+    typer.Option(
+        "--trust",
+        metavar="KEY.pub",
+        readable=False,
+        help="Only take a file that is signed with this public key of Ed25519 (extra: sign).",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No progress and no tables.")]

@@ -16,6 +16,7 @@ from airrace.cli.options import (
     Quiet,
     RunFile,
     SettingsFile,
+    SigningKey,
     Threads,
     WhatIsProved,
 )
@@ -57,6 +58,7 @@ def resume(
         typer.Option(metavar="NEW.h5", help="Checkpoint of the changed run; needed with --set, --track and the like."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing NEW.h5.")] = False,
+    sign: SigningKey = None,
     threads: Threads = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
@@ -75,20 +77,23 @@ def resume(
         from airrace.cli.running import fly
         from airrace.runs.beginning import settings_texts
         from airrace.runs.resuming import changed_task, continued_task
+        from airrace.runs.signing import ensure_own, signer_of
         from airrace.runs.starting import Changes, other_run
         from airrace.runs.stored import opened_run
 
+        signer = None if sign is None else signer_of(sign)
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
         _ensure_sensible(changes, run_file, out, force=force, from_stage=from_stage)
         if out is not None:
             changes = changes.with_overrides(settings_texts(proof=proof))
             task = changed_task(other_run(run_file), changes, until=until, out=out)
         else:
+            ensure_own(run_file, signer)
             task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, proof=proof)
         if dry_run:
             _tell(answer, task.run.name, task.steps, quiet=quiet)
             return
-        fly(answer, task, threads=threads, quiet=quiet)
+        fly(answer, task.signed(signer), threads=threads, quiet=quiet)
 
 
 def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:

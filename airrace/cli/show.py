@@ -6,7 +6,7 @@ import typer
 
 from airrace.cli import completion
 from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, RunFile
+from airrace.cli.options import AsJson, RunFile, TrustedKey
 
 if TYPE_CHECKING:
     from airrace.checkpoint import Recorded
@@ -23,20 +23,27 @@ def show(
         bool, typer.Option("--legs", help="Tell every leg of the stage, by default of the last one.")
     ] = False,
     certificate: Annotated[bool, typer.Option("--certificate", help="List every item of the certificates.")] = False,
+    trust: TrustedKey = None,
     as_json: AsJson = False,
 ) -> None:
     """Show stages, times, legs and certificates."""
     with answering(as_json=as_json) as answer:
-        from airrace.checkpoint import Recorded, read_stored
+        from airrace.checkpoint import Recorded, read_sealed, read_stored
         from airrace.cli.show_texts import shown_texts
         from airrace.runs.shown import shown_object, shown_of
+        from airrace.runs.signing import ensure_signed
 
         stored = read_stored(run_file)
+        signature = None if isinstance(stored, Recorded) or trust is None else read_sealed(run_file)[1]
+        signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
         if isinstance(stored, Recorded):
             _show_flown(answer, stored, stage, legs=legs, as_json=as_json)
             return
         shown = shown_of(stored, run_file, stage)
         answer.fields.update(shown_object(shown))
+        answer.fields["signed_by"] = signed_by or None
+        if signed_by:
+            answer.texts.append(f"signed by {signed_by}")
         if not as_json:
             answer.texts.extend(shown_texts(shown, legs=legs, certificates=certificate))
 

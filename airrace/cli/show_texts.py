@@ -1,12 +1,23 @@
 """The texts that `airrace show` prints of a run."""
 
+import textwrap
 from collections.abc import Iterator
 
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.mesh_table import mesh_table
 from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
+from airrace.procedure.remeasured import HEARSAY
 from airrace.procedure.result import StageResult
 from airrace.runs.shown import Shown
+
+UNVERIFIED = "\n".join(
+    textwrap.wrap(
+        "unverified: all of this is read from the file, and nothing was measured again. `airrace verify` does that. "
+        f"Nobody can verify {', '.join(HEARSAY[:-1])} and {HEARSAY[-1]}.",
+        PAGE,
+    )
+)
+"""The sentences that `airrace show` says of its numbers."""
 
 
 def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str]:
@@ -19,6 +30,8 @@ def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str
     """
     results = shown.results
     yield rendered(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
+    if results:
+        yield UNVERIFIED
     yield from (f"{result.stage.value}: {result.message}" for result in results if result.message)
     yield from (f"a needless loop: {loop}" for result in results for loop in result.explored.loops)
     for result in results:
@@ -32,7 +45,7 @@ def _stage_texts(result: StageResult, *, certificates: bool) -> Iterator[str]:
     for table in (*result_tables(result, certificate=certificates), *meshes):
         yield rendered(table, columns=PAGE)
     if result.certificate is not None and not certificates:
-        yield certificate_line(result.certificate)
+        yield certificate_line(result)
 
 
 def _flight_texts(shown: Shown, *, legs: bool) -> Iterator[str]:

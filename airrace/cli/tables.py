@@ -14,7 +14,7 @@ from rich.text import Text
 from airrace.cli.ways_table import ways_table
 from airrace.documents.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import StageResult, State
+from airrace.procedure.result import Outcome, StageResult, State
 from airrace.views.plain_console import PlainConsole
 
 # Columns that are enough for every table where no terminal sets a limit.
@@ -22,6 +22,7 @@ UNLIMITED_WIDTH = 200
 PAGE = 80
 """Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
+DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
 
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
@@ -76,7 +77,8 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
     tables = [splits_table(result)] if result.splits and result.is_flight else []
     tables += [ways_table(result.explored)] if result.explored.ways else []
     if certificate and result.certificate is not None:
-        tables.append(certificate_table(result.certificate))
+        stands = result.outcome is Outcome.SOLVED or not result.certificate.holds
+        tables.append(certificate_table(result.certificate, "" if stands else DOES_NOT_STAND))
     return tables
 
 
@@ -101,21 +103,33 @@ def splits_table(result: StageResult) -> Table:
     return table
 
 
-def certificate_line(certificate: Certificate) -> str:
+def certificate_line(result: StageResult) -> str:
     """Return the verdict with the item that comes nearest to its limit, or with those that fail."""
+    certificate = result.certificate
+    if certificate is None:
+        return ""
     items, failed = certificate.items, certificate.failed
-    if not certificate.certified:
+    if certificate.holds and not result.holds:
+        return f"certificate: {DOES_NOT_STAND}"
+    if failed or not items:
         told = ", ".join(f"{item.name} {item.value:.3g} > {item.limit:.3g} {item.unit}".rstrip() for item in failed)
         return f"certificate: NOT certified ({certificate.solver_status}): {told or 'nothing was measured'}"
     limited = [item for item in items if item.limit > 0.0]
     nearest = max(limited, key=lambda item: item.value / item.limit, default=None)
     tightest = "" if nearest is None else f"; nearest to its limit: {nearest.name}, {nearest.value / nearest.limit:.0%}"
-    return f"certificate: certified ({certificate.solver_status}), all {len(items)} items hold{tightest}"
+    verdict = "certified" if certificate.certified else ONE_MESH
+    return f"certificate: {verdict} ({certificate.solver_status}), all {len(items)} items hold{tightest}"
 
 
-def certificate_table(certificate: Certificate) -> Table:
-    """Return a table of all items with their limits, and where the worst value lies if it is not zero."""
-    verdict = "certified" if certificate.certified else ONE_MESH if certificate.holds else "NOT certified"
+def certificate_table(certificate: Certificate, verdict: str = "") -> Table:
+    """Return a table of all items with their limits, and where the worst value lies if it is not zero.
+
+    Args:
+        certificate: with the items.
+        verdict: what is said of it; empty for what the items say.
+    """
+    measured = "certified" if certificate.certified else ONE_MESH if certificate.holds else "NOT certified"
+    verdict = verdict or measured
     table = _table(f"certificate: {verdict} ({certificate.solver_status})", "item")
     _numbers(table, "value", "limit")
     for column in ("unit", "holds", "worst at"):

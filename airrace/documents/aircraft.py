@@ -147,7 +147,8 @@ def _linear(entry: LinearEntry, reporter: Reporter) -> LinearLoops:
 def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
     """Report moments of inertia that no rigid body has.
 
-    They must obey the triangle inequality, and their tensor must be positive definite.
+    They must obey the triangle inequality, their tensor must be positive definite, and no mass is farther from the
+    axis than a wing tip.
     """
     I_x, I_y, I_z = airframe.I_x, airframe.I_y, airframe.I_z
     for key, moment, others in (("I_x", I_x, I_y + I_z), ("I_y", I_y, I_x + I_z), ("I_z", I_z, I_x + I_y)):
@@ -156,6 +157,13 @@ def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
                 ("airframe", f"{key}_kg_m2"),
                 f"no body has such a moment of inertia: {moment:g} is more than the other two together, {others:g}",
             )
+    least = I_x / (0.5 * airframe.b) ** 2 if airframe.b > 0.0 else 0.0
+    if airframe.m < least:
+        reporter.value(
+            ("airframe", "mass_kg"),
+            f"is too little: nothing within a wing span of {airframe.b:g} m has I_x_kg_m2 = {I_x:g} and weighs less "
+            f"than {least:.3g} kg",
+        )
     if airframe.I_xz**2 >= I_x * I_z:
         reporter.value(("airframe", "I_xz_kg_m2"), f"must be smaller than sqrt(I_x I_z) = {math.sqrt(I_x * I_z):g}")
 

@@ -107,6 +107,10 @@ class Reporter:
         """Return the prefixes that may be missing before a key that was given on the command line."""
         return self.others if len(path) == 1 and not self._place(path, at_key=True).line else ()
 
+    def is_set(self, path: KeyPath) -> bool:
+        """Return whether a key was given on the command line and not in the file."""
+        return not self._place(path, at_key=True).line
+
     def find(self, path: KeyPath) -> Node | None:
         """Return the node at a path, or None if there is none."""
         node: Node | None = self.root

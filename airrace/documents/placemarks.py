@@ -96,7 +96,7 @@ def _of_geojson(path: str, content: bytes) -> Iterator[Placemark]:
         root: Any = json.loads(content)  # Any: whatever the file holds; what does not fit raises
         entries = root["features"] if root["type"] == "FeatureCollection" else [root]
         for entry in entries:
-            properties = entry.get("properties") or {}
+            properties: Any = entry.get("properties") or {}
             geometry = entry.get("geometry") or {"type": ""}
             yield from _geometry(path, " ".join(str(properties.get("name") or "").split()), geometry)
     except json.JSONDecodeError as error:

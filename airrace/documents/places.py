@@ -62,9 +62,7 @@ class Places:
             return None
         first = GEODETIC[0] if given[0] is not None else GEODETIC[1]
         if entry.north_m is not None or entry.east_m is not None:
-            self.reporter.key(
-                (*path, first), "the position is given twice; keep north and east, or latitude and longitude"
-            )
+            self._given_twice(path, first, METRIC[0] if entry.north_m is not None else METRIC[1])
             return None
         if given[0] is None or given[1] is None:
             self._missing(path, GEODETIC, given)
@@ -90,6 +88,19 @@ class Places:
             )
             return None
         return Point(north, east)
+
+    def _given_twice(self, path: KeyPath, geodetic: str, metric: str) -> None:
+        """Report a position that is given in both ways, by the way that was added on the command line if one was."""
+        if self.reporter.is_set((*path, metric)):
+            told = "the file gives this position by latitude and longitude; set `latitude_deg` and `longitude_deg`"
+            self.reporter.key((*path, metric), told)
+        elif self.reporter.is_set((*path, geodetic)):
+            self.reporter.key(
+                (*path, geodetic), "the file gives this position by north and east; set `north_m` and `east_m`"
+            )
+        else:
+            told = "the position is given twice; keep north and east, or latitude and longitude"
+            self.reporter.key((*path, geodetic), told)
 
     def _missing(self, path: KeyPath, keys: tuple[str, str], given: tuple[float | None, float | None]) -> None:
         absent, present = keys if given[0] is None else keys[::-1]

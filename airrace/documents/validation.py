@@ -1,6 +1,7 @@
 """Validation of a document: its errors name file, line, key, what is wrong and what would be right."""
 
 import difflib
+import re
 from collections.abc import Iterator
 from typing import TypeVar, get_args
 
@@ -23,13 +24,16 @@ from airrace.documents.schema import (
 )
 
 Model = TypeVar("Model", bound=Schema)
+DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
+"""A number as it is written in many countries, but not in YAML."""
 
 
 def validate(model: type[Model], reporter: Reporter) -> Model | None:
     """Return the document as an instance of `model`; None if it is not one, and then there are findings."""
     valueless = set(_valueless((), reporter.root))
     for path in valueless:
-        reporter.value(path, "has no value; give one, or leave the key out")
+        comma = "; a number has a decimal point, not a comma" if str(path[-1]).isdecimal() else ""
+        reporter.value(path, f"has no value; give one, or leave the key out{comma}")
     try:
         validated = model.model_validate(reporter.root.plain())
     except ValidationError as error:
@@ -65,7 +69,9 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
         case "extra_forbidden":
             fields = keys_of(owner) if owner else []
             others = reporter.other_documents(path)
-            reporter.key(path, f"unknown key `{name}`{reporter.suggestion(str(name), [*fields, *others])}")
+            belongs = _belongs(owner, str(name)) if owner else ""
+            told = belongs or reporter.suggestion(str(name), [*fields, *others])
+            reporter.key(path, f"unknown key `{name}`{told}")
         case "union_tag_not_found":
             choices = ", ".join(tags_of(annotation))
             reporter.key((*path, "type"), f"missing; `type` is one of: {choices}")
@@ -82,7 +88,7 @@ def _mismatch(error: ErrorDetails, annotation: Annotation, owner: type[Schema] |
     match error["type"]:
         case "float_type" | "int_type" | "int_from_float":
             whole = "a whole number" if error["type"].startswith("int") else "a number"
-            return f"must be {whole}{_limits(owner, name)}, not {found}"
+            return f"must be {whole}{_limits(owner, name)}, not {found}{_with_point(error['input'])}"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
             return f"must be{_limits(owner, name)}, not {found}"
         case "string_type":
@@ -103,6 +109,22 @@ def _mismatch(error: ErrorDetails, annotation: Annotation, owner: type[Schema] |
             return f"has too many entries; at most {error.get('ctx', {}).get('max_length')}"
         case _:
             return error["msg"]
+
+
+def _with_point(value: object) -> str:
+    """Return how a number with a decimal comma is written; empty for whatever else."""
+    if not isinstance(value, str) or not DECIMAL_COMMA.fullmatch(value):
+        return ""
+    return f"; write it with a decimal point, {value.replace(',', '.')}"
+
+
+def _belongs(owner: type[Schema], name: str) -> str:
+    """Return in which of the mappings beside it a key belongs; empty if in none."""
+    for key in keys_of(owner):
+        nested = schema_of(inner(owner, key))
+        if nested is not None and name in keys_of(nested):
+            return f"; it belongs in `{key}`"
+    return ""
 
 
 def _form(annotation: Annotation) -> str:

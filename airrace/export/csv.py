@@ -77,7 +77,8 @@ def export_flight_csv(flight: Flight, stream: TextIO) -> None:
     last = np.clip(np.searchsorted([one.time for one in made], flight.time), 0, len(made) - 1)
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*(column.header for column in columns), "phase"])
-    phases = [made[index].name for index in last.tolist()]
+    places: list[int] = last.tolist()
+    phases = [made[place].name for place in places]
     writer.writerows(zip(*(_formatted(column.values) for column in columns), phases, strict=True))
 
 

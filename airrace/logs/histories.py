@@ -100,11 +100,12 @@ def path_attitude(velocity: Array, right_wing: Array) -> list[Array]:
         velocity: north, east and up, m/s, shape (3, n).
         right_wing: its direction, north, east and down, shape (3, n).
     """
-    x = velocity * np.array([[1.0], [1.0], [-1.0]])
+    x: Array = velocity * np.array([[1.0], [1.0], [-1.0]])
     x = x / np.maximum(np.linalg.norm(x, axis=0), SLOWEST)
     y = right_wing - np.sum(right_wing * x, axis=0) * x
     y = y / np.maximum(np.linalg.norm(y, axis=0), 1e-9)
-    return attitude.quaternions(np.stack([x, y, np.cross(x, y, axis=0)], axis=1))
+    z = np.asarray(np.cross(x, y, axis=0), dtype=np.float64)
+    return attitude.quaternions(np.stack([x, y, z], axis=1))
 
 
 def euler_axes(psi: Array, theta: Array, phi: Array) -> Array:

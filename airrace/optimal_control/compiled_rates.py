@@ -114,7 +114,7 @@ def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
     buffer, evaluate = mapped.buffer()
     for place, array in enumerate(given):
         if array.size:
-            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `fatrop/functions.py`
+            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `evaluation.py`
     buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
 
     def at(states: Array, kept: tuple[Array, ...] = given) -> Array:  # the buffer does not keep its arrays alive

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.transcription import NonlinearProgram
 from airrace.trajectory import Array
 
 MULTIPLIER_SCALE = 100.0
@@ -29,9 +29,7 @@ class KktError:
         return _largest(self.primal, self.dual, self.complementarity)
 
 
-def kkt_error(
-    program: NonlinearProgram, layout: Layout, w: Array, p: Array, lam_g: Array
-) -> tuple[KktError, Array, int]:
+def kkt_error(functions: Evaluation, layout: Layout, w: Array, p: Array, lam_g: Array) -> tuple[KktError, Array, int]:
     """Measure the errors at (w, lam_g), and find the multipliers of the bounds and the most violated constraint.
 
     The gradient of the Lagrangian is balanced by the multipliers of the bounds: what a bound cannot take, because it is
@@ -39,9 +37,10 @@ def kkt_error(
     """
     lower, upper = layout.unknown_bounds()
     g_lower, g_upper = layout.constraint_bounds()
-    g = np.asarray(program.nlp(w, p)[1]).ravel()
-    gradient = np.asarray(program.hess_l(w, p, 1.0, lam_g)[0]).ravel()
-    lam_x = -gradient
+    functions.at(w, p)
+    functions.lam_f, functions.lam_g[:] = 1.0, lam_g
+    functions.slope()
+    g, lam_x = functions.g, -functions.gradient
     violation = np.maximum(np.maximum(g_lower - g, g - g_upper), 0.0)
     outside = np.maximum(np.maximum(lower - w, w - upper), 0.0)
     primal = _largest(violation.max(), outside.max())

@@ -12,13 +12,15 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop.solver import FatropSolver
 from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.transcription import NonlinearProgram, transcribe
+from airrace.optimal_control.transcription import transcribed
 from airrace.trajectory import Array
 
 
@@ -106,8 +108,8 @@ class Solver(ABC):
     name: str
 
     @abstractmethod
-    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
-        """Set up the solver for a program."""
+    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+        """Set up the solver for a program that these functions evaluate."""
 
     def infeasible(self, status: str) -> bool:
         """Return whether a status claims local infeasibility."""
@@ -119,8 +121,8 @@ class Fatrop(Solver):
 
     name = "fatrop"
 
-    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
-        return _ReadyFatrop(FatropSolver(program, layout, fatrop_options(options)))
+    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+        return _ReadyFatrop(FatropSolver(functions, fatrop_options(options)))
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,8 @@ class _ReadyFatrop:
     solver: FatropSolver
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
-        result = self.solver.solve(guess, bounds, p)  # fatrop makes its own first multipliers
+        known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
+        result = self.solver.solve(guess, bounds, p, known)
         return Answer(
             w=result.w,
             lam_g=result.lam_g,
@@ -145,7 +148,8 @@ class FatropByCasadi(Solver):
 
     name = "fatrop-casadi"
 
-    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
+    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+        layout, program = functions.assembly.layout, transcribed(functions.assembly, functions.threads)
         settings = {
             "structure_detection": "manual",
             "N": layout.intervals,
@@ -173,7 +177,8 @@ class Ipopt(Solver):
 
     name = "ipopt"
 
-    def ready(self, layout: Layout, program: NonlinearProgram, options: SolverOptions) -> ReadySolver:
+    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+        program = transcribed(functions.assembly, functions.threads)
         settings = {
             "cache": {
                 "nlp_grad_f": program.f_and_grad,
@@ -240,9 +245,9 @@ class PreparedProblem:
     """A problem's structure made ready for one solver; parameters, bounds and guesses may change between solves."""
 
     def __init__(self, layout: Layout, kernels: Kernels, solver: Solver, options: SolverOptions, threads: int) -> None:
-        self._program = transcribe(layout, kernels, threads)
+        self._functions = Evaluation(Assembly(layout, kernels), threads)
         self._solver = solver
-        self._ready = solver.ready(layout, self._program, options)
+        self._ready = solver.ready(self._functions, options)
 
     def solve(self, layout: Layout, guess: Iterate, multipliers: Multipliers | None = None) -> Solution:
         """Solve with the values of `layout.problem`, which must have the structure this was prepared for."""
@@ -256,7 +261,7 @@ class PreparedProblem:
             started = time.perf_counter()
             answer = self._ready.solve(start, bounds, p, multipliers)
             seconds = time.perf_counter() - started
-        error, lam_x, worst = kkt_error(self._program, layout, answer.w, p, answer.lam_g)
+        error, lam_x, worst = kkt_error(self._functions, layout, answer.w, p, answer.lam_g)
         return Solution(
             solver=self._solver.name,
             status=answer.status,
@@ -279,7 +284,7 @@ class PreparedProblem:
         """
         if (bounds.lower > bounds.upper).any() or (bounds.g_lower > bounds.g_upper).any():
             return "infeasible: bounds contradict one another"
-        values = self._program.nlp(start, p)
-        if not all(np.isfinite(np.asarray(one)).all() for one in values):
+        self._functions.at(start, p)
+        if not (np.isfinite(self._functions.f) and np.isfinite(self._functions.g).all()):
             return "the guess has no finite objective and constraints"
         return ""

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
+from airrace.optimal_control.fatrop import products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import COMPILING, IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
@@ -105,6 +106,8 @@ class Workshop:
         if key not in self._kernels:
             if request.compiled and needs_compiling(problem.system, problem.scheme):
                 self._notify(COMPILING)
+            if request.compiled:
+                products.install()
             self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
         return self._kernels[key]
 

@@ -18,8 +18,8 @@ PLANNED_MAX = 400
 """The largest number of passages of a course whose turns are looked at; planning takes about a millisecond each."""
 SAMPLES = 65
 """The number of points of every way."""
-LEAST_LOAD_FACTOR = 1.5
-"""The least load factor of the tightest turns, g; below it a turn has hardly an end."""
+LEAST_LOAD_FACTOR = 1.01
+"""The least load factor of the tightest turns, g; with less an aircraft flies straight on, and there is no turn."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,12 @@ class Leg:
 
 
 def tightest(race: Race) -> Cruise:
-    """Return the top speed of level flight, and all the load factor that race, aircraft and lift allow there."""
+    """Return the top speed of level flight, and all the load factor that race, aircraft and lift allow there.
+
+    An aircraft that cannot fly level turns at the speed at which it is planned.
+    """
     aircraft, rules = race.aircraft, race.course.rules
-    V = min(top_speed(aircraft), aircraft.envelope.V.upper)
+    V = min(top_speed(aircraft) or race.pace.V, aircraft.envelope.V.upper)
     lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
     return Cruise(V, max(n, LEAST_LOAD_FACTOR), 0.5 * min(aircraft.point_mass.p, rules.p))

@@ -14,8 +14,9 @@ from airrace.dynamics import handling
 from airrace.frames import angle_between
 from airrace.planning.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
 from airrace.planning.cruise import top_speed
-from airrace.planning.legs import Leg, legs, place, tightest
+from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
 from airrace.planning.race import Race
+from airrace.planning.slips import exchanged_axes, idle_pylons
 from airrace.quantities import KNOT, Interval
 from airrace.track.course import Course, Direction, Passage
 
@@ -71,10 +72,15 @@ def review(race: Race) -> list[Remark]:
 
     There is one for every place, however often it is flown.
     """
-    aircraft = [Remark("", Kind.AIRCRAFT, text) for text in handling.remarks(race.aircraft)]
+    aircraft = [Remark("", Kind.AIRCRAFT, text) for text in (*handling.remarks(race.aircraft), *_too_weak(race))]
     found = [*aircraft, *_on_race(race), *_on_elements(race), *_on_legs(race)]
     order = {passage.name: number for number, passage in enumerate(race.course.passages)}
     return sorted(found, key=lambda remark: order.get(remark.passage, -1))
+
+
+def _too_weak(race: Race) -> Iterator[str]:
+    if not top_speed(race.aircraft):
+        yield f"{race.aircraft.name} cannot fly level: its power balances the drag of carrying its weight at no speed"
 
 
 def _on_race(race: Race) -> Iterator[Remark]:
@@ -92,7 +98,7 @@ def _on_race(race: Race) -> Iterator[Remark]:
 def _on_start(race: Race) -> Iterator[Remark]:
     start = race.course.passages[0]
     fastest, limit = top_speed(race.aircraft), start.speed.upper
-    if limit > fastest:
+    if limit > fastest > 0.0:
         reached = f"{race.aircraft.name} reaches {fastest / KNOT:.0f} kt in level flight"
         if math.isfinite(limit):
             text = f"the start speed limit of {limit / KNOT:.0f} kt at `{start.name}` limits nothing: {reached}"
@@ -111,6 +117,23 @@ def _on_elements(race: Race) -> Iterator[Remark]:
                 yield Remark(passage.name, Kind.of(subject), text)
             yield from _on_ceiling(passage, race.course.rules.height)
     yield from _on_axes(race.course)
+    yield from _on_slips(race.course)
+
+
+def _on_slips(course: Course) -> Iterator[Remark]:
+    """Yield remarks on positions and sides that were probably meant otherwise."""
+    if exchanged_axes(course.passages):
+        text = (
+            "the headings of the gates fit far better with north and east exchanged; are latitudes and longitudes, or "
+            "north and east, mixed up?"
+        )
+        yield Remark("", Kind.AXIS, text)
+    for before, passage, after, margin in idle_pylons(course.passages):
+        text = (
+            f"nothing has to be flown round `{passage.name}`: the straight line from `{before.name}` to `{after.name}` "
+            f"passes it {margin:.0f} m away on the side that is asked for; is its `pass_side_deg` reversed?"
+        )
+        yield Remark(passage.name, Kind.AXIS, text)
 
 
 def _on_ceiling(passage: Passage, allowed: Interval) -> Iterator[Remark]:
@@ -158,7 +181,8 @@ def _on_legs(race: Race) -> Iterator[Remark]:
     pace = tightest(race)
     for leg in flown:
         yield from _on_climb(leg)
-        yield from _on_turn(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
+        if pace.n > LEAST_LOAD_FACTOR:
+            yield from _on_turn(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
         yield from _on_safety_lines(leg)
         yield from _on_airspace(leg, race.course)
     yield from _on_crowd(flown, race.course)

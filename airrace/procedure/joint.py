@@ -11,7 +11,7 @@ from typing import Self
 
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers import Multipliers, Solution
 from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.diagnosis import diagnose
@@ -120,6 +120,7 @@ class Upcoming:
         refinement: how many meshes were solved on before.
         barrier: the first value of the barrier parameter.
         solvers: the solvers that are asked, in this order.
+        multipliers: a guess of them; None if nothing is known.
     """
 
     draft: Draft
@@ -127,6 +128,7 @@ class Upcoming:
     refinement: int
     barrier: float
     solvers: tuple[str, ...]
+    multipliers: Multipliers | None = None
 
 
 def refined(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
@@ -150,10 +152,11 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
     limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
     flight = start.flight
     draft, coarser, barrier, solvers = first.draft, first.coarser, first.barrier, first.solvers
+    multipliers = first.multipliers
     for refinement in range(first.refinement, total + 1):
         problem = flight.problem(draft.mesh)
         purpose = announced(bench, problem, refinement)
-        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers)
+        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers, multipliers=multipliers)
         if solution is None or not solution.success:
             return Failure(start, solution)
         evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
@@ -165,7 +168,7 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
         if following is None:
             certificate = certificate or certificate_of(optimum, solution, math.nan, limits)
             return finished(start, bench, optimum, solution, certificate)
-        draft, barrier, solvers = following, REFINED_BARRIER, bench.solvers
+        draft, barrier, solvers, multipliers = following, REFINED_BARRIER, bench.solvers, None
     raise AssertionError("the last refinement returns")
 
 
@@ -262,8 +265,8 @@ def _explained(bench: Workbench, failure: Failure) -> tuple[Outcome, str]:
     gave_up = f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}"
     advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
     if solution.infeasible:
-        conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess)
+        conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess, solution.worst)
         if conflict is not None:
-            return Outcome.INFEASIBLE, f"{conflict}; most violated: {solution.worst}"
+            return Outcome.INFEASIBLE, conflict
         return Outcome.NOT_CONVERGED, f"{gave_up}; the legs around it can be flown by themselves; {advice}"
     return Outcome.NOT_CONVERGED, f"{gave_up}; {advice}"

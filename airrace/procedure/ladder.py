@@ -27,6 +27,7 @@ from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
 from airrace.procedure.ways.around import faster_way
+from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import EFFORTS, Effort
 from airrace.procedure.ways.exploring import Exploration, explore
 from airrace.procedure.ways.sketch import Draught
@@ -161,15 +162,18 @@ class Ladder:
             for one, near in zip(after, close, strict=True)
         ]
 
-    def faster_way(self, optimum: StageResult, bench: Workbench) -> str:
-        """Return another way round that is faster than an optimum, in words.
+    def faster_way(self, optimum: StageResult) -> Callable[[Crew], str]:
+        """Return the search for a way round that is faster than that of another run's optimum.
 
-        It is empty if none is found or looked for.
+        It finds words; none where there is no such way, or where none is looked for. What is searched does not depend
+        on what is solved meanwhile: the optimum is flown again by the point mass under this race's numbers.
         """
         if self._settings.explore is Explore.OFF:
-            return ""
-        source = self.as_flown(optimum.stage, optimum)
-        return faster_way(self.flight(Stage.POINT_MASS), source, optimum, self._race.course, bench)
+            return _nothing
+        flight, source = self.flight(Stage.POINT_MASS), self.as_flown(optimum.stage, optimum)
+        if source.model.system.states != optimum.trajectory.states:
+            return _nothing  # it flies other equations, and is no start either
+        return functools.partial(faster_way, flight, source, optimum, self._race.course)
 
     def _first_optimum(self, bench: Workbench) -> StageResult:
         """Optimise the point mass from what exploring found, then from the homotopy and the plan.
@@ -301,6 +305,10 @@ def _kept(result: StageResult, explored: Explored) -> bool:
 
 def _made(start: Start) -> Start:
     return start
+
+
+def _nothing(_: Crew) -> str:
+    return ""
 
 
 def _planned(flight: Flight, way: Plan, bench: Workbench) -> Draught:

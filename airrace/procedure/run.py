@@ -11,20 +11,31 @@ from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.continuous import continuous
+from airrace.procedure.declared import ensure_declared
 from airrace.procedure.derived import derived_quantities
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
-from airrace.procedure.restart import Another, is_better, overtaken, restarted, told
+from airrace.procedure.remeasured import recertify, remeasured
+from airrace.procedure.restart import Another, is_better, overtaken, restarted, starting_points, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
-from airrace.procedure.stored import recertified, recertify, sampler
+from airrace.procedure.stored import sampler
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["STAGES", "continuous", "derived_quantities", "optimize", "recertified", "recertify", "sampler"]
+__all__ = [
+    "STAGES",
+    "continuous",
+    "derived_quantities",
+    "ensure_declared",
+    "optimize",
+    "recertify",
+    "remeasured",
+    "sampler",
+]
 
 
 def optimize(
@@ -88,9 +99,12 @@ def optimize(
             yield completed
         remark, spare = "", None
         if start and not finished:
-            restart = restarted(another, STAGES[: STAGES.index(until) + 1], race.course, ladder, bench)
+            below = STAGES[: STAGES.index(until) + 1]
+            highest_optimum, *_ = starting_points(another, below, race.course)
+            with bench.aside(ladder.faster_way(highest_optimum)) as search:
+                restart = restarted(another, below, race.course, ladder, bench)
+                faster = "" if restart.result is None else search.result()
             remark = restart.remark
-            faster = "" if restart.result is None else ladder.faster_way(restart.result, bench)
             if restart.result is not None and faster:
                 remark, spare = overtaken(another, restart.result, faster), restart.result
             elif restart.result is not None:

@@ -1,13 +1,14 @@
 """The workbench of a stage: the primary solver, then the fallback, with every attempt on record."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.procedure.aside import Aside, Found
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
@@ -33,12 +34,15 @@ class Workbench:
 
     def crew(self) -> Crew:
         """Return the solver process and others beside it, for solves that do not depend on each other."""
+        return Crew(self.service, min(self.threads, CREW_MAX), self._another)
+
+    def aside(self, search: Callable[[Crew], Found]) -> Aside[Found]:
+        """Return a search beside what is solved here: at once where there are two threads, else afterwards."""
+        return Aside(search, self.crew, self._another if self.threads > 1 else None)
+
+    def _another(self) -> SolverService:
         solver = self.settings.solver
-
-        def another() -> SolverService:
-            return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
-
-        return Crew(self.service, min(self.threads, CREW_MAX), another)
+        return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
 
     def begin(self) -> None:
         """Start a new stage: forget the attempts of the one before."""
@@ -68,6 +72,7 @@ class Workbench:
         solvers: Sequence[str] = (),
         iterations_max: int | None = None,
         rough: float = 0.0,
+        multipliers: Multipliers | None = None,
     ) -> Solution | None:
         """Solve to the tolerance of the settings, and to a smaller one where the certificate asks for it.
 
@@ -76,6 +81,7 @@ class Workbench:
             iterations_max: fewer iterations than the settings allow; None for as many.
             rough: a looser tolerance, for an optimum that is only where the next mesh starts from and never certified;
                 0 for that of the settings.
+            multipliers: a guess of them; None if nothing is known.
 
         Returns:
             The first solution that claims success, else the last one; None if no solver came back at all.
@@ -83,7 +89,9 @@ class Workbench:
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
         options = SolverOptions(max(chosen.tolerance, rough), most, barrier)
-        solution = self._first_success(problem, guess, purpose, options=options, solvers=solvers or self.solvers)
+        solution = self._first_success(
+            problem, guess, purpose, options=options, solvers=solvers or self.solvers, multipliers=multipliers
+        )
         limit = self.settings.certificate.kkt_error
         if rough or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
@@ -94,23 +102,38 @@ class Workbench:
         return closer if better else solution
 
     def _first_success(
-        self, problem: Problem, guess: Iterate, purpose: str, *, options: SolverOptions, solvers: Sequence[str]
+        self,
+        problem: Problem,
+        guess: Iterate,
+        purpose: str,
+        *,
+        options: SolverOptions,
+        solvers: Sequence[str],
+        multipliers: Multipliers | None,
     ) -> Solution | None:
         solution: Solution | None = None
         for solver in solvers:
-            attempted = self.attempt(problem, guess, purpose, solver, options)
+            attempted = self.attempt(problem, guess, purpose, solver, options, multipliers)
             solution = attempted or solution
             if attempted is not None and attempted.success:
                 return attempted
         return solution
 
     def attempt(
-        self, problem: Problem, guess: Iterate, purpose: str, solver: str, options: SolverOptions
+        self,
+        problem: Problem,
+        guess: Iterate,
+        purpose: str,
+        solver: str,
+        options: SolverOptions,
+        multipliers: Multipliers | None = None,
     ) -> Solution | None:
         """Solve once, on record; return None if the solver did not come back."""
         started = time.perf_counter()
         try:
-            solution = self.service.solve(problem, guess, solver=solver, options=options, on_iteration=self._report)
+            solution = self.service.solve(
+                problem, guess, solver=solver, options=options, multipliers=multipliers, on_iteration=self._report
+            )
         except Stalled as fate:
             self.attempts.append(Attempt(purpose, solver, str(fate), False, 0, time.perf_counter() - started))
             return None

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.documents import Document, Inputs, load_inputs
+from airrace.documents.unused import unused_gates
 from airrace.planning.race import Race
-from airrace.planning.review import Remark, review
+from airrace.planning.review import Kind, Remark, review
 from airrace.views.course_figure import draw_course
 from airrace.views.course_page import course_page
 from airrace.views.course_rows import course_object
@@ -77,4 +78,8 @@ def checked(
         InputError: the inputs are not valid; it carries all findings.
     """
     inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
-    return Checked(inputs, tuple(review(inputs.race)))
+    unused = (
+        Remark("", Kind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
+        for name in unused_gates(inputs)
+    )
+    return Checked(inputs, (*unused, *review(inputs.race)))

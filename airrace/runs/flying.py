@@ -15,6 +15,7 @@ from airrace.runs.answer import Answer
 from airrace.runs.comparison import comparison_object
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.run import Run
+from airrace.runs.run_lock import flown_alone
 from airrace.runs.run_object import summarise, unproved
 from airrace.runs.task import Task
 
@@ -34,6 +35,11 @@ def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
 
 def _flown(task: Task, *, threads: int, progress: Progress) -> Iterator[tuple[Run, StageResult]]:
     """Return the run after each stage that was flown, or proved, and that stage."""
+    with flown_alone(task.run.path):
+        yield from _flown_alone(task, threads=threads, progress=progress)
+
+
+def _flown_alone(task: Task, *, threads: int, progress: Progress) -> Iterator[tuple[Run, StageResult]]:
     run, start = task.run, task.start
     kept = {result.stage for result in task.kept}
     _keep(run)
@@ -93,7 +99,7 @@ def available_cores() -> int:
 
 def _keep(run: Run) -> None:
     if run.path is not None:
-        write_checkpoint(run.path, run.checkpoint)
+        write_checkpoint(run.path, run.checkpoint, run.sign)
 
 
 def _remedy(task: Task, results: Sequence[StageResult]) -> str:

@@ -1,5 +1,6 @@
 """Files that a run writes: they are refused before anything is computed, and replaced as a whole."""
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -15,8 +16,10 @@ def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
 
     Raises:
         UsageError: the file exists and `force` is not given, or it is a folder.
-        StorageError: the folder does not exist or takes no files.
+        StorageError: the folder does not exist or takes no files, or the path is a loop of links.
     """
+    if Path(os.path.realpath(path)).is_symlink():
+        raise StorageError(f"cannot write {path}: it is a link that leads in a circle")
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name a file in it")
     if path.exists() and not force:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages, write_checkpoint
+from airrace.checkpoint import Checkpoint, Sign, inputs_hash, stale_stages, write_checkpoint
 from airrace.documents import Inputs
 from airrace.errors import UsageError
 from airrace.planning.race import Race
@@ -15,7 +15,7 @@ from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Proof
 from airrace.runs.flown_stage import FlownStage
-from airrace.runs.run_object import is_certified, run_object, verdict
+from airrace.runs.run_object import is_certified, run_object, standing, verdict
 from airrace.runs.run_page import run_line, run_page
 from airrace.runs.splits import Splits
 
@@ -45,11 +45,13 @@ class Run:
         inputs: course, aircraft, air and settings, with the documents that they come from.
         checkpoint: what a file holds of the run.
         path: its file, which is renewed after every stage; None for a run that is kept in memory alone.
+        sign: signs whatever file it is written into; None for files without a signature.
     """
 
     inputs: Inputs
     checkpoint: Checkpoint
     path: Path | None = None
+    sign: Sign | None = None
 
     @property
     def name(self) -> str:
@@ -72,15 +74,22 @@ class Run:
         return tuple(stored.result for stored in self.checkpoint.stages)
 
     @property
+    def told(self) -> tuple[StageResult, ...]:
+        """The finished stages as they may be told: those that no longer stand are not certified."""
+        return tuple(stage.result for stage in self.stages)
+
+    @property
     def stale(self) -> Mapping[Stage, str]:
         """The stages that no longer stand, each with the reason, a clause."""
         return dict(stale_stages(self.checkpoint, inputs_hash(self.checkpoint.inputs.resolved)))
 
     @property
     def stages(self) -> tuple[FlownStage, ...]:
-        """The finished stages in their order."""
+        """The finished stages in their order; one that no longer stands is not certified."""
         stale, versions = self.stale, self.checkpoint.versions
-        return tuple(FlownStage(self.inputs, one, versions, stale.get(one.stage, "")) for one in self.results)
+        reasons = (stale.get(one.stage, "") for one in self.results)
+        told = zip(self.results, reasons, strict=True)
+        return tuple(FlownStage(self.inputs, standing(one, reason), versions, reason) for one, reason in told)
 
     def stage(self, name: str | Stage | None = None) -> FlownStage:
         """Return the stage of this name, by default the last one.
@@ -118,12 +127,12 @@ class Run:
     @property
     def certified(self) -> bool:
         """Whether the last stage is certified, and none before it failed."""
-        return is_certified(self.results)
+        return is_certified(self.told)
 
     @property
     def message(self) -> str:
         """The sentence that says why the run is not certified; empty if it is."""
-        return verdict(self.results)[1] if self.results else "no stage is finished yet"
+        return verdict(self.told)[1] if self.results else "no stage is finished yet"
 
     def with_stage(self, result: StageResult) -> Self:
         """Return this run with one more finished stage, which replaces the stages from there on."""
@@ -137,6 +146,10 @@ class Run:
         """Return this run with another file, which is not written yet."""
         return replace(self, path=path)
 
+    def signing(self, sign: Sign | None) -> Self:
+        """Return this run with another way to sign its files."""
+        return replace(self, sign=sign)
+
     def save(self, path: str | Path) -> Path:
         """Write the run into a file, which every command of `airrace` takes.
 
@@ -148,7 +161,7 @@ class Run:
         Raises:
             StorageError: the system refused; a file that exists is left as it is.
         """
-        write_checkpoint(Path(path), self.checkpoint)
+        write_checkpoint(Path(path), self.checkpoint, self.sign)
         return Path(path)
 
     def resume(
@@ -211,7 +224,7 @@ class Run:
         Raises:
             UsageError: no stage is certified or solved in both, or the other run has other passings.
         """
-        common = last_common(self.results, other.results)
+        common = last_common(self.told, other.told)
         if common is None:
             raise UsageError(f"no stage is certified or solved both in {self.label} and in {other.label}")
         try:
@@ -250,14 +263,14 @@ class Run:
 
     def as_object(self) -> dict[str, object]:
         """Return the object that `airrace show --json` prints."""
-        return run_object(self.name, self.results, wall_of(self.results), certified=self.certified)
+        return run_object(self.name, self.told, wall_of(self.results), certified=self.certified)
 
     def __repr__(self) -> str:
-        return f"<Run {run_line(self.name, self.results)}>"
+        return f"<Run {run_line(self.name, self.told)}>"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the stages, the splits of the last one, and its flight from above."""
-        return run_page(self.race, self.name, self.results)
+        return run_page(self.race, self.name, self.told)
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that notebooks complete within the brackets of `run[...]`."""

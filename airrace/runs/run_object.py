@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -105,6 +106,20 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "explored": explored_object(result.explored) if result.explored.ways else None,
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
+
+
+def standing(result: StageResult, stale: str) -> StageResult:
+    """Return a stage as it may be told: one that no longer stands is not certified, and says why.
+
+    Args:
+        result: as stored.
+        stale: why it no longer stands, a clause; empty where it does.
+    """
+    if not stale:
+        return result
+    message = "; ".join(text for text in (f"it no longer stands: {stale}", result.message) if text)
+    outcome = Outcome.NOT_CERTIFIED if result.outcome is Outcome.SOLVED else result.outcome
+    return replace(result, outcome=outcome, message=message)
 
 
 def lap_times(splits: Sequence[GateSplit]) -> list[float]:

@@ -17,13 +17,13 @@ from airrace.checkpoint import (
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError
 from airrace.extensions import extension_versions
+from airrace.procedure import run as procedure
 from airrace.runs.run import Run
 
 
 def new_run(inputs: Inputs, path: Path | None = None) -> Run:
     """Return a run of which nothing is finished yet."""
-    versions = {**library_versions(), "python": platform.python_version()}
-    return Run(inputs, Checkpoint(stored_inputs(inputs), versions), path)
+    return Run(inputs, Checkpoint(stored_inputs(inputs), made_with()), path)
 
 
 def stored_inputs(inputs: Inputs) -> StoredInputs:
@@ -35,6 +35,11 @@ def stored_inputs(inputs: Inputs) -> StoredInputs:
         overrides=tuple(inputs.overrides),
         resolved=resolved_text(inputs),
     )
+
+
+def made_with() -> dict[str, str]:
+    """Return the versions that a run which is made now tells of."""
+    return {**library_versions(), "python": platform.python_version()}
 
 
 def library_versions() -> dict[str, str]:
@@ -51,10 +56,22 @@ def opened_run(path: Path) -> Run:
     """Return the run in a file.
 
     Raises:
-        CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
+        CheckpointError: there is no such file, it is not a whole, undamaged checkpoint, or its flights are not those
+            of its stages' models.
         InputError: this version of airrace no longer accepts its inputs.
     """
-    return stored_run(read_checkpoint(path), path)
+    return readable(stored_run(read_checkpoint(path), path))
+
+
+def readable(run: Run) -> Run:
+    """Return a run whose flights can be read by the models of their stages.
+
+    Raises:
+        CheckpointError: a stage has other histories, or another number of legs.
+    """
+    for result in run.results:
+        procedure.ensure_declared(run.race, result)
+    return run
 
 
 def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:

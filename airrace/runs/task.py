@@ -1,8 +1,10 @@
 """Tasks: what is to be flown of a run, decided before anything is computed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
+from airrace.checkpoint import Sign
 from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another
 from airrace.procedure.result import Stage, StageResult
@@ -50,6 +52,10 @@ class Task:
     kept: tuple[StageResult, ...] = ()
     steps: tuple[Step, ...] = ()
     start: Another | None = None
+
+    def signed(self, sign: Sign | None) -> Self:
+        """Return this task with a way to sign the file of its run."""
+        return replace(self, run=self.run.signing(sign))
 
     @property
     def stages(self) -> tuple[Stage, ...]:

@@ -57,7 +57,7 @@ class Ran:
 @pytest.fixture
 def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "continuous", "derived_quantities", "optimize", "recertified", "sampler"):
+    for name in canned_procedure.REPLACED:
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     return Shell(tmp_path, monkeypatch)
 
@@ -234,7 +234,8 @@ def test_a_stage_that_failed_is_run_again(airrace: Shell) -> None:
 def test_show_prints_the_object_of_the_run(airrace: Shell, run_file: Path) -> None:
     ran = airrace("show", run_file, "--json")
     assert ran.code == 0
-    assert list(ran.answered) == ["track", "certified", "race_time_s", "wall_s", "stages"]
+    run = ["track", "certified", "race_time_s", "wall_s", "stages"]
+    assert list(ran.answered) == [*run, "unverified", "signed_by"]
     assert ran.answered["race_time_s"] == pytest.approx(10.0)
     for piece in ("homotopy", "point-mass", "kkt_error", "1:g1"):
         assert piece in airrace("show", run_file, "--certificate").out

@@ -67,7 +67,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         for result in canned_procedure.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,)), result) if result.stage is Stage.POINT_MASS else result
 
-    for name in ("STAGES", "continuous", "derived_quantities", "recertified", "sampler"):
+    for name in canned_procedure.REPLACED:
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path

@@ -40,7 +40,7 @@ def airrace(*arguments: str | Path) -> Ran:
 def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A finished run, with an override of its own."""
     monkeypatch.chdir(tmp_path)
-    for name in ("STAGES", "continuous", "derived_quantities", "optimize", "recertified", "sampler"):
+    for name in canned_procedure.REPLACED:
         monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
     assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--out", "RUN.h5", "--quiet").code == 0
     return tmp_path / "RUN.h5"
@@ -169,7 +169,9 @@ def test_change_that_contradicts_the_course_is_told_as_an_invalid_input(run_file
 def without_lower_stages(path: Path) -> None:
     """Leave the highest stage of a run alone, as if it had been started from another run."""
     run = read_checkpoint(path)
-    alone = dataclasses.replace(run, stages=()).with_stage(run.stages[-1].result)
+    highest = run.stages[-1].result
+    source = dataclasses.replace(highest.facts, source=f"{highest.stage.value} of other.h5")
+    alone = dataclasses.replace(run, stages=()).with_stage(dataclasses.replace(highest, facts=source))
     write_checkpoint(path, alone)
 
 

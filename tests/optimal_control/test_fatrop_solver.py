@@ -13,14 +13,14 @@ import pytest
 from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.optimal_control.fatrop.functions import Functions
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop.solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
 from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
-from airrace.optimal_control.transcription import NonlinearProgram, transcribe
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -90,23 +90,25 @@ def test_path_quantities_of_states_and_controls_leave_newtons_method_quadratic()
     assert one.iterations <= other.iterations + 3
 
 
-def direct(problem: Problem, guess: Iterate) -> tuple[FatropResult, NonlinearProgram]:
+def direct(problem: Problem, guess: Iterate) -> tuple[FatropResult, Evaluation]:
     """The binding's own result, at its own risk."""
     layout = Layout(problem)
-    program = transcribe(layout, build_kernels(problem.system, problem.scheme, compiled=False))
-    solver = FatropSolver(program, layout, {"tol": 1e-9, "max_iter": 100})
+    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme, compiled=False)))
+    solver = FatropSolver(functions, {"tol": 1e-9, "max_iter": 100})
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
-    return solver.solve(layout.pack(guess), bounds, layout.parameter_values()), program
+    return solver.solve(layout.pack(guess), bounds, layout.parameter_values()), functions
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_multipliers_of_bounds_balance_the_gradient(name: str) -> None:
     problem = VARIANTS[name]
-    result, program = direct(problem, random_iterate(problem, 1))
-    gradient = program.hess_l(result.w, Layout(problem).parameter_values(), 1.0, result.lam_g)[0]
+    result, functions = direct(problem, random_iterate(problem, 1))
+    functions.at(result.w, Layout(problem).parameter_values())
+    functions.lam_g[:] = result.lam_g
+    functions.slope()
     assert result.success
     assert np.abs(result.lam_w).max() > 0.01
-    assert result.lam_w == pytest.approx(-np.asarray(gradient).ravel(), abs=1e-6)
+    assert result.lam_w == pytest.approx(-functions.gradient, abs=1e-6)
 
 
 def test_a_problem_without_inequalities_is_solved() -> None:
@@ -192,16 +194,16 @@ def test_ctrl_c_ends_the_solve_and_is_raised_after_it(monkeypatch: pytest.Monkey
     problem = PROBLEMS["everything"]
     guess = random_iterate(problem, 1)
     ready = prepared(problem, "fatrop")
-    calls, working, handler = [0], Functions.values, signal.getsignal(signal.SIGINT)
+    calls, working, handler = [0], Evaluation.values, signal.getsignal(signal.SIGINT)
 
-    def pressing(functions: Functions) -> None:
+    def pressing(functions: Evaluation) -> None:
         calls[0] += 1
         if calls[0] == 5:
             signal.raise_signal(signal.SIGINT)
         working(functions)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Functions, "values", pressing)
+        patched.setattr(Evaluation, "values", pressing)
         with pytest.raises(KeyboardInterrupt):
             ready.solve(Layout(problem), guess)
     assert calls[0] < 25  # an iteration was finished, hardly more
@@ -250,16 +252,16 @@ def test_an_error_in_a_function_ends_the_solve_and_is_raised(monkeypatch: pytest
     problem = PROBLEMS["everything"]
     guess = random_iterate(problem, 1)
     ready = prepared(problem, "fatrop")
-    remaining, working = [calls], Functions.values
+    remaining, working = [calls], Evaluation.values
 
-    def failing(functions: Functions) -> None:
+    def failing(functions: Evaluation) -> None:
         remaining[0] -= 1
         if remaining[0] < 0:
             raise ZeroDivisionError("as planned")
         working(functions)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Functions, "values", failing)
+        patched.setattr(Evaluation, "values", failing)
         with pytest.raises(ZeroDivisionError, match="as planned"):
             ready.solve(Layout(problem), guess)
     assert ready.solve(Layout(problem), guess).success

@@ -6,11 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated
-from airrace.optimal_control.transcription import transcribe
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -32,11 +33,11 @@ def creep() -> Problem:
 def measured(duration: float, u: float, costate: float) -> tuple[KktError, np.ndarray, int]:
     problem = creep()
     layout = Layout(problem)
-    program = transcribe(layout, build_kernels(problem.system, problem.scheme, compiled=False))
+    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme, compiled=False)))
     w = layout.pack(interpolated(problem, [duration], np.array([[0.0, 12.0]]), [u]))
     lam_g = np.zeros(layout.constraints)
     lam_g[layout.gap_index[0, 0]] = costate
-    return kkt_error(program, layout, w, layout.parameter_values(), lam_g)
+    return kkt_error(functions, layout, w, layout.parameter_values(), lam_g)
 
 
 def test_the_optimum_and_its_costate_have_no_error() -> None:

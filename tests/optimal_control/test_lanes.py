@@ -12,14 +12,15 @@ from kept import compile_quickly, keep_kernels
 from kernel_comparison import needs_compiler
 from small_problems import PROBLEMS, rich_system
 
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.compiled_rates import PointFunctions, compiled_rows, interpreted
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernel_library import find_compiler
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cached_rows, compile_kernels
 from airrace.optimal_control.lane_code import LANE_BY_LANE, has_lanes
 from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set, instruction_sets
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.runge_kutta import RK4, RungeKutta
-from airrace.optimal_control.transcription import NonlinearProgram, transcribe
 from airrace.quantities import Quantity
 from airrace.system import System
 
@@ -150,12 +151,14 @@ def test_a_kernel_of_one_interval_is_any_lane() -> None:
     assert_identical([np.array(one.nonzeros()) for one in results], [one[0] for one in expected])
 
 
-def program_values(layout: Layout, program: NonlinearProgram) -> list[np.ndarray]:
-    random = np.random.default_rng(2)
-    w, lam = random.normal(size=layout.unknowns), random.normal(size=layout.constraints)
-    p = layout.parameter_values()
-    results = [*program.nlp(w, p), *program.jac_g(w, p), *program.hess_l(w, p, 1.0, lam)]
-    return [np.array(one.nonzeros()) for one in results]
+def program_values(functions: Evaluation) -> list[np.ndarray]:
+    random, layout = np.random.default_rng(2), functions.assembly.layout
+    functions.at(random.normal(size=layout.unknowns), layout.parameter_values())
+    functions.lam_g[:] = random.normal(size=layout.constraints)
+    functions.linearise()
+    functions.curve()
+    results = (functions.g, functions.jacobian, functions.gradient, functions.hessian)
+    return [np.array([functions.f]), *(one.copy() for one in results)]
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -163,20 +166,20 @@ def test_a_program_has_the_same_bits_with_lanes_and_without(name: str, monkeypat
     """The numbers of intervals and of nodes are no multiples of the lanes: some lanes are left over."""
     compile_quickly(monkeypatch)
     layout, system = Layout(PROBLEMS[name]), PROBLEMS[name].system
-    expected = program_values(layout, transcribe(layout, kernels(system, SINGLE)))
+    expected = program_values(Evaluation(Assembly(layout, kernels(system, SINGLE))))
     for instructions in VECTORS:
         several = kernels(system, instructions)
-        assert_identical(program_values(layout, transcribe(layout, several)), expected)
+        assert_identical(program_values(Evaluation(Assembly(layout, several))), expected)
 
 
 def test_a_program_has_the_same_bits_on_several_threads_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("airrace.optimal_control.transcription.MAP_IN_THREADS", 1)
+    monkeypatch.setattr("airrace.optimal_control.mapping.MAP_IN_THREADS", 1)
     layout = Layout(PROBLEMS["everything"])
     several = kernels(rich_system(), VECTORS[0])
-    expected = program_values(layout, transcribe(layout, several))
-    threaded = transcribe(layout, several, 2)
+    expected = program_values(Evaluation(Assembly(layout, several)))
+    threaded = Evaluation(Assembly(layout, several), 2)
     for _ in range(10):
-        assert_identical(program_values(layout, threaded), expected)
+        assert_identical(program_values(threaded), expected)
 
 
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 30])

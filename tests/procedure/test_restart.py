@@ -93,12 +93,21 @@ def test_other_equations_make_the_next_lower_stage_the_start_and_those_above_it_
 def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is_said(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(restart, "ITERATIONS_MAX", 1)  # not enough to lead anywhere
+    for name in ("ITERATIONS_MAX", "KNOWN_ITERATIONS_MAX"):
+        monkeypatch.setattr(restart, name, 1)  # not enough to lead anywhere
     results = started(WINDY, stored())
     assert results[-1].certified
     assert "so the start is from scratch" in results[0].message
     assert results[-1].trajectory.race_time == pytest.approx(optimum(WINDY, PLAN).trajectory.race_time, abs=1e-5)
     assert not results[0].attempts[0].success  # what led nowhere is on record
+
+
+def test_flight_whose_multipliers_lead_nowhere_is_started_from_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(restart, "KNOWN_ITERATIONS_MAX", 1)
+    (result,) = started(WINDY, stored())
+    assert result.message == ""
+    assert [one.success for one in result.attempts[:2]] == [False, True]
+    assert result.attempts[0].purpose == result.attempts[1].purpose
 
 
 def test_gate_that_is_planned_the_other_way_round_is_named() -> None:

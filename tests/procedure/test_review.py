@@ -12,9 +12,11 @@ from transformations import mirrored
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
+from airrace.planning.cruise import top_speed
 from airrace.planning.legs import PLANNED_MAX, legs, tightest
 from airrace.planning.race import Race
 from airrace.planning.review import Kind, Remark, review
+from airrace.planning.slips import exchanged_axes
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Rules
 from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances
@@ -243,6 +245,78 @@ def test_a_leg_flown_in_every_lap_is_remarked_on_once() -> None:
     elements = [level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), pylon("c", 250.0, 900.0, 90.0)]
     laps = course("laps", *elements, *elements, *elements)
     assert kinds(race(dataclasses.replace(laps, crowd=(crowd,)))) == [("b", Kind.CROWD)]
+
+
+def test_turn_is_judged_by_the_load_factor_that_the_rules_allow() -> None:
+    slow = of(
+        [level("a", 0.0, 0.0, 0.0), level("b", 60.0, 60.0, 90.0)], dataclasses.replace(RULES, n_z=Interval(-1.0, 1.2))
+    )
+    (text,) = (remark.text for remark in review(slow) if remark.kind is Kind.TURN)
+    assert " and 1.2 g it has a radius of " in text
+    assert tightest(slow).n == 1.2
+
+
+def heavy(factor: float) -> Race:
+    """The good course flown by an aircraft that is so many times as heavy."""
+    airframe = dataclasses.replace(EDGE_540.airframe, m=factor * EDGE_540.airframe.m)
+    return Race(GOOD, dataclasses.replace(EDGE_540, airframe=airframe), Air())
+
+
+@pytest.mark.parametrize("factor", [7.0, 20.0])
+def test_aircraft_that_cannot_fly_level_is_said_to(factor: float) -> None:
+    assert top_speed(heavy(factor).aircraft) == 0.0
+    texts = [remark.text for remark in review(heavy(factor)) if remark.kind is not Kind.LOAD_FACTOR]
+    assert any("cannot fly level" in text for text in texts)
+    assert not any("in level flight" in text for text in texts)
+
+
+def test_propeller_that_hardly_pulls_ends_in_words() -> None:
+    """Its speed falls until a power of it overflows."""
+    propulsion = dataclasses.replace(EDGE_540.propulsion, eta_p=1e-6)
+    weak = Race(GOOD, dataclasses.replace(EDGE_540, propulsion=propulsion), Air())
+    assert any("cannot fly level" in remark.text for remark in review(weak))
+
+
+def test_top_speed_balances_power_and_drag() -> None:
+    aircraft = EDGE_540
+    V = top_speed(aircraft)
+    pressure = 0.5 * 1.225 * V**2 * aircraft.airframe.S
+    C_L = aircraft.airframe.m * 9.80665 / pressure
+    drag = pressure * (aircraft.drag.C_D0 + aircraft.drag.k * (C_L - aircraft.drag.C_L_minD) ** 2)
+    assert drag * V == pytest.approx(aircraft.propulsion.eta_p * aircraft.propulsion.P_max, rel=1e-6)
+
+
+SHIPPED = [path for path in sorted((ROOT / "tracks").glob("*.yaml")) if path.stem not in ("half_cuban_eight",)]
+
+
+def exchanged(flown: Race) -> Race:
+    """The race with north and east of all places exchanged, and the headings as they were."""
+
+    def moved(element: Element) -> Element:
+        return dataclasses.replace(element, north=element.east, east=element.north)
+
+    passages = tuple(dataclasses.replace(one, element=moved(one.element)) for one in flown.course.passages)
+    return dataclasses.replace(flown, course=dataclasses.replace(flown.course, passages=passages))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_exchanged_latitudes_and_longitudes_are_remarked_on(path: Path) -> None:
+    flown = load_inputs(path).race
+    assert not exchanged_axes(flown.course.passages)
+    directed = sum(passage.element.directed for passage in flown.course.passages)
+    assert exchanged_axes(exchanged(flown).course.passages) == (directed >= 4)
+
+
+def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
+    ends = level("a", 0.0, 0.0, 0.0), level("b", 800.0, 0.0, 0.0)
+    for side, asked in ((90.0, 0), (270.0, 1)):  # 40 m west of the line: east of it nothing has to be flown round
+        flown = of([ends[0], pylon("p", 400.0, 40.0, side), ends[1]])
+        texts = [remark.text for remark in review(flown) if "pass_side_deg" in remark.text]
+        assert len(texts) == asked
+    assert texts == [
+        "nothing has to be flown round `p`: the straight line from `a` to `b` passes it 40 m away on the side that is "
+        "asked for; is its `pass_side_deg` reversed?"
+    ]
 
 
 def test_remarks_are_the_same_in_a_mirror() -> None:

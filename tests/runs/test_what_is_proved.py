@@ -95,10 +95,10 @@ def test_proof_that_fails_where_it_was_asked_for_fails_the_command(run: Run, mon
 def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def recertified(_: object, __: object, results: Sequence[StageResult]) -> Iterator[tuple[StageResult, object]]:
-        yield from ((result, result.certificate) for result in results)
+    def remeasured(_: object, __: object, results: Sequence[StageResult]) -> Iterator[tuple[StageResult, StageResult]]:
+        yield from ((result, result) for result in results)
 
-    monkeypatch.setattr(procedure, "recertified", recertified)
+    monkeypatch.setattr(procedure, "remeasured", remeasured)
     below, last = run.verify()
     assert (below.verified, last.verified) == (True, True)
     assert below.finding == "verified as solved on one mesh, without a proof of its race time on a second one"

@@ -63,14 +63,18 @@ def _created(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], N
 
 @dataclass(frozen=True)
 class Destination:
-    """The places of the entries of some matrices: `memory[places]`, matrix by matrix, column by column."""
+    """The places of some entries of matrices: `memory[places]`."""
 
     memory: Array
     places: Indices
 
     def write(self, entries: Array) -> None:
-        """Write all entries of all matrices."""
+        """Write these entries."""
         self.memory[self.places] = entries
+
+    def among(self, entries: Indices) -> "Destination":
+        """Return the places of some of these entries, by their numbers."""
+        return Destination(self.memory, self.places[entries])
 
 
 class MatrixFamily:

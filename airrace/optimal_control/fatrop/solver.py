@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from airrace.optimal_control.fatrop.functions import Functions
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.optimal_control.fatrop.library import (
     EVALUATED,
@@ -23,9 +23,9 @@ from airrace.optimal_control.fatrop.library import (
 )
 from airrace.optimal_control.fatrop.matrices import Destination, MatrixFamily, destination
 from airrace.optimal_control.fatrop.probe import require_known_interface
+from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
-from airrace.optimal_control.layout import Indices, Layout
-from airrace.optimal_control.transcription import NonlinearProgram
+from airrace.optimal_control.layout import Indices
 from airrace.trajectory import Array
 
 # `IpSolverReturnFlag`, in its order
@@ -38,6 +38,11 @@ STATUS = (
     "no step could be computed",
     "stopped for an unknown reason",
 )
+LARGEST_COSTATE = 1e9
+"""The size of the first multipliers of equalities beyond which fatrop does not believe them.
+
+Its own value of 1000 is for multipliers that were found from a guess; these are known.
+"""
 EXCEPTION = "-1: fatrop failed within"
 NOT_FINITE = "the derivatives are not finite at an iterate"
 _DOUBLE = 8
@@ -82,20 +87,28 @@ class FatropSolver:
     """A solver for one program with changing bounds, parameters and guesses.
 
     Args:
+        functions: of the program.
         options: of fatrop, by its names; integers and floats are told apart.
 
     Raises:
         SolverCrash: the library is missing, or its interface is laid out otherwise than expected.
     """
 
-    def __init__(self, program: NonlinearProgram, layout: Layout, options: Mapping[str, float | int]) -> None:
+    def __init__(self, functions: Evaluation, options: Mapping[str, float | int]) -> None:
         require_known_interface()
-        self._stages = Stages(layout, program.jac_g.sparsity_out(1), program.hess_l.sparsity_out(1))
-        self._functions = Functions(program)
+        assembly = functions.assembly
+        self._stages = Stages(assembly.layout, assembly.jacobian, assembly.hessian)
+        self._functions = functions
         self._options = dict(options)
 
-    def solve(self, guess: Array, bounds: Bounds, p: Array) -> FatropResult:
+    def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Array | None = None) -> FatropResult:
         """Solve from a guess.
+
+        Args:
+            guess: of the unknowns, shape (n_w,).
+            bounds: of unknowns and constraints.
+            p: the parameters.
+            multipliers: a guess of those of (g, w), shape (n_g + n_w,); None if nothing is known of them.
 
         Raises:
             SolverCrash: the library is not what it should be.
@@ -103,14 +116,21 @@ class FatropSolver:
         """
         self._functions.p[:] = p
         self._functions.forget()
-        return _Run(self._stages, Rows(self._stages, bounds), self._functions, guess, self._options).result()
+        if multipliers is None:
+            return _Run(self._stages, Rows(self._stages, bounds), self._functions, guess, self._options).result()
+        self._functions.w[:] = guess
+        self._functions.values()
+        barrier = float(self._options["mu_init"])
+        known = Known(np.concatenate([self._functions.g, guess]), multipliers, barrier)
+        options = self._options | {"bound_push": barrier, "lam_max": LARGEST_COSTATE}
+        return _Run(self._stages, Rows(self._stages, bounds, known), self._functions, guess, options).result()
 
 
 class _Run:
     """One solve: the callbacks, and the memory that they share with fatrop."""
 
     def __init__(
-        self, stages: Stages, rows: Rows, functions: Functions, guess: Array, options: Mapping[str, float | int]
+        self, stages: Stages, rows: Rows, functions: Evaluation, guess: Array, options: Mapping[str, float | int]
     ) -> None:
         self._stages, self._rows, self._functions = stages, rows, functions
         self._error: BaseException | None = None
@@ -118,9 +138,8 @@ class _Run:
         self._initial = guess.copy()
         self._destinations: dict[bytes, Destination] = {}
         self._values = np.empty(stages.constraints + stages.unknowns)
-        self._jacobian = np.zeros(len(functions.jacobian) + len(rows.items) + 2)
-        self._jacobian[-2] = 1.0
-        self._hessian = np.zeros(len(functions.hessian) + stages.unknowns + 1)
+        self._jacobian = np.zeros(len(rows.jacobian_places))
+        self._hessian = np.zeros(len(stages.hessian_places))
         self._options = options
         self._solver = 0
         self._stopped = False
@@ -139,7 +158,7 @@ class _Run:
             w=outcome.w,
             lam_g=multipliers[: self._stages.constraints],
             lam_w=multipliers[self._stages.constraints :],
-            objective=float(self._functions.f[0]),
+            objective=self._functions.f,
             status=NOT_FINITE if self._not_finite else status,
             success=outcome.flag == 0 and not self._not_finite,
             iterations=outcome.iterations,
@@ -244,7 +263,8 @@ class _Run:
     def _evaluate_objective(self, factor: float, unknowns: int, _p: int, _q: int, result: int, *_: int) -> None:
         self._functions.w[:] = self._unknowns(unknowns)
         self._functions.values()
-        doubles_at(result, 1)[0] = factor * _infinite(self._functions.f)[0]
+        f = self._functions.f
+        doubles_at(result, 1)[0] = factor * (f if f == f else np.inf)
 
     def _evaluate_gradient(self, factor: float, unknowns: int, _p: int, _q: int, result: int, *_: int) -> None:
         self._functions.w[:] = self._unknowns(unknowns)
@@ -259,22 +279,22 @@ class _Run:
     def _evaluate_jacobian(
         self, unknowns: int, _p: int, _q: int, dynamics: int, equalities: int, inequalities: int, *_: int
     ) -> None:
-        functions, count = self._functions, len(self._functions.jacobian)
+        functions, rows = self._functions, self._rows
         functions.w[:] = self._unknowns(unknowns)
-        functions.linearise()
-        np.multiply(functions.jacobian, self._rows.jacobian_signs, out=self._jacobian[:count])
-        self._jacobian[count:-2] = self._residuals()
+        count = len(rows.jacobian.rows)
+        self._jacobian[:count] = rows.jacobian.of(functions.linear())
+        self._jacobian[count:] = self._residuals()
         if not np.isfinite(self._jacobian).all():  # at a point that will not be accepted; fatrop's loops need numbers
             np.nan_to_num(self._jacobian, copy=False, posinf=0.0, neginf=0.0)
-        target = self._destination(self._rows.families, (dynamics, equalities, inequalities))
-        target.write(self._jacobian[self._rows.jacobian_sources])
+        matrices = (dynamics, equalities, inequalities)
+        self._destination(rows.families, matrices, rows.jacobian_places, rows.constants).write(self._jacobian)
 
     def _evaluate_hessian(
         self, factor: float, unknowns: int, multipliers: int, _p: int, _q: int, matrices: int, *_: int
     ) -> None:
         functions, stages = self._functions, self._stages
         functions.w[:] = self._unknowns(unknowns)
-        functions.lam_f[0] = factor
+        functions.lam_f = factor
         both = self._multipliers(doubles_at(multipliers, len(self._rows.items)))
         functions.lam_g[:] = both[: stages.constraints]
         functions.curve()
@@ -282,13 +302,13 @@ class _Run:
         gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
         count = len(functions.hessian)
         self._hessian[:count] = functions.hessian
-        self._hessian[count:-1] = gradient
-        target = self._destination((stages.hessian,), (matrices,))
+        self._hessian[count:] = gradient
+        target = self._destination((stages.hessian,), (matrices,), stages.hessian_places)
         if np.isfinite(self._hessian).all():
-            target.write(self._hessian[stages.hessian_sources])
+            target.write(self._hessian)
         else:  # fatrop would add to the diagonal for ever
             self._not_finite = True
-            target.write(stages.hessian_identity)
+            target.write(np.isin(stages.hessian_places, stages.hessian_diagonal).astype(np.float64))
             self._stop()
 
     def _unknowns(self, address: int) -> Array:
@@ -298,16 +318,22 @@ class _Run:
         """Return fatrop's constraints, infinite where they are not numbers, which its line search can refuse."""
         self._values[: self._stages.constraints] = self._functions.g
         self._values[self._stages.constraints :] = self._functions.w
-        return _infinite(self._rows.signs * self._values[self._rows.items] + self._rows.shifts)
+        return _infinite(self._rows.factors * self._values[self._rows.items] + self._rows.shifts)
 
     def _multipliers(self, dual: Array) -> Array:
         """Return the multipliers of (g, w) from fatrop's; zero for what is not bounded."""
         both = np.zeros(self._stages.constraints + self._stages.unknowns)
-        both[self._rows.items] = self._rows.signs * dual
+        np.add.at(both, self._rows.items, self._rows.factors * dual)
         return both
 
-    def _destination(self, families: tuple[MatrixFamily, ...], structs: tuple[int, ...]) -> Destination:
-        """Return where the entries of all matrices lie.
+    def _destination(
+        self,
+        families: tuple[MatrixFamily, ...],
+        structs: tuple[int, ...],
+        places: Indices,
+        constants: tuple[Indices, Array] | None = None,
+    ) -> Destination:
+        """Return where these entries of some matrices lie; the others are constant.
 
         fatrop has a few sets of matrices and uses them in turn.
         """
@@ -316,7 +342,12 @@ class _Run:
             addresses: list[Indices] = [
                 family.entry_addresses(address) for family, address in zip(families, structs, strict=True)
             ]
-            self._destinations[key] = destination(np.concatenate(addresses))
+            everywhere = destination(np.concatenate(addresses))
+            constant = np.zeros(len(everywhere.places))
+            if constants is not None:
+                constant[constants[0]] = constants[1]
+            everywhere.write(constant)
+            self._destinations[key] = everywhere.among(places)
         return self._destinations[key]
 
 

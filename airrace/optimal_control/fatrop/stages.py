@@ -5,21 +5,21 @@ inequalities of one stage, and the dynamics `F(x, u) - x_next = 0` (the program'
 bounds are constraints like others. Its vectors of constraints and multipliers hold all equalities, then the dynamics,
 then all inequalities.
 
-Matrices are laid down as their entries column by column, stage by stage, drawn from one vector of numbers each:
+Entries of matrices are counted column by column, stage by stage. Those that a pattern leaves out are zero for good:
 
-    BAbt = [B A b]^T, Ggt = [G g]^T of equalities and of inequalities, from (nonzeros of the Jacobian, residuals, 1, 0)
-    RSQrqt = [R S^T; S Q; r^T q^T], from (nonzeros of the Hessian, gradient, 0)
+    BAbt = [B A b]^T, Ggt = [G g]^T of equalities and of inequalities: nonzeros of the Jacobian, residuals, ones
+    RSQrqt = [R S^T; S Q; r^T q^T]: nonzeros of the Hessian, the gradient
 """
 
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.optimal_control.fatrop.matrices import MatrixFamily
+from airrace.optimal_control.fatrop.sides import Known, plain, weighed
 from airrace.optimal_control.layout import Indices, Layout
+from airrace.optimal_control.sums import Sums
 from airrace.trajectory import Array
 
 WIDE = 1e6
@@ -43,7 +43,7 @@ class Bounds:
 class Stages:
     """The mapping as far as it depends on the structure of a program alone (K stages)."""
 
-    def __init__(self, layout: Layout, jacobian: ca.Sparsity, hessian: ca.Sparsity) -> None:
+    def __init__(self, layout: Layout, jacobian: Sums, hessian: Sums) -> None:
         self.n_x, self.n_u = layout.stage_states, layout.stage_controls
         self.sizes: Indices = self.n_x + self.n_u
         self.unknowns, self.constraints = layout.unknowns, layout.constraints
@@ -59,36 +59,31 @@ class Stages:
         self.next_states = next_states.ravel()
         self.rows = layout.row_index
         self.stage_of_row = np.repeat(np.arange(self.count), layout.stage_rows)
-        self.jacobian_nonzeros = _nonzeros(jacobian)
-        self._hessian_nonzeros = _nonzeros(hessian)
+        self.jacobian = jacobian
+        self._hessian_nonzeros = hessian.rows, hessian.columns
         self.dynamics = MatrixFamily(self.sizes[:-1] + 1, self.n_x[1:])
         self.hessian = MatrixFamily(self.sizes + 1, self.sizes)
 
     @cached_property
-    def hessian_sources(self) -> Indices:
-        """The place of every entry of the matrices RSQrqt in (nonzeros, gradient, 0).
+    def hessian_places(self) -> Indices:
+        """The places of the nonzeros, then of the gradient, among the entries of the matrices RSQrqt.
 
         Raises:
             ValueError: a second derivative reaches from one stage into another.
         """
         rows, columns = self._hessian_nonzeros
-        sources = np.full(self.hessian.entries, len(rows) + self.unknowns)
         stage = self.stage_of_unknown
         if (stage[rows] != stage[columns]).any():
             raise ValueError("a second derivative reaches into another stage")
         starts = self.hessian.starts[:-1]
         column_start = starts[stage] + self.place_in_stage * (self.sizes[stage] + 1)
-        sources[column_start[columns] + self.place_in_stage[rows]] = np.arange(len(rows))
-        sources[column_start + self.sizes[stage]] = len(rows) + np.arange(self.unknowns)
-        return sources
+        return np.concatenate([column_start[columns] + self.place_in_stage[rows], column_start + self.sizes[stage]])
 
     @cached_property
-    def hessian_identity(self) -> Array:
-        """The entries of RSQrqt with an identity as Hessian and no gradient."""
-        entries = np.zeros(self.hessian.entries)
+    def hessian_diagonal(self) -> Indices:
+        """The places of the diagonal among the entries of the matrices RSQrqt."""
         stage = self.stage_of_unknown
-        entries[self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 2)] = 1.0
-        return entries
+        return self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 2)
 
 
 class Rows:
@@ -97,14 +92,14 @@ class Rows:
     Values v are those of the constraints, then those of the unknowns, (g, w); so are multipliers.
 
     Attributes:
-        items: the places in v of fatrop's constraints, in its order.
-        signs: fatrop's constraints are `signs * v[items] + shifts`.
+        items: the places in v of fatrop's constraints, in its order; those of both sides of a row are neighbours.
+        factors: fatrop's constraints are `factors * v[items] + shifts`.
         equalities: number of equalities per stage, shape (K,).
         inequalities: number of inequalities per stage, shape (K,).
         lower, upper: bounds of the inequalities.
     """
 
-    def __init__(self, stages: Stages, bounds: Bounds) -> None:
+    def __init__(self, stages: Stages, bounds: Bounds, known: Known | None = None) -> None:
         self.stages = stages
         lower = np.concatenate([bounds.g_lower, bounds.lower])
         upper = np.concatenate([bounds.g_upper, bounds.upper])
@@ -120,13 +115,14 @@ class Rows:
             lower[candidates[free]], upper[candidates[free]] = -WIDE, WIDE
             between[free] = True
         self.equalities: Indices = np.bincount(stage[equal], minlength=stages.count)
-        self.inequalities: Indices = np.bincount(stage[between], minlength=stages.count)
         fixed, ranged = candidates[equal], candidates[between]
-        self.items: Indices = np.concatenate([fixed, stages.gaps, ranged])
-        self.signs = np.ones(len(self.items))
-        self.signs[len(fixed) : len(fixed) + len(stages.gaps)] = -1.0
-        self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], np.zeros(len(ranged))])
-        self.lower, self.upper = lower[ranged], upper[ranged]
+        ends = lower[ranged], upper[ranged]
+        sides = plain(ranged, *ends) if known is None else weighed(ranged, *ends, known)
+        self.inequalities: Indices = np.bincount(np.repeat(stage[between], sides.copies), minlength=stages.count)
+        self.items: Indices = np.concatenate([fixed, stages.gaps, sides.items])
+        self.factors = np.concatenate([np.ones(len(fixed)), -np.ones(len(stages.gaps)), sides.factors])
+        self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], sides.shifts])
+        self.lower, self.upper = sides.lower, sides.upper
         self.first_inequality = np.cumsum(self.inequalities) - self.inequalities
         self.families = (
             stages.dynamics,
@@ -135,24 +131,19 @@ class Rows:
         )
 
     @cached_property
-    def jacobian_signs(self) -> Array:
-        """The factors from the Jacobian's nonzeros to fatrop's: those of the dynamics have the other sign."""
-        signs = np.ones(self.stages.constraints)
-        signs[self.stages.gaps] = -1.0
-        return signs[self.stages.jacobian_nonzeros[0]]
+    def _entries(self) -> tuple[Indices, Indices]:
+        """The nonzeros of the program's Jacobian that are written to BAbt and both Ggt, and the item of each.
 
-    @cached_property
-    def jacobian_sources(self) -> Indices:
-        """The place of every entry of BAbt, Ggt and the inequalities' Ggt in (nonzeros, residuals, 1, 0).
+        The others belong to the next states, whose matrix fatrop knows, and to rows without bounds.
 
         Raises:
             ValueError: a constraint reaches into another stage, other than a gap to the next states.
         """
         stages = self.stages
-        rows, columns = stages.jacobian_nonzeros
-        column_start, stage_of_row = self._columns()
-        one = len(rows) + len(self.items)
-        sources = np.full(sum(family.entries for family in self.families), one + 1)
+        rows, columns = stages.jacobian.rows, stages.jacobian.columns
+        stage_of_row = np.empty(stages.constraints, dtype=np.int64)
+        stage_of_row[stages.rows] = stages.stage_of_row
+        stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
         ahead = stages.stage_of_unknown[columns] == stage_of_row[rows] + 1
         next_state = np.full(stages.constraints, -1)
         next_state[stages.gaps] = stages.next_states
@@ -161,47 +152,55 @@ class Rows:
             or (stages.stage_of_unknown[columns[~ahead]] != stage_of_row[rows[~ahead]]).any()
         ):
             raise ValueError("a constraint reaches into another stage")
-        used = np.flatnonzero(~ahead & (column_start[rows] >= 0))
-        sources[column_start[rows[used]] + stages.place_in_stage[columns[used]]] = used
-        bounded = self.items[self.items >= stages.constraints]
-        sources[column_start[bounded] + stages.place_in_stage[bounded - stages.constraints]] = one
-        last = stages.sizes[self._stage_of_item()]
-        sources[column_start[self.items] + last] = len(rows) + np.arange(len(self.items))
-        return sources
+        again = np.concatenate([[False], self.items[1:] == self.items[:-1]])
+        numbers: list[Indices] = []
+        items: list[Indices] = []
+        for chosen in (~again, again):
+            item_of = np.full(stages.constraints + stages.unknowns, -1)
+            item_of[self.items[chosen]] = np.flatnonzero(chosen)
+            numbers.append(np.flatnonzero(~ahead & (item_of[rows] >= 0)))
+            items.append(item_of[rows[numbers[-1]]])
+        return np.concatenate(numbers), np.concatenate(items)
+
+    @cached_property
+    def jacobian(self) -> Sums:
+        """The nonzeros that are written to BAbt and both Ggt."""
+        numbers, items = self._entries
+        return self.stages.jacobian.chosen(numbers, self.factors[items])
+
+    @cached_property
+    def jacobian_places(self) -> Indices:
+        """The places of these nonzeros, then of the residuals, among the entries of BAbt and both Ggt."""
+        stages = self.stages
+        nonzeros = self._column_start[self._entries[1]] + stages.place_in_stage[self.jacobian.columns]
+        return np.concatenate([nonzeros, self._column_start + stages.sizes[self._stage_of_item()]])
+
+    @cached_property
+    def constants(self) -> tuple[Indices, Array]:
+        """The places of the derivatives of simple bounds among these entries, and the derivatives."""
+        bounded = np.flatnonzero(self.items >= self.stages.constraints)
+        unknowns = self.items[bounded] - self.stages.constraints
+        return self._column_start[bounded] + self.stages.place_in_stage[unknowns], self.factors[bounded]
 
     def _stage_of_item(self) -> Indices:
         of_gap = np.repeat(np.arange(self.stages.count - 1), self.stages.n_x[1:])
         kinds = [np.repeat(np.arange(self.stages.count), count) for count in (self.equalities, self.inequalities)]
         return np.concatenate([kinds[0], of_gap, kinds[1]])
 
-    def _columns(self) -> tuple[Indices, NDArray[np.int64]]:
-        """Return, for every entry of v, where its column begins among the matrices' entries; for g, its stage.
-
-        An entry without a column has -1.
-        """
-        stages = self.stages
+    @cached_property
+    def _column_start(self) -> Indices:
+        """The place at which the column of each item begins among the entries of BAbt and both Ggt."""
         dynamics, equal, between = self.families
-        height = stages.sizes + 1
+        height = self.stages.sizes + 1
         starts = [
             equal.starts[:-1] + dynamics.entries,
             dynamics.starts[:-1],
             between.starts[:-1] + dynamics.entries + equal.entries,
         ]
-        counts = [self.equalities, stages.n_x[1:], self.inequalities]
+        counts = [self.equalities, self.stages.n_x[1:], self.inequalities]
         begin: list[Indices] = []
         for start, count in zip(starts, counts, strict=True):
             stage = np.repeat(np.arange(len(count)), count)
             within = np.arange(len(stage)) - (np.cumsum(count) - count)[stage]
             begin.append(start[stage] + within * height[stage])
-        column_start = np.full(stages.constraints + stages.unknowns, -1)
-        column_start[self.items] = np.concatenate(begin)
-        stage_of_row = np.empty(stages.constraints, dtype=np.int64)
-        stage_of_row[stages.rows] = stages.stage_of_row
-        stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
-        return column_start, stage_of_row
-
-
-def _nonzeros(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
-    """Return the rows and columns of the nonzeros in casadi's order."""
-    row, colind = np.array(sparsity.row(), dtype=np.int64), np.array(sparsity.colind(), dtype=np.int64)
-    return row, np.repeat(np.arange(len(colind) - 1), np.diff(colind))
+        return np.concatenate(begin)

@@ -10,7 +10,7 @@ from airrace.optimal_control.refinement import resampled
 from airrace.planning.as_flown import plan_as_flown
 from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.result import StageResult
-from airrace.procedure.solving import Workbench
+from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import QUICK, scaled
 from airrace.procedure.ways.search import TriedWindow
 from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, intervals, sketched
@@ -33,7 +33,7 @@ Ways whose plan takes even longer were never the faster ones after a change of a
 """
 
 
-def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course: Course, bench: Workbench) -> str:
+def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course: Course, crew: Crew) -> str:
     """Return another way through a stretch of an optimum that the point mass flies faster, in words.
 
     It is empty if none is found.
@@ -41,19 +41,18 @@ def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course:
     Args:
         point_mass: the point mass on the same course.
         source: the model that flew the optimum, planned as it goes round.
-        optimum: the flight.
+        optimum: the flight, of a race whose numbers may have been a little different.
         course: the course.
-        bench: what solves.
+        crew: what solves.
     """
     way = plan_as_flown(course, point_mass.plan.cruise, optimum.trajectory)
-    with bench.crew() as crew:
-        (base,) = crew.work([_draught(replace(point_mass, plan=way), source, optimum)], sketched)
-        if base is None:
-            return ""
-        thinker = Thinker(base, course, scaled(point_mass.plan.cruise, QUICK.thinking))
-        phases = set(range(len(base.problem.phases)))
-        thoughts = [one for one in thinker.thoughts(phases, shapes=False) if one.dearer <= DEAREST]
-        found = crew.work([one.window for one in thoughts], priced)
+    (base,) = crew.work([_draught(replace(point_mass, plan=way), source, optimum)], sketched)
+    if base is None:
+        return ""
+    thinker = Thinker(base, course, scaled(point_mass.plan.cruise, QUICK.thinking))
+    phases = set(range(len(base.problem.phases)))
+    thoughts = [one for one in thinker.thoughts(phases, shapes=False) if one.dearer <= DEAREST]
+    found = crew.work([one.window for one in thoughts], priced)
     wins = [
         TriedWindow(thought, win)
         for thought, win in zip(thoughts, found, strict=True)

@@ -199,14 +199,15 @@ class Thinker:
             yield from self._planned(stretch, chosen, "other course")
 
     def _other_shapes(self, stretch: Stretch, flown: Shape) -> Iterator[Thought]:
-        """Yield a long turn flat instead of high, or slanted and over the top instead of flat."""
-        if abs(flown.turn) < LONG_TURN or not self._level(stretch):
+        """Yield a stretch flat instead of high, and a long turn slanted or over the top instead of flat."""
+        long = abs(flown.turn) >= LONG_TURN
+        if not (long or flown.rise > HIGH) or not self._level(stretch):
             return
         pieces = self._guesses(self.own, range(stretch.first, stretch.last))
         # The plan stays, and so nothing is dearer.
         if flown.rise > HIGH:
             yield self._thought(stretch, stretch, self.own, pieces, 0.0, "flat")
-        for slant in SLANTS:
+        for slant in SLANTS if long else ():
             raised = slanted([pieces[index] for index in sorted(pieces)], slant)
             by_phase = dict(zip(sorted(pieces), raised, strict=True))
             yield self._thought(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")

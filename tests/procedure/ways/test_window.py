@@ -21,7 +21,7 @@ from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import scaled
 from airrace.procedure.ways.search import TriedWindow
 from airrace.procedure.ways.sketch import Sketch, planned_draught, sketched
-from airrace.procedure.ways.stretches import Stretch
+from airrace.procedure.ways.stretches import Stretch, shape, stretches
 from airrace.procedure.ways.thoughts import Thinker, Thought
 from airrace.procedure.ways.window import COLD_BARRIER, SPEED_REACH, Priced, Window, priced, spliced
 from airrace.quantities import Interval
@@ -180,3 +180,20 @@ def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
 def test_races_of_these_tests_are_what_they_are_said_to_be() -> None:
     assert optimum(WOUND, OFF).trajectory.race_time > optimum(WOUND, QUICK).trajectory.race_time + 5.0
     assert planned_sketch(wound(8.0)).race_time < planned_sketch(WOUND).race_time - 5.0
+
+
+def test_short_turn_that_leads_high_is_thought_of_flat() -> None:
+    base = planned_sketch(WOUND)
+    problem, long = base.problem, math.radians(100.0)
+    short = next(one for one in stretches(WOUND.course) if abs(shape(base, one).turn) < long)
+    first, last = problem.first_node[short.first], problem.first_node[short.last]
+    z, state = [one.name for one in problem.system.states].index("z"), base.iterate.state.copy()
+    state[z, first : last + 1] -= 90.0 * np.sin(np.linspace(0.0, math.pi, last - first + 1))
+    high = dataclasses.replace(base, iterate=dataclasses.replace(base.iterate, state=state))
+
+    def shapes(flown: Sketch) -> list[str]:
+        about = [one for one in thoughts(flown, WOUND) if one.stretch == short]
+        return [one.kind for one in about if one.kind == "flat" or one.kind.startswith("slanted")]
+
+    assert shapes(base) == []
+    assert shapes(high) == ["flat"]

@@ -1,0 +1,308 @@
+"""The assembly of a nonlinear program from the kernels of its intervals.
+
+It tells on which unknowns each kernel is called, and of which of the results every constraint and every nonzero of the
+derivatives is a weighted sum; the weights carry the scaling. These are index arrays, which depend on the structure of a
+problem alone and are made in time linear in its length. `evaluation.py` evaluates them with numpy, `transcription.py`
+states them as casadi's expressions.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
+from airrace.optimal_control.layout import Indices, Layout, Row, Sighting
+from airrace.optimal_control.sums import Contributions, Sums
+from airrace.trajectory import Array
+
+
+@dataclass(frozen=True)
+class Calls:
+    """All calls of one kernel. Parameters are told by their places in (p, 0), p and a zero behind it.
+
+    Attributes:
+        kernel: what is called.
+        inputs: places of y among the unknowns, shape (calls, n_y).
+        own: places of `own`, shape (calls, n_own).
+        shared: places of `shared`, shape (n_shared,).
+        rows: places of c among the constraints, the number of constraints where not constrained; shape (calls, n_c).
+        weights: factors from c to the scaled constraints; shape (calls, n_c).
+        jumps: places of what is taken off the unknowns before they become y, shape (calls, n_y); None for nothing.
+    """
+
+    kernel: Kernel
+    inputs: Indices
+    own: Indices
+    shared: Indices
+    rows: Indices
+    weights: Array
+    jumps: Indices | None = None
+
+    @property
+    def batches(self) -> int:
+        """The number of calls of a kernel that takes several intervals at once."""
+        return -(-len(self.inputs) // self.kernel.lanes)
+
+    @cached_property
+    def filled(self) -> Indices:
+        """The call that each lane of all batches takes.
+
+        Lanes that are left over repeat the last call, so that they hold nothing that could not be evaluated.
+        """
+        return np.minimum(np.arange(self.batches * self.kernel.lanes), len(self.inputs) - 1)
+
+
+@dataclass(frozen=True)
+class FinalCost:
+    """The cost `sum_i weights_i c_i(y)` of the final state y (a Mayer term), as an observation sees it.
+
+    Attributes:
+        kernel: what is observed, c.
+        weights: of its values, in the objective's unit per unit of the quantity; shape (n_c,).
+        inputs: places of y among the unknowns, shape (n_x,).
+        own: places of the observation's parameters in p, shape (n_b,).
+    """
+
+    kernel: Kernel
+    weights: Array
+    inputs: Indices
+    own: Indices
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """The regularisation `sum_k T_k fraction_k sum_j weights_j w_kj^2` in scaled controls.
+
+    Attributes:
+        weights: per control, shape (n_u,).
+        controls: places of the controls among the unknowns, shape (N, n_u).
+        durations: places of the durations, shape (N,).
+        fractions: places of the fractions in p, shape (N,).
+    """
+
+    weights: Array
+    controls: Indices
+    durations: Indices
+    fractions: Indices
+
+
+class Assembly:
+    """The index arrays of one problem's program.
+
+    Attributes:
+        layout: of the problem.
+        calls: of all kernels.
+        linear: the linear part of the objective in the scaled unknowns, shape (n_w,).
+        final: the cost that an observation sees in the final state; None without one.
+        penalty: None without a regularisation.
+    """
+
+    def __init__(self, layout: Layout, kernels: Kernels) -> None:
+        self.layout = layout
+        self._system_parameters = np.arange(len(layout.problem.parameters))
+        self._fractions = len(layout.problem.parameters) + np.arange(layout.intervals)
+        self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._sightings()]
+        self.linear = self._linear()
+        self.final = self._final()
+        self.penalty = self._penalty()
+
+    # the kernel calls
+
+    def _steps(self, kernel: Kernel) -> Calls:
+        layout = self.layout
+        rows = layout.gap_index[:, :-1]
+        scale = np.array([quantity.scale for quantity in layout.problem.system.states])
+        weights = np.broadcast_to(-1.0 / scale, rows.shape)
+        return Calls(kernel, layout.interval_index, self._fractions[:, None], self._system_parameters, rows, weights)
+
+    def _path(self, kernel: Kernel | None) -> list[Calls]:
+        layout = self.layout
+        if kernel is None:
+            return []
+        # The last node has no control of its own; no row there depends on it.
+        controls = np.vstack([layout.control_index, layout.control_index[-1:]])
+        inputs = np.hstack([layout.state_index, controls])
+        rows, weights = self._rows(kernel, len(inputs), lambda row: row.node if row.source < 0 else None)
+        own = np.zeros((len(inputs), 0), dtype=np.int64)
+        return [Calls(kernel, inputs, own, self._system_parameters, rows, weights)]
+
+    def _sightings(self) -> list[Calls]:
+        """Return the calls of the observations, those of one kind together."""
+        groups: dict[int, list[int]] = {}
+        for number, sighting in enumerate(self.layout.sightings):
+            groups.setdefault(id(sighting.observation), []).append(number)
+        return [self._observations(members) for members in groups.values()]
+
+    def _observations(self, members: list[int]) -> Calls:
+        layout = self.layout
+        sightings = [layout.sightings[number] for number in members]
+        observation = sightings[0].observation
+        call_of = {number: call for call, number in enumerate(members)}
+        kernel = observation_kernel(observation, layout.n_x)
+        inputs = layout.state_index[[sighting.node for sighting in sightings]]
+        rows, weights = self._rows(kernel, len(members), lambda row: call_of.get(row.source))
+        first = len(layout.problem.parameters) + layout.intervals
+        offsets = np.array([first + sighting.offset for sighting in sightings])
+        own = offsets[:, None] + np.arange(len(observation.parameters))
+        shared = np.zeros(0, dtype=np.int64)
+        return Calls(kernel, inputs, own, shared, rows, weights, self._unseen_jumps(sightings))
+
+    def _unseen_jumps(self, sightings: Sequence[Sighting]) -> Indices | None:
+        """Return the places of the changes to be subtracted from the states at these nodes, shape (sightings, n_x).
+
+        It is None if none of the nodes has a jump.
+        """
+        layout = self.layout
+        if all(sighting.jump is None for sighting in sightings):
+            return None
+        places = np.full((len(sightings), layout.n_x), len(layout.parameter_values()))
+        for row, sighting in enumerate(sightings):
+            if sighting.jump is not None:
+                places[row] = layout.jump_offset + sighting.jump * layout.n_x + np.arange(layout.n_x)
+        return places
+
+    def _rows(self, kernel: Kernel, calls: int, call_of: Callable[[Row], int | None]) -> tuple[Indices, Array]:
+        """Return the places and weights of the outputs that are constrained."""
+        rows = np.full((calls, kernel.value.size1_out(0)), self.layout.constraints)
+        weights = np.zeros(rows.shape)
+        for row, place in zip(self.layout.flat_rows, self.layout.row_index, strict=True):
+            call = call_of(row)
+            if call is not None:
+                rows[call, row.component] = place
+                weights[call, row.component] = 1.0 / row.quantity.scale
+        return rows, weights
+
+    # the objective
+
+    def _linear(self) -> Array:
+        layout, objective = self.layout, self.layout.problem.objective
+        linear = np.zeros(layout.unknowns)
+        linear[layout.duration_index[layout.first_node[:-1]]] = objective.time
+        for component, quantity in enumerate(layout.problem.system.states):
+            linear[layout.state_index[-1, component]] += objective.terminal.get(quantity.name, 0.0)
+        return linear * layout.scale
+
+    def _final(self) -> FinalCost | None:
+        layout, objective = self.layout, self.layout.problem.objective
+        observation = objective.observation
+        if observation is None:
+            return None
+        weights = np.array([objective.terminal.get(one.name, 0.0) for one in observation.quantities])
+        end = len(layout.parameter_values())
+        own = np.arange(end - len(objective.values), end)
+        return FinalCost(observation_kernel(observation, layout.n_x), weights, layout.state_index[-1], own)
+
+    def _penalty(self) -> Penalty | None:
+        layout, objective = self.layout, self.layout.problem.objective
+        weights = np.array([objective.regularisation.get(one.name, 0.0) for one in layout.problem.system.controls])
+        if not weights.any():
+            return None
+        return Penalty(weights, layout.control_index, layout.duration_index[:-1], self._fractions)
+
+    # the sums
+
+    @cached_property
+    def constraints(self) -> Sums:
+        """The constraints g, a column: gaps `x_next - F(x, u, T)` and `T_next - T`, rows of path and boundaries.
+
+        The gap at the end of a phase is bounded to that phase's jump, all others to zero. Drawn from the values of all
+        kernels and from w.
+        """
+        g = Contributions(self.layout.constraints, 1)
+        for calls in self.calls:
+            rows, weights = calls.rows.ravel(), calls.weights.ravel()
+            used = np.flatnonzero(rows < self.layout.constraints)
+            g.draw_from(calls.rows.shape[1] * len(calls.filled))
+            g.add(rows[used], np.zeros_like(used), weights[used], used)
+        g.draw_from(self.layout.unknowns)
+        for gap, unknown, sign in self._linear_gaps():
+            g.add(gap, np.zeros_like(gap), np.full(len(gap), sign), unknown)
+        return g.sums()
+
+    def _linear_gaps(self) -> list[tuple[Indices, Indices, float]]:
+        """Return the linear part of the gaps: (rows, unknowns, sign), all in scaled units."""
+        layout = self.layout
+        duration_gap = layout.gap_index[:, -1]
+        return [
+            (layout.gap_index[:, :-1].ravel(), layout.state_index[1:].ravel(), 1.0),
+            (duration_gap, layout.duration_index[1:], 1.0),
+            (duration_gap, layout.duration_source, -1.0),
+        ]
+
+    @cached_property
+    def jacobian(self) -> Sums:
+        """The Jacobian of g, drawn from the nonzeros of all kernels' Jacobians and from a one."""
+        layout = self.layout
+        matrix = Contributions(layout.constraints, layout.unknowns)
+        for calls in self.calls:
+            component, of = pattern(calls.kernel.jacobian.sparsity_out(1))
+            rows, columns = calls.rows[:, component].ravel(), calls.inputs[:, of].ravel()
+            weights = calls.weights[:, component].ravel() * layout.scale[columns]
+            used = np.flatnonzero(rows < layout.constraints)
+            matrix.draw_from(len(component) * len(calls.filled))
+            matrix.add(rows[used], columns[used], weights[used], used)
+        matrix.draw_from(1)
+        for gap, unknown, sign in self._linear_gaps():
+            matrix.add(gap, unknown, np.full(len(gap), sign), np.zeros_like(gap))
+        return matrix.sums()
+
+    @cached_property
+    def adjoint(self) -> Sums:
+        """The Jacobian of g transposed times lam_g, a column, drawn from all kernels' gradients and from lam_g."""
+        layout = self.layout
+        adjoint = Contributions(layout.unknowns, 1)
+        for calls in self.calls:
+            places = calls.inputs.ravel()
+            adjoint.draw_from(calls.inputs.shape[1] * len(calls.filled))
+            adjoint.add(places, np.zeros_like(places), layout.scale[places], np.arange(len(places)))
+        adjoint.draw_from(layout.constraints)
+        for gap, unknown, sign in self._linear_gaps():
+            adjoint.add(unknown, np.zeros_like(unknown), np.full(len(gap), sign), gap)
+        return adjoint.sums()
+
+    @cached_property
+    def hessian(self) -> Sums:
+        """The Hessian of the Lagrangian, both triangles.
+
+        Drawn from the nonzeros of all kernels' Hessians, from those of the final cost's and from the penalty's two
+        blocks, in w w and in w T, each of shape (N, n_u).
+        """
+        layout = self.layout
+        matrix = Contributions(layout.unknowns, layout.unknowns, symmetric=True)
+        for calls in self.calls:
+            row, column = pattern(calls.kernel.hessian.sparsity_out(1))
+            rows, columns = calls.inputs[:, row].ravel(), calls.inputs[:, column].ravel()
+            # what the last node's path would say of the control before it is zero: no row there depends on that
+            within = np.flatnonzero(layout.stage_of_unknown[rows] == layout.stage_of_unknown[columns])
+            rows, columns = rows[within], columns[within]
+            matrix.draw_from(len(row) * len(calls.filled))
+            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], within)
+        if self.final is not None:
+            row, column = pattern(self.final.kernel.hessian.sparsity_out(1))
+            rows, columns = self.final.inputs[row], self.final.inputs[column]
+            matrix.draw_from(len(rows))
+            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
+        if self.penalty is not None:
+            self._add_penalty(matrix, self.penalty)
+        return matrix.sums()
+
+    def _add_penalty(self, matrix: Contributions, penalty: Penalty) -> None:
+        """Add the second derivatives of `T fraction weight w^2`: in w w and in w T."""
+        layout = self.layout
+        places = penalty.controls.ravel()
+        factor = 2.0 * np.tile(penalty.weights, layout.intervals)
+        durations = np.repeat(penalty.durations, layout.n_u)
+        everywhere = np.arange(len(places))
+        matrix.draw_from(len(places))
+        matrix.add(places, places, factor, everywhere)
+        matrix.draw_from(len(places))
+        matrix.add(places, durations, factor * layout.scale[durations], everywhere)
+
+
+def pattern(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:
+    """Return the rows and columns of the nonzeros in casadi's order."""
+    rows, columns = sparsity.get_triplet()
+    return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)

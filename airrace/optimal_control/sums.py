@@ -1,0 +1,126 @@
+"""Sparse matrices whose nonzeros are weighted sums of drawn numbers, the pattern and the summands found once.
+
+The derivatives of a program are such sums of what its kernels return. They are evaluated with numpy, straight from the
+arrays that kernels write to, or stated as a casadi expression; both add in the same order and give the same bits.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.trajectory import Array
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Summands:
+    """One summand of each of some nonzeros: `weights * drawn[sources]` is added to `values[nonzeros]`.
+
+    The numbers of the nonzeros ascend.
+    """
+
+    nonzeros: Indices
+    weights: Array
+    sources: Indices
+
+
+@dataclass(frozen=True)
+class Sums:
+    """A sparse matrix of sums.
+
+    Attributes:
+        shape: rows and columns.
+        rows, columns: of the nonzeros in casadi's order, column by column; shape (n,).
+        turns: summands, those that come first in their sums, then those that come second, and so on; the first of
+            them are in the order of the nonzeros.
+    """
+
+    shape: tuple[int, int]
+    rows: Indices
+    columns: Indices
+    turns: tuple[Summands, ...]
+
+    def of(self, drawn: Array) -> Array:
+        """Return the nonzeros for drawn numbers, shape (n,)."""
+        first, *others = self.turns
+        values = drawn[first.sources] * first.weights
+        for one in others:
+            values[one.nonzeros] += drawn[one.sources] * one.weights
+        return values
+
+    def chosen(self, numbers: Indices, factors: Array) -> "Sums":
+        """Return some of the nonzeros, each times a factor; a nonzero may be chosen several times."""
+        turns: list[Summands] = []
+        for one in self.turns:
+            place = np.minimum(np.searchsorted(one.nonzeros, numbers), len(one.nonzeros) - 1)
+            found = np.flatnonzero(one.nonzeros[place] == numbers)
+            place = place[found]
+            turns.append(Summands(found, one.weights[place] * factors[found], one.sources[place]))
+        return Sums(self.shape, self.rows[numbers], self.columns[numbers], tuple(turns))
+
+    def column(self, drawn: Array) -> Array:
+        """Return the only column of the matrix with its zeros, shape (rows,)."""
+        values = np.zeros(self.shape[0])
+        values[self.rows] = self.of(drawn)
+        return values
+
+    def expression(self, drawn: ca.MX) -> ca.MX:
+        """Return the matrix as a sparse expression of a dense column of drawn numbers."""
+        count = len(self.rows)
+        values = ca.MX(0.0)
+        for turn, one in enumerate(self.turns):
+            picked = ca.vec(drawn[one.sources.tolist()]) * ca.DM(one.weights)  # of a scalar: a row
+            at = ca.Sparsity(count, 1, [0, len(one.nonzeros)], one.nonzeros.tolist())
+            values += ca.densify(ca.MX(at, picked)) if turn else picked
+        return ca.MX(self.sparsity, values)
+
+    @cached_property
+    def sparsity(self) -> ca.Sparsity:
+        """The pattern of the nonzeros."""
+        begins = np.searchsorted(self.columns, np.arange(self.shape[1] + 1))
+        return ca.Sparsity(*self.shape, begins.tolist(), self.rows.tolist())
+
+
+class Contributions:
+    """A collection of contributions `weight * drawn[source]` at (row, column) that make a matrix at once.
+
+    Numbers are drawn from blocks that lie one behind the other. In a `symmetric` matrix each pair (i, j), (j, i) is
+    contributed to once and both are kept.
+    """
+
+    def __init__(self, rows: int, columns: int, *, symmetric: bool = False) -> None:
+        self._shape = (rows, columns)
+        self._symmetric = symmetric
+        self._offset = 0
+        self._end = 0
+        self._entries: list[tuple[Indices, Indices, Array, Indices]] = []
+
+    def draw_from(self, size: int) -> None:
+        """Go on to the next block of numbers, from which the following contributions are drawn."""
+        self._offset, self._end = self._end, self._end + size
+
+    def add(self, rows: Indices, columns: Indices, weights: Array, sources: Indices) -> None:
+        """Add contributions; those that meet at one place add up. All shapes are (n,)."""
+        self._entries.append((rows, columns, weights, sources + self._offset))
+        if self._symmetric:
+            off = rows != columns
+            self._entries.append((columns[off], rows[off], weights[off], sources[off] + self._offset))
+
+    def sums(self) -> Sums:
+        """Return the matrix that they make."""
+        rows, columns, weights, sources = (np.concatenate(parts) for parts in zip(*self._entries, strict=True))
+        places = columns * self._shape[0] + rows
+        order = np.argsort(places, kind="stable")
+        first = np.concatenate([[True], np.diff(places[order]) > 0])
+        nonzero = np.cumsum(first) - 1
+        turn = np.arange(len(order)) - np.flatnonzero(first)[nonzero]  # how many come before it at the same place
+        column_of, row_of = np.divmod(places[order[first]], self._shape[0])
+        turns: list[Summands] = []
+        for number in range(int(turn.max()) + 1):
+            taken = turn == number
+            turns.append(Summands(nonzero[taken], weights[order[taken]], sources[order[taken]]))
+        return Sums(self._shape, row_of, column_of, tuple(turns))
