@@ -82,7 +82,8 @@ def main() -> int:
     options.add_argument("--folder", type=Path, help="keep checkpoints here, and use those of the courses")
     asked = options.parse_args()
     common = ("--until", asked.until, "--threads", str(asked.threads))
-    print("| course | change | race time | scratch | diff. | what-if | scratch | share | what-if | scratch | share | started |")
+    seconds = "what-if | scratch | share"
+    print(f"| course | change | race time | scratch | diff. | {seconds} | {seconds} | started |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     print("| | | s | s | ms | wall s | wall s | | proc. s | proc. s | | from |")
     good = True
