@@ -5,6 +5,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -136,10 +137,10 @@ class RecordingBench(Workbench):
     solves: list[Solve] = field(default_factory=list[Solve])
 
     def solve(
-        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, solvers: Sequence[str] = ()
-    ) -> Solution | None:
+        self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, **others: Any
+    ) -> Solution | None:  # Any: as the workbench has them
         before = len(self.attempts)
-        solution = super().solve(problem, guess, purpose, barrier=barrier, solvers=solvers)
+        solution = super().solve(problem, guess, purpose, barrier=barrier, **others)
         seconds = sum(attempt.seconds for attempt in self.attempts[before:])
         self.solves.append(Solve(problem, solution, seconds))
         return solution

@@ -15,7 +15,7 @@ from airrace.runs.flown_log import FlownLog, opened_log
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.imported import flown_through
 from airrace.runs.run import Run
-from airrace.runs.stored import stored_run
+from airrace.runs.stored import readable, stored_run
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def opened_flight(text: str, *, stage: str | None = None) -> Flight:
 def opened_file(path: Path) -> Run | FlownLog:
     """Return the run or the flown log in a file; errors as of `opened_flights`."""
     stored = read_stored(path)
-    return opened_log(stored) if isinstance(stored, Recorded) else stored_run(stored, path)
+    return opened_log(stored) if isinstance(stored, Recorded) else readable(stored_run(stored, path))
 
 
 def source_of(kept: Run | FlownLog, stage: str | None) -> FlownStage | FlownLog:
