@@ -42,7 +42,10 @@ With less noise it falls as its power 0.4. Measured likewise, at 5 and 20 Hz: 6 
 0.1 m, 38 to 40 with 1.5 m. Wings are level at a gate for a few tenths of a second, at a load factor that hardly bends
 the path."""
 LOAD_FACTOR_AT_A_GATE = 1.7
-"""The same of the load factor, g; it falls as the power 0.25 of the noise: 0.6 to 0.8 with 0.02 m, 1.7 with 1.5 m."""
+"""The error of a load factor at a gate, g.
+
+It falls as the power 0.25 of the noise: 0.6 to 0.8 with 0.02 m, 1.7 with 1.5 m.
+"""
 SLOPE_TIME = 0.15
 """s: the velocity across the path at a passing is less certain than its position by this time. Measured likewise."""
 SPEED_TIME = 0.6

@@ -16,7 +16,7 @@ from airrace.logs.recording import Layout, Recording, refuse
 SIZE_MAX = 1024**3
 """The size of the largest log that is read, bytes, unpacked."""
 GPX_SIZE_MAX = 256 * 1024**2
-"""The same of a GPX file, which is held in memory."""
+"""The largest size of a GPX file, which is held in memory, bytes."""
 LINE_MAX = 1_000_000
 """The length of the longest line that is read, bytes."""
 SUFFIXES = (".csv", ".txt", ".tsv", ".gpx", ".igc", ".acmi", ".zip")

@@ -20,8 +20,10 @@ another step on another machine; on one machine the largest difference was 3e-8.
 NOTHING = 1e-6
 """The share of an item's limit below which a value is nothing but rounding."""
 SOLVED_AGAIN = 4e-3
-"""The same for the race time on a coarser mesh, which is solved for anew from another start: 2e-5 s. Measured: 7e-7 s
-on a course of 9 s, which is what an interior point method leaves of its barrier."""
+"""The share of its limit for the race time on a coarser mesh, which is solved for anew from another start: 2e-5 s.
+
+Measured: 7e-7 s on a course of 9 s, which is what an interior point method leaves of its barrier.
+"""
 TOLD = 4
 """The number of discrepancies that a sentence tells one by one."""
 
