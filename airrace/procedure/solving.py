@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
@@ -72,6 +72,7 @@ class Workbench:
         solvers: Sequence[str] = (),
         iterations_max: int | None = None,
         rough: float = 0.0,
+        near: bool = False,
         multipliers: Multipliers | None = None,
     ) -> Solution | None:
         """Solve to the tolerance of the settings, and to a smaller one where the certificate asks for it.
@@ -81,6 +82,8 @@ class Workbench:
             iterations_max: fewer iterations than the settings allow; None for as many.
             rough: a looser tolerance, for an optimum that is only where the next mesh starts from and never certified;
                 0 for that of the settings.
+            near: whether an optimum counts, too, that a solver has come close to without claiming it, if its errors are
+                measured to be within the certificate's limit: for one that is never certified itself.
             multipliers: a guess of them; None if nothing is known.
 
         Returns:
@@ -89,10 +92,9 @@ class Workbench:
         chosen = self.settings.solver
         most = min(chosen.iterations_max, iterations_max or chosen.iterations_max)
         options = SolverOptions(max(chosen.tolerance, rough), most, barrier)
-        solution = self._first_success(
-            problem, guess, purpose, options=options, solvers=solvers or self.solvers, multipliers=multipliers
-        )
         limit = self.settings.certificate.kkt_error
+        asked, enough = solvers or self.solvers, limit if near else None
+        solution = self._first_success(problem, guess, purpose, options, asked, enough=enough, multipliers=multipliers)
         if rough or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
         tolerance = POLISH * chosen.tolerance
@@ -106,14 +108,17 @@ class Workbench:
         problem: Problem,
         guess: Iterate,
         purpose: str,
-        *,
         options: SolverOptions,
         solvers: Sequence[str],
+        *,
+        enough: float | None,
         multipliers: Multipliers | None,
     ) -> Solution | None:
         solution: Solution | None = None
         for solver in solvers:
             attempted = self.attempt(problem, guess, purpose, solver, options, multipliers)
+            if attempted is not None and enough is not None and attempted.kkt.largest <= enough:
+                attempted = replace(attempted, success=True)
             solution = attempted or solution
             if attempted is not None and attempted.success:
                 return attempted
