@@ -19,6 +19,14 @@ CREW_MAX = 8
 POLISH = 1e-2
 """The factor on the solver's tolerance (1) where its solution is not good enough for the certificate."""
 
+CLAIMED = 3.0
+"""The multiple of the solver's tolerance (1) within which measured errors make an optimum.
+
+Those of optima that fatrop claims are up to 1.4 times its tolerance, and a certificate allows ten times.
+"""
+MEASURED = "its errors are within the tolerance as measured"
+"""What is added to the status of a solution that its solver does not claim but that is an optimum."""
+
 
 @dataclass
 class Workbench:
@@ -82,8 +90,9 @@ class Workbench:
             iterations_max: fewer iterations than the settings allow; None for as many.
             rough: a looser tolerance, for an optimum that is only where the next mesh starts from and never certified;
                 0 for that of the settings.
-            near: whether an optimum counts, too, that a solver has come close to without claiming it, if its errors are
-                measured to be within the certificate's limit: for one that is never certified itself.
+            near: for an optimum that is compared with but never certified itself: one counts, too, that a solver has
+                come close to without claiming it, if its errors are measured to be within the certificate's limit, and
+                one that is claimed is solved no closer.
             multipliers: a guess of them; None if nothing is known.
 
         Returns:
@@ -95,7 +104,7 @@ class Workbench:
         limit = self.settings.certificate.kkt_error
         asked, enough = solvers or self.solvers, limit if near else None
         solution = self._first_success(problem, guess, purpose, options, asked, enough=enough, multipliers=multipliers)
-        if rough or solution is None or not solution.success or solution.kkt.largest <= limit:
+        if rough or near or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
         tolerance = POLISH * chosen.tolerance
         options = SolverOptions(tolerance, chosen.iterations_max, tolerance)
@@ -133,7 +142,11 @@ class Workbench:
         options: SolverOptions,
         multipliers: Multipliers | None = None,
     ) -> Solution | None:
-        """Solve once, on record; return None if the solver did not come back."""
+        """Solve once, on record; return None if the solver did not come back.
+
+        fatrop measures on scales of its own, and may stop beside an optimum without a word; its errors, as measured
+        here, tell.
+        """
         started = time.perf_counter()
         try:
             solution = self.service.solve(
@@ -142,6 +155,8 @@ class Workbench:
         except Stalled as fate:
             self.attempts.append(Attempt(purpose, solver, str(fate), False, 0, time.perf_counter() - started))
             return None
+        if not solution.success and solution.kkt.largest <= CLAIMED * options.tolerance:
+            solution = replace(solution, success=True, status=f"{solution.status}; {MEASURED}")
         self.derivative_seconds += solution.derivative_seconds
         self.attempts.append(
             Attempt(purpose, solver, solution.status, solution.success, solution.iterations, solution.seconds)
