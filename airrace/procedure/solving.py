@@ -25,7 +25,7 @@ CLAIMED = 3.0
 Those of optima that fatrop claims are up to 1.4 times its tolerance, and a certificate allows ten times.
 """
 MEASURED = "its errors are within the tolerance as measured"
-"""What is added to the status of a solution that its solver does not claim but that is an optimum."""
+"""The words added to the status of a solution that its solver does not claim but that is an optimum."""
 
 
 @dataclass
