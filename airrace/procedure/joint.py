@@ -156,9 +156,9 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
     for refinement in range(first.refinement, total + 1):
         problem = flight.problem(draft.mesh)
         purpose = announced(bench, problem, refinement)
-        near = coarser is None and refinement < total  # another mesh follows in any case
+        passing = coarser is None and refinement < total  # another mesh follows in any case
         solution = bench.solve(
-            problem, draft.guess, purpose, barrier=barrier, solvers=solvers, near=near, multipliers=multipliers
+            problem, draft.guess, purpose, barrier=barrier, solvers=solvers, passing=passing, multipliers=multipliers
         )
         if solution is None or not solution.success:
             return Failure(start, solution)
