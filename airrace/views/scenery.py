@@ -1,6 +1,7 @@
 """The scenery of a course from above: ways, gates, pylons, people, lines. All pictures of it are drawn from this."""
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -167,3 +168,9 @@ def _frame(
         least = np.clip(corners.min(axis=0), least - BEYOND * extent, least)
         largest = np.clip(corners.max(axis=0), largest, largest + BEYOND * extent)
     return float(least[0]), float(largest[0]), float(least[1]), float(largest[1])
+
+
+def round_length(metres: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not longer."""
+    power = 10.0 ** math.floor(math.log10(metres))
+    return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= metres)
