@@ -17,7 +17,6 @@ from pathlib import Path
 
 from PIL import Image
 
-from airrace.cli.compare_tables import comparison_texts
 from airrace.flights import Flight
 from airrace.flights.comparison import compared
 from airrace.runs.flight_sources import opened_flight
@@ -39,6 +38,14 @@ class Flown:
     options: tuple[str, ...] = ()
     stage: str = "point-mass"
 
+    def file(self, runs: Path) -> Path:
+        """The checkpoint."""
+        return runs / f"{self.run}.h5"
+
+    def name(self, runs: Path) -> str:
+        """The name by which the commands take the flight."""
+        return f"{self.file(runs)}:{self.stage}"
+
 
 def wind(degrees: int) -> tuple[str, ...]:
     """The options of 15 kt from a direction."""
@@ -48,7 +55,7 @@ def wind(degrees: int) -> tuple[str, ...]:
 NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=null")
 """The options that take the safety line of Abu Dhabi away, behind which the flat turn to gate 5 leads."""
 ROVINJ, ABU_DHABI = "rovinj_2014", "abu_dhabi_2016"
-FIGURES: dict[str, tuple[Flown, ...]] = {
+FIGURES: dict[str, tuple[Flown, Flown]] = {
     "compare_aircraft.png": (
         Flown("Edge 540", "rovinj", ROVINJ),
         Flown("PC-9", "rovinj_pc9", ROVINJ, ("--aircraft", "pc9")),
@@ -66,35 +73,30 @@ FIGURES: dict[str, tuple[Flown, ...]] = {
         Flown("flat, without the line", "abu_dhabi_flat", ABU_DHABI, NO_LINE),
     ),
 }
-"""The flights of every figure; the first one is what the others are held against."""
+"""The two flights of every figure; the second is held against the first."""
 
 
-def flights_of(flown: Sequence[Flown], runs: Path) -> list[Flight]:
-    """The flights under their labels; what is missing is flown up to the highest stage that is asked for.
+def flown(one: Flown, runs: Path) -> Flight:
+    """The flight under its label; what is missing is flown.
 
     Raises:
-        RuntimeError: a stage is neither certified nor solved.
+        RuntimeError: the run ends with a stage that is not certified.
     """
-    for one in reversed(flown):
-        run = runs / f"{one.run}.h5"
-        if not run.exists():
-            options = (*one.options, "--guess", "plan", "--until", one.stage, "--quiet", "--out", str(run))
-            subprocess.run([*COMMAND, "optimize", one.track, *options], check=False)
-    flights = [opened_flight(f"{runs / one.run}.h5:{one.stage}") for one in flown]
-    for flight in flights:
-        if not flight.source.certified and flight.source.remark:
-            raise RuntimeError(f"{flight.label}: {flight.source.remark}")
-    return [flight.labelled(one.label) for one, flight in zip(flown, flights, strict=True)]
+    run = one.file(runs)
+    if not run.exists():
+        options = (*one.options, "--guess", "plan", "--until", one.stage, "--quiet", "--out", str(run))
+        ended = subprocess.run([*COMMAND, "optimize", one.track, *options], check=False)
+        if ended.returncode != 0:
+            raise RuntimeError(f"{one.label}: no certified flight")
+    return opened_flight(one.name(runs)).labelled(one.label)
 
 
-def draw(flown: Sequence[Flown], runs: Path, path: Path) -> None:
+def draw(pair: Sequence[Flown], runs: Path, path: Path) -> None:
     """Draw a comparison into a file with a small palette, and print its table."""
-    reference, *others = flights_of(flown, runs)
-    comparisons = [compared(reference, other) for other in others]
-    for one in comparisons:
-        print("\n".join(comparison_texts(one, every=False)))
+    last, first = (flown(one, runs) for one in reversed(pair))  # the second of a run has the higher stage
+    subprocess.run([*COMMAND, "compare", *(one.name(runs) for one in pair)], check=True)
     content = io.BytesIO()
-    comparison_figure(comparisons).savefig(content, format="png", dpi=DOTS_PER_INCH)
+    comparison_figure([compared(first, last)]).savefig(content, format="png", dpi=DOTS_PER_INCH)
     Image.open(content).convert("RGB").quantize(SHADES, dither=Image.Dither.NONE).save(path, optimize=True)
 
 

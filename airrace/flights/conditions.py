@@ -19,7 +19,7 @@ SURROUNDINGS: Mapping[str, Callable[[Course], Sequence[SafetyLine | Crowd]]] = {
     "safety lines": _safety_lines,
     "people": lambda course: course.crowd,
 }
-"""What a flight keeps away from, by the words for it."""
+"""The things that a flight keeps away from, by the words for them."""
 NAMED = 3
 """The greatest number of gates that are named as standing elsewhere."""
 

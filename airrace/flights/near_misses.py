@@ -44,6 +44,8 @@ class NearMiss:
         if self.passing is None:
             return f"on the leg {self.before.name} -> {self.after.name}"
         apart = self.clearance.time - self.passing.time
+        if abs(apart) < 0.005:
+            return f"at {self.passing.name}"
         return f"{abs(apart):.2f} s {'before' if apart < 0.0 else 'after'} {self.passing.name}"
 
 

@@ -27,7 +27,7 @@ LONGEST_STEP = 0.02
 COARSE_STEP = 0.2
 """s, between two times of a course that is too long to be planned: twenty metres of a straight line."""
 PLANNED = "planned, not optimised"
-"""What the source of a planned flight says of it."""
+"""The remark of the source of a planned flight."""
 
 _NAMES = ("x", "y", "height", *BODY_ATTITUDE)
 
