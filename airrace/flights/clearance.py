@@ -111,9 +111,8 @@ def least_of_all(flight: Flight, known: Iterable[Distance]) -> tuple[Clearance, 
         known: distances of the flight, e.g. `distances`.
     """
     legs = legs_of(flight)
-    everywhere = np.arange(len(flight.time))
     found = (
-        _least(flight, one, everywhere if one.legs is None else np.concatenate([legs[i - 1].rows for i in one.legs]))
+        _least(flight, one, np.concatenate([leg.rows for leg in legs if one.legs is None or leg.number in one.legs]))
         for one in known
     )
     return tuple(one for one in found if one is not None)
@@ -193,7 +192,7 @@ def _lines(flight: Flight) -> Iterator[Distance]:
     places = np.stack([flight["x"], flight["y"]], axis=1)
     legs: dict[str, set[int]] = {}
     lines: dict[str, SafetyLine] = {}
-    for number, passage in enumerate(flight.course.passages):
+    for number, passage in enumerate(flight.course.passages[1:], start=1):
         for line in passage.safety_lines:
             lines[line.name] = line
             legs.setdefault(line.name, set()).add(number)
