@@ -60,8 +60,10 @@ class Flown:
 
 def fly(*arguments: str) -> Flown:
     """Run one command to its end."""
-    began = time.perf_counter()
-    running = subprocess.Popen([*COMMAND, *arguments, "--json", "--quiet"], stdout=subprocess.PIPE, cwd=ROOT, text=True)
+    began, command = time.perf_counter(), [*COMMAND, *arguments, "--json", "--quiet"]
+    environment = {**os.environ}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its modules compiled
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=ROOT, text=True, env=environment)
     assert running.stdout is not None  # it is a pipe
     said = running.stdout.read()
     _, _, used = os.wait4(running.pid, 0)

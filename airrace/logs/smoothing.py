@@ -17,9 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-# scipy leaves these two untyped.
-from scipy.linalg import cho_solve_banded, cholesky_banded  # pyright: ignore[reportUnknownVariableType]
-
 from airrace.trajectory import Array
 
 STEP = 0.05
@@ -165,7 +162,7 @@ class _System:
         right = np.zeros((self._count, 3))
         np.add.at(right, self._node, (certainty * places)[:, None] * self._seen)
         diagonal += 1e-9 * np.eye(3)  # so that a path without positions at its ends has a solution
-        factor = np.asarray(cholesky_banded(_banded(diagonal, beside), lower=True, check_finite=False), np.float64)
+        factor = _factorised(_banded(diagonal, beside))
         return _solved(factor, right.ravel()).reshape(-1, 3), factor
 
     def surprise(self, state: Array) -> Array:
@@ -178,7 +175,16 @@ class _System:
         return np.einsum("mi,ami->am", self._seen, states[:, self._node])
 
 
+def _factorised(banded: Array) -> Array:
+    # Imported here, as below: every command loads this module, few smooth a path, and scipy takes 0.3 s to load.
+    from scipy.linalg import cholesky_banded  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
+
+    return np.asarray(cholesky_banded(banded, lower=True, check_finite=False), np.float64)
+
+
 def _solved(factor: Array, right: Array) -> Array:
+    from scipy.linalg import cho_solve_banded  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
+
     return np.asarray(cho_solve_banded((factor, True), right, check_finite=False), np.float64)
 
 

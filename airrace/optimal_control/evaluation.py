@@ -122,14 +122,23 @@ class Evaluation:
         Raises:
             SolverCrash: they could not be evaluated.
         """
+        self.hessian = self.assembly.hessian.of(self.curved())
+
+    def curved(self) -> Array:
+        """Evaluate the gradient of the Lagrangian, and return what its Hessian is drawn from.
+
+        Raises:
+            SolverCrash: they could not be evaluated.
+        """
         started = time.perf_counter()
         unscaled, blocks = self._curved()
         if self._final is not None:
             blocks.append(self._final.derivatives(unscaled, self.lam_f)[1])
         if self.assembly.penalty is not None:
             blocks += self._penalty_curvature(self.assembly.penalty, unscaled)
-        self.hessian = self.assembly.hessian.of(np.concatenate(blocks))
+        drawn = np.concatenate(blocks)
         self.seconds += time.perf_counter() - started
+        return drawn
 
     def _curved(self) -> tuple[Array, list[Array]]:
         """Evaluate the gradient of the Lagrangian.
@@ -215,12 +224,13 @@ class _Evaluated:
 
     def hessians(self, unscaled: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the gradients, and the nonzeros of the Hessians, for the multipliers of all constraints and a zero."""
-        np.multiply(multipliers[self._rows], self._weights, out=self._multipliers)
+        np.take(multipliers, self._rows, out=self._multipliers, mode="clip")
+        self._multipliers *= self._weights
         gradient, hessian = self._called(hessian_of, unscaled)
         return gradient, hessian
 
     def _called(self, of: Part, unscaled: Array) -> list[Array]:
-        np.take(unscaled, self._inputs, out=self._y)
+        np.take(unscaled, self._inputs, out=self._y, mode="clip")  # which, unlike the default, needs no copy
         if self._taken_off is not None:
             self._y -= self._taken_off
         if of not in self._functions:

@@ -1,7 +1,8 @@
 """Sparse matrices whose nonzeros are weighted sums of drawn numbers, the pattern and the summands found once.
 
-The derivatives of a program are such sums of what its kernels return. They are evaluated with numpy, straight from the
-arrays that kernels write to, or stated as a casadi expression; both add in the same order and give the same bits.
+The derivatives of a program are such sums of what its kernels return. They are evaluated with numpy or by machine code,
+straight from the arrays that kernels write to, or stated as a casadi expression; all add in the same order and give the
+same bits.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.optimal_control import summation
 from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
@@ -26,6 +28,15 @@ class Summands:
     nonzeros: Indices
     weights: Array
     sources: Indices
+
+
+@dataclass(frozen=True)
+class Flat:
+    """The summands of n nonzeros, one behind the other: those of nonzero i from `begins[i]` to `begins[i + 1]`."""
+
+    begins: NDArray[np.int32]
+    weights: Array
+    sources: NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,28 @@ class Sums:
 
     def of(self, drawn: Array) -> Array:
         """Return the nonzeros for drawn numbers, shape (n,)."""
+        values = np.empty(len(self.rows))
+        self.into(drawn, values, np.arange(len(values)))
+        return values
+
+    def into(self, drawn: Array, memory: Array, places: Indices) -> bool:
+        """Write the nonzeros for drawn numbers to `memory[places]`, and return whether all are finite.
+
+        Args:
+            drawn: the numbers, contiguous.
+            memory: contiguous.
+            places: of the nonzeros, contiguous, shape (n,).
+        """
+        add_up = summation.add_up()
+        if add_up is None:
+            values = self._by_numpy(drawn)
+            memory[places] = values
+            return bool(np.isfinite(values).all())
+        flat = self._flat
+        arrays = (flat.begins, flat.weights, flat.sources, drawn, places, memory)
+        return bool(add_up(len(self.rows), *(array.ctypes.data for array in arrays)))
+
+    def _by_numpy(self, drawn: Array) -> Array:
         first, *others = self.turns
         values = drawn[first.sources] * first.weights
         for one in others:
@@ -62,10 +95,21 @@ class Sums:
             turns.append(Summands(found, one.weights[place] * factors[found], one.sources[place]))
         return Sums(self.shape, self.rows[numbers], self.columns[numbers], tuple(turns))
 
+    @cached_property
+    def _flat(self) -> "Flat":
+        """The summands of every nonzero one behind the other."""
+        counts = sum(np.bincount(one.nonzeros, minlength=len(self.rows)) for one in self.turns)
+        begins = np.concatenate([[0], np.cumsum(counts)])
+        weights, sources = np.empty(int(begins[-1])), np.empty(int(begins[-1]), dtype=np.int32)
+        for turn, one in enumerate(self.turns):
+            places = begins[one.nonzeros] + turn
+            weights[places], sources[places] = one.weights, one.sources
+        return Flat(begins.astype(np.int32), weights, sources)
+
     def column(self, drawn: Array) -> Array:
         """Return the only column of the matrix with its zeros, shape (rows,)."""
         values = np.zeros(self.shape[0])
-        values[self.rows] = self.of(drawn)
+        self.into(drawn, values, self.rows)
         return values
 
     def expression(self, drawn: ca.MX) -> ca.MX:

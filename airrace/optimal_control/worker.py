@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
+from airrace.optimal_control import summation
 from airrace.optimal_control.fatrop import products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
@@ -108,6 +109,7 @@ class Workshop:
                 self._notify(COMPILING)
             if request.compiled:
                 products.install()
+                summation.install()
             self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
         return self._kernels[key]
 

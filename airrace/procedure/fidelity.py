@@ -9,6 +9,7 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.control.inner_controller import InnerLoopInverse
 from airrace.dynamics.flight_model import FlightModel
 from airrace.environment.air import Air
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.track.course import Rules
@@ -49,6 +50,7 @@ class Fidelity:
         build: builds its model.
         inner_controller: builds the controller that makes the model fly load factors and roll rates as commanded. None
             for a model without an inner loop, which is started from the plan and not from another stage.
+        scheme: integrates the model over an interval.
         longest_interval: the longest interval of its meshes before these are halved, s. Infinite where any length will
             do that keeps the limits.
         handover: how it is started from the stage below.
@@ -61,6 +63,7 @@ class Fidelity:
     stage: Stage
     build: Builder
     inner_controller: InnerLoopInverse | None = None
+    scheme: RungeKutta = DORMAND_PRINCE_5
     longest_interval: float = math.inf
     handover: Handover = Handover()
     columns: Mapping[Quantity, Callable[[Histories], Array]] = field(

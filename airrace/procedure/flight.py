@@ -60,6 +60,7 @@ class Flight:
             ends=self.ends,
             aircraft=self.aircraft,
             regularised=self.weights,
+            scheme=self.fidelity.scheme,
         )
 
 

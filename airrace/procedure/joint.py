@@ -156,7 +156,10 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
     for refinement in range(first.refinement, total + 1):
         problem = flight.problem(draft.mesh)
         purpose = announced(bench, problem, refinement)
-        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers, multipliers=multipliers)
+        near = coarser is None and refinement < total  # another mesh follows in any case
+        solution = bench.solve(
+            problem, draft.guess, purpose, barrier=barrier, solvers=solvers, near=near, multipliers=multipliers
+        )
         if solution is None or not solution.success:
             return Failure(start, solution)
         evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)

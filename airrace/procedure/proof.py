@@ -53,7 +53,7 @@ def _coarser(flight: Flight, good: Solved, bench: Workbench) -> Solved | None:
     mesh, guess = restrict(good.problem.mesh, good.iterate, good.draft.coarser)
     problem = flight.problem(mesh)
     bench.progress.activity(f"the coarser mesh, {problem.intervals} intervals", 0, 0)
-    solution = bench.solve(problem, guess, "the coarser mesh", barrier=REFINED_BARRIER)
+    solution = bench.solve(problem, guess, "the coarser mesh", barrier=REFINED_BARRIER, near=True)
     if solution is None or not solution.success:
         return None
     evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)

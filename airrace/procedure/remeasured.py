@@ -209,5 +209,5 @@ def _coarser_race_time(flight: Flight, settings: Settings, believed: Believed, s
         return math.nan
     mesh, guess = restrict(mesh_of(flown), iterate_of(flown), kept)
     bench = Workbench(service, settings, Silent())
-    solution = bench.solve(flight.problem(mesh), guess, "half of the intervals", barrier=REFINED_BARRIER)
+    solution = bench.solve(flight.problem(mesh), guess, "half of the intervals", barrier=REFINED_BARRIER, near=True)
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan

@@ -251,6 +251,7 @@ def _first_solve(bench: Workbench, start: Start, multipliers: Multipliers | None
             barrier=start.barrier,
             solvers=(solver,),
             iterations_max=most,
+            near=True,
             multipliers=known,
         )
         if solution is not None and solution.success:

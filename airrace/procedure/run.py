@@ -118,7 +118,7 @@ def optimize(
             if not remark:
                 bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
             for following in wanted[:1]:
-                service.prepare(ladder.flight(following).model.system)
+                service.prepare(ladder.flight(following).model.system, fidelity_of(following).scheme)
             result = ladder.climb(stage, bench)
             if spare is not None and is_better(spare, result):
                 result, remark = spare, f"{remark}, which led to nothing faster"

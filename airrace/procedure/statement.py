@@ -9,6 +9,7 @@ from airrace.dynamics.crossing import CrossingParameters, with_sight
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.ends import Ends
@@ -39,6 +40,7 @@ def race_problem(
     ends: Ends,
     aircraft: Aircraft,
     regularised: Mapping[str, float],
+    scheme: RungeKutta,
 ) -> Problem:
     """Return the joint problem over all phases.
 
@@ -51,6 +53,7 @@ def race_problem(
         ends: what is asked of the first and the last passage besides.
         aircraft: for its wing span.
         regularised: weights of the squared, scaled controls by name.
+        scheme: integrates an interval.
     """
     first, *between, last = _boundaries(plan, observation, aircraft.airframe.b)
     start = ends.start(first)
@@ -80,6 +83,7 @@ def race_problem(
         start=dataclasses.replace(start, bounds={**start.bounds, "attitude_norm": Interval.exactly(1.0)}),
         phases=tuple(phases),
         objective=Objective(time=1.0, regularisation=regularised),
+        scheme=scheme,
         time_scale=TIME_SCALE,
     )
 

@@ -37,6 +37,13 @@ def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     assert ran.stderr.splitlines()[-1] == "[]"
 
 
+def test_a_run_does_not_wait_for_scipy() -> None:
+    """It takes a quarter of a second to load, and is wanted at the replay only: it loads beside the solve."""
+    program = "import sys, airrace.cli.resume, airrace.runs, airrace.documents; print('scipy' in sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout.split() == ["False"]
+
+
 def commands() -> Iterator[tuple[str, list[str]]]:
     """Every command with its options, as a user types them."""
 

@@ -19,7 +19,7 @@ from airrace.procedure.pieces import phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solving import MEASURED, Workbench
 
 STALLED = "stalled"
 
@@ -54,7 +54,7 @@ class Canned(SolverService):
             iterate=guess,
             multipliers=Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns)),
             objective=0.0,
-            kkt=KktError(0.0, 0.0, 0.0),
+            kkt=KktError(0.0, {"solved": 0.0, "nearly": 5e-7, "all but": 2e-7}.get(verdict, 1.0), 0.0),
             worst="nothing",
             iterations=3,
             seconds=0.5,
@@ -93,6 +93,33 @@ def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[st
     assert [one.solver for one in used.attempts] == solvers
     assert used.attempts[-1].success
     assert not any(one.success for one in used.attempts[:-1])
+
+
+@pytest.mark.parametrize(("verdict", "solvers"), [("nearly", ["fatrop"]), ("stuck", ["fatrop", "ipopt"])])
+def test_optimum_that_is_never_certified_need_not_be_claimed_but_measured(verdict: str, solvers: list[str]) -> None:
+    used = bench(verdict, "solved")
+    problem, made = small()
+    solution = used.solve(problem, made, "all phases", barrier=0.1, near=True)
+    assert solution is not None
+    assert solution.success
+    assert [one.solver for one in used.attempts] == solvers
+    assert not used.attempts[0].success  # the record holds what the solver said
+    assert used.attempts[0].status == verdict
+
+    certified = bench(verdict, "solved")
+    assert certified.solve(problem, made, "all phases", barrier=0.1) is not None
+    assert [one.solver for one in certified.attempts] == ["fatrop", "ipopt"]
+
+
+def test_optimum_within_the_tolerance_as_measured_counts_and_says_so() -> None:
+    used = bench("all but", "solved")
+    problem, made = small()
+    solution = used.solve(problem, made, "all phases", barrier=0.1)
+    assert solution is not None
+    assert solution.success
+    (attempt,) = used.attempts
+    assert attempt.success
+    assert attempt.status == solution.status == f"all but; {MEASURED}"
 
 
 def test_last_answer_is_returned_where_nobody_succeeds() -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from airrace.errors import SolverCrash
 from airrace.optimal_control.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.sums import Sums
 from airrace.trajectory import Array
 
 _ROOM = 128  # bytes, more than any struct blasfeo_dmat
@@ -71,6 +72,10 @@ class Destination:
     def write(self, entries: Array) -> None:
         """Write these entries."""
         self.memory[self.places] = entries
+
+    def write_sums(self, sums: Sums, drawn: Array) -> bool:
+        """Write the nonzeros of sums of drawn numbers, and return whether all are finite."""
+        return sums.into(drawn, self.memory, self.places)
 
     def among(self, entries: Indices) -> "Destination":
         """Return the places of some of these entries, by their numbers."""

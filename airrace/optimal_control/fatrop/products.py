@@ -7,10 +7,8 @@ systems than Linux, or with a blasfeo that computes otherwise, everything stays 
 """
 
 import ctypes
-import hashlib
 import logging
 import os
-import platform
 import sys
 from functools import cache
 from pathlib import Path
@@ -19,13 +17,13 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import KernelError
-from airrace.optimal_control import kernel_library
-from airrace.optimal_control.kernel_library import Source
+from airrace.optimal_control import own_code
 from airrace.optimal_control.lanes import InstructionSet, instruction_set
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
 
+FILE = Path(__file__).with_name("products.c")
 FUNCTION = "kernel_dgemm_nt_4x4_lib4"
 _FLAGS = ("-O3",)
 _LONGEST = 24  # columns of the panels with which both functions are compared
@@ -56,14 +54,7 @@ def compiled(instructions: InstructionSet) -> Path:
     Raises:
         KernelError: it cannot be built.
     """
-    text = Path(__file__).with_name("products.c").read_text(encoding="utf-8")
-    flags = (*_FLAGS, *instructions.flags)
-    parts = (text, *kernel_library.COMPILE_FLAGS, *flags, platform.machine(), ca.CasadiMeta.version())
-    name = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-    library = kernel_library.cache_folder() / f"{name}.so"
-    if not kernel_library.is_intact(library):
-        kernel_library.compile_library([Source("products", text, flags)], library)
-    return library
+    return own_code.compiled(FILE, (*_FLAGS, *instructions.flags))
 
 
 def same_bits(one: ctypes.CDLL, other: ctypes.CDLL) -> bool:

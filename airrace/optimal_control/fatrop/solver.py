@@ -136,10 +136,8 @@ class _Run:
         self._error: BaseException | None = None
         self._not_finite = False
         self._initial = guess.copy()
-        self._destinations: dict[bytes, Destination] = {}
+        self._destinations: dict[bytes, tuple[Destination, Destination]] = {}
         self._values = np.empty(stages.constraints + stages.unknowns)
-        self._jacobian = np.zeros(len(rows.jacobian_places))
-        self._hessian = np.zeros(len(stages.hessian_places))
         self._options = options
         self._solver = 0
         self._stopped = False
@@ -281,13 +279,13 @@ class _Run:
     ) -> None:
         functions, rows = self._functions, self._rows
         functions.w[:] = self._unknowns(unknowns)
-        count = len(rows.jacobian.rows)
-        self._jacobian[:count] = rows.jacobian.of(functions.linear())
-        self._jacobian[count:] = self._residuals()
-        if not np.isfinite(self._jacobian).all():  # at a point that will not be accepted; fatrop's loops need numbers
-            np.nan_to_num(self._jacobian, copy=False, posinf=0.0, neginf=0.0)
-        matrices = (dynamics, equalities, inequalities)
-        self._destination(rows.families, matrices, rows.jacobian_places, rows.constants).write(self._jacobian)
+        matrices, places = (dynamics, equalities, inequalities), (rows.nonzero_places, rows.residual_places)
+        nonzeros, residuals = self._destinations_of(rows.families, matrices, places, rows.constants)
+        # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
+        drawn, seen = functions.linear(), self._residuals()
+        if not nonzeros.write_sums(rows.jacobian, drawn):
+            nonzeros.write(np.nan_to_num(rows.jacobian.of(drawn), posinf=0.0, neginf=0.0))
+        residuals.write(np.nan_to_num(seen, posinf=0.0, neginf=0.0))
 
     def _evaluate_hessian(
         self, factor: float, unknowns: int, multipliers: int, _p: int, _q: int, matrices: int, *_: int
@@ -297,43 +295,44 @@ class _Run:
         functions.lam_f = factor
         both = self._multipliers(doubles_at(multipliers, len(self._rows.items)))
         functions.lam_g[:] = both[: stages.constraints]
-        functions.curve()
+        drawn = functions.curved()
         gradient = functions.gradient + both[stages.constraints :]
         gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
-        count = len(functions.hessian)
-        self._hessian[:count] = functions.hessian
-        self._hessian[count:] = gradient
-        target = self._destination((stages.hessian,), (matrices,), stages.hessian_places)
-        if np.isfinite(self._hessian).all():
-            target.write(self._hessian)
-        else:  # fatrop would add to the diagonal for ever
+        places = stages.hessian_places, stages.gradient_places
+        nonzeros, slope = self._destinations_of((stages.hessian,), (matrices,), places)
+        finite = nonzeros.write_sums(functions.assembly.hessian, drawn)
+        slope.write(gradient)
+        if not (finite and np.isfinite(gradient).all()):  # fatrop would add to the diagonal for ever
             self._not_finite = True
-            target.write(np.isin(stages.hessian_places, stages.hessian_diagonal).astype(np.float64))
+            nonzeros.write(np.isin(stages.hessian_places, stages.hessian_diagonal).astype(np.float64))
+            slope.write(np.zeros(len(gradient)))
             self._stop()
 
     def _unknowns(self, address: int) -> Array:
-        return doubles_at(address, self._stages.unknowns)[self._stages.place]
+        return doubles_at(address, self._stages.unknowns).take(self._stages.place, mode="clip")  # none is clipped
 
     def _residuals(self) -> Array:
         """Return fatrop's constraints, infinite where they are not numbers, which its line search can refuse."""
         self._values[: self._stages.constraints] = self._functions.g
         self._values[self._stages.constraints :] = self._functions.w
-        return _infinite(self._rows.factors * self._values[self._rows.items] + self._rows.shifts)
+        values = self._values.take(self._rows.items, mode="clip")  # none is clipped
+        values *= self._rows.factors
+        values += self._rows.shifts
+        return _infinite(values)
 
     def _multipliers(self, dual: Array) -> Array:
         """Return the multipliers of (g, w) from fatrop's; zero for what is not bounded."""
-        both = np.zeros(self._stages.constraints + self._stages.unknowns)
-        np.add.at(both, self._rows.items, self._rows.factors * dual)
-        return both
+        count = self._stages.constraints + self._stages.unknowns
+        return np.bincount(self._rows.items, self._rows.factors * dual, count).astype(np.float64, copy=False)
 
-    def _destination(
+    def _destinations_of(
         self,
         families: tuple[MatrixFamily, ...],
         structs: tuple[int, ...],
-        places: Indices,
+        places: tuple[Indices, Indices],
         constants: tuple[Indices, Array] | None = None,
-    ) -> Destination:
-        """Return where these entries of some matrices lie; the others are constant.
+    ) -> tuple[Destination, Destination]:
+        """Return where two groups of entries of some matrices lie; the others are constant.
 
         fatrop has a few sets of matrices and uses them in turn.
         """
@@ -347,10 +346,12 @@ class _Run:
             if constants is not None:
                 constant[constants[0]] = constants[1]
             everywhere.write(constant)
-            self._destinations[key] = everywhere.among(places)
+            one, other = (everywhere.among(group) for group in places)
+            self._destinations[key] = one, other
         return self._destinations[key]
 
 
 def _infinite(values: Array) -> Array:
     """Return the values with infinity in place of NaN."""
-    return np.where(np.isnan(values), np.inf, values)
+    values[np.isnan(values)] = np.inf
+    return values

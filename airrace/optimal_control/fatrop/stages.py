@@ -66,7 +66,7 @@ class Stages:
 
     @cached_property
     def hessian_places(self) -> Indices:
-        """The places of the nonzeros, then of the gradient, among the entries of the matrices RSQrqt.
+        """The places of the nonzeros among the entries of the matrices RSQrqt.
 
         Raises:
             ValueError: a second derivative reaches from one stage into another.
@@ -75,9 +75,18 @@ class Stages:
         stage = self.stage_of_unknown
         if (stage[rows] != stage[columns]).any():
             raise ValueError("a second derivative reaches into another stage")
-        starts = self.hessian.starts[:-1]
-        column_start = starts[stage] + self.place_in_stage * (self.sizes[stage] + 1)
-        return np.concatenate([column_start[columns] + self.place_in_stage[rows], column_start + self.sizes[stage]])
+        return self._hessian_columns[columns] + self.place_in_stage[rows]
+
+    @cached_property
+    def gradient_places(self) -> Indices:
+        """The places of the gradient among these entries."""
+        return self._hessian_columns + self.sizes[self.stage_of_unknown]
+
+    @cached_property
+    def _hessian_columns(self) -> Indices:
+        """The place at which the column of each unknown begins among these entries."""
+        stage = self.stage_of_unknown
+        return self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 1)
 
     @cached_property
     def hessian_diagonal(self) -> Indices:
@@ -169,11 +178,14 @@ class Rows:
         return self.stages.jacobian.chosen(numbers, self.factors[items])
 
     @cached_property
-    def jacobian_places(self) -> Indices:
-        """The places of these nonzeros, then of the residuals, among the entries of BAbt and both Ggt."""
-        stages = self.stages
-        nonzeros = self._column_start[self._entries[1]] + stages.place_in_stage[self.jacobian.columns]
-        return np.concatenate([nonzeros, self._column_start + stages.sizes[self._stage_of_item()]])
+    def nonzero_places(self) -> Indices:
+        """The places of these nonzeros among the entries of BAbt and both Ggt."""
+        return self._column_start[self._entries[1]] + self.stages.place_in_stage[self.jacobian.columns]
+
+    @cached_property
+    def residual_places(self) -> Indices:
+        """The places of the residuals among these entries."""
+        return self._column_start + self.stages.sizes[self._stage_of_item()]
 
     @cached_property
     def constants(self) -> tuple[Indices, Array]:
