@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import StoredInputs
+from airrace.logs.breach import Breach
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
@@ -26,20 +27,6 @@ class StoredPassing:
 
     passing: str
     time: float
-
-
-@dataclass(frozen=True)
-class StoredBreach:
-    """A rule that the flight would break; see `airrace.logs.judging.Breach`."""
-
-    passing: str
-    rule: str
-    time: float
-    value: float
-    limit: float
-    deviation: float
-    unit: str
-    penalty: float
 
 
 @dataclass(frozen=True)
@@ -88,5 +75,5 @@ class Recorded:
     time: Array
     histories: tuple[StoredHistory, ...]
     passings: tuple[StoredPassing, ...]
-    breaches: tuple[StoredBreach, ...]
+    breaches: tuple[Breach, ...]
     label: str

@@ -22,9 +22,10 @@ import numpy as np
 from airrace.checkpoint.decode import declaration_of, inputs_of
 from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, Version, declaration, inputs_group, integers, series
 from airrace.checkpoint.place import Place
-from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredBreach, StoredHistory, StoredPassing
+from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredHistory, StoredPassing
 from airrace.checkpoint.tree import Group, Node, Series, Table, rows_of, table_of
 from airrace.errors import CheckpointError
+from airrace.logs.breach import Breach
 
 FLOWN_LOG = "flown log"
 """The content of such a file."""
@@ -64,7 +65,7 @@ def encode_recorded(recorded: Recorded) -> Group:
                     {_named(one.quantity.name): _history(one, row) for row, one in enumerate(recorded.histories)}
                 ),
                 "passings": table_of(StoredPassing, recorded.passings),
-                "breaches": table_of(StoredBreach, recorded.breaches),
+                "breaches": table_of(Breach, recorded.breaches),
             }
         ),
     }
@@ -103,7 +104,7 @@ def decode_recorded(root: Group) -> Recorded:
         time=time,
         histories=histories,
         passings=passings,
-        breaches=rows_of(StoredBreach, flight.table("breaches"), f"{flight.path}/breaches"),
+        breaches=rows_of(Breach, flight.table("breaches"), f"{flight.path}/breaches"),
         label=flight.text("label"),
     )
 

@@ -29,11 +29,11 @@ def check(
 
             ensure_drawable(plot)
             ensure_free(plot, force=force)
+        from airrace.cli.clearance_tables import planned_table
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
         from airrace.runs.checked import checked
-        from airrace.views.scenery import scenery
 
         course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course.as_object())
@@ -42,6 +42,8 @@ def check(
         if not as_json:
             race, remarks = course.race, course.warnings
             columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
-            view = plan_view(scenery(race), race.air.wind, columns=columns, plain=plain)
-            answer.texts += [*(rendered(table) for table in course_tables(race)), rendered(view)]
+            view = plan_view(course.scenery, race.air.wind, columns=columns, plain=plain)
+            tables = course_tables(race)
+            tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
+            answer.texts += [*(rendered(table) for table in tables), rendered(view)]
             answer.texts += [remarks_text(remarks)] if remarks else []

@@ -80,7 +80,7 @@ def _subcommand(name: str) -> Callable[..., None]:
     def write(
         names: FlightNames,
         output: Annotated[
-            Path | None, typer.Option(metavar="FILE", help="The file to be written; by default beside the first run.")
+            Path | None, typer.Option(metavar="FILE", help="The file; by default beside the first run, as RUN.FORMAT.")
         ] = None,
         stage: StageOfFlights = None,
         rate: Annotated[

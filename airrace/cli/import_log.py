@@ -52,9 +52,9 @@ def import_log(
     show, report, compare, plot and export take the file that is written.
     """
     with answering({"flown": True, "log": str(log)}, as_json=as_json) as answer:
-        from airrace.runs.output import ensure_free
+        from airrace.runs.output import beside, ensure_free
 
-        path = output or log.with_suffix(".h5")
+        path = output or beside(log, "h5")
         ensure_free(path, force=force)
         from airrace.cli.flown_tables import flown_texts
         from airrace.runs.flown_object import flown_object

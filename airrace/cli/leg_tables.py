@@ -41,7 +41,7 @@ def _loads_table(facts: Sequence[LegFacts]) -> Table:
         for one in facts
     ]
     numbers = ("time\ns", "load\nleast g", "load\nmost g", "height\nleast m", "height\nmost m", "roll\ndeg/s")
-    return plain_table("legs", ("leg to",), (*numbers, "energy\nin m", "energy\nout m"), rows)
+    return plain_table("legs", ("leg to",), (*numbers, "energy\nstart m", "energy\nend m"), rows)
 
 
 def _speeds_table(facts: Sequence[LegFacts]) -> Table:

@@ -13,7 +13,7 @@ from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
-from airrace.views.scenery import Mark, Scenery
+from airrace.views.scenery import Mark, Scenery, round_length
 
 COLUMNS, ROWS = 100, 35
 """The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""
@@ -203,9 +203,7 @@ def _legend(seen: Scenery, *, plain: bool) -> Text:
 def _bar(canvas: Canvas) -> tuple[float, int]:
     """Return a round length of about an eighth of the largest width, m, and the number of cells it takes."""
     cell = ACROSS * canvas.dot
-    wanted = COLUMNS / 8 * cell
-    power = 10.0 ** math.floor(math.log10(wanted))
-    metres = max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= wanted)
+    metres = round_length(COLUMNS / 8 * cell)
     return metres, max(2, round(metres / cell))
 
 

@@ -13,7 +13,10 @@ def plot(
     name: Annotated[str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE.")],
     output: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="The file to be written; or .svg, .pdf; by default RUN.png."),
+        typer.Option(
+            metavar="FILE.png",
+            help="The drawing; or .svg, .pdf; by default RUN.png, or RUN.kneeboard.png, beside the run.",
+        ),
     ] = None,
     kneeboard: Annotated[
         bool, typer.Option("--kneeboard", help="One page to hold in the hand: map and table of the gates.")
@@ -23,11 +26,11 @@ def plot(
 ) -> None:
     """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
     with answering(as_json=False):
-        from airrace.runs.flight_sources import Named, opened_flight
-        from airrace.runs.output import ensure_free
+        from airrace.runs.flight_sources import opened_flight
+        from airrace.runs.output import beside, ensure_free
         from airrace.views.drawing import ensure_drawable
 
-        path = output or Named.of(name).path.with_suffix(".png")
+        path = output or beside(name, "kneeboard.png" if kneeboard else "png")
         ensure_drawable(path)
         ensure_free(path, force=force)
         flight = opened_flight(name, stage=stage)

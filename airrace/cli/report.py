@@ -18,7 +18,9 @@ def report(
             metavar="FLIGHT", help="Flights that fly beside it: `RUN.h5` or `RUN.h5:STAGE`, as many as you like."
         ),
     ] = None,
-    output: Annotated[Path, typer.Option(metavar="FILE", help="The page.")] = Path("report.html"),
+    output: Annotated[
+        Path | None, typer.Option(metavar="FILE.html", help="The page; by default beside the run, as RUN.html.")
+    ] = None,
     stage: Annotated[
         str | None,
         typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
@@ -30,9 +32,10 @@ def report(
 ) -> None:
     """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
     with answering(as_json=False) as answer:
-        from airrace.runs.output import ensure_free, write_text
+        from airrace.runs.output import beside, ensure_free, write_text
         from airrace.runs.reported import opened_report
 
-        ensure_free(output, force=force)
-        write_text(output, opened_report([str(run_file), *(flights or [])], stage=stage, priced=prices))
-        answer.texts.append(f"{output} is written; any browser opens it")
+        path = output or beside(run_file, "html")
+        ensure_free(path, force=force)
+        write_text(path, opened_report([str(run_file), *(flights or [])], stage=stage, priced=prices))
+        answer.texts.append(f"{path} is written; any browser opens it")

@@ -1,6 +1,6 @@
 """Runs flown at the terminal, watched on stderr and shown in tables: what `optimize` and `resume` share."""
 
-from airrace.cli.comparison import comparison_table
+from airrace.cli.split_comparison import comparison_table
 from airrace.cli.tables import PAGE, rendered, result_tables, stages_table
 from airrace.cli.ways_table import ways_table
 from airrace.runs.answer import Answer

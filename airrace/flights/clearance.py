@@ -2,17 +2,19 @@
 
 A pylon is an upright of `PYLON_HEIGHT`; the distance is that of the wing, from tip to tip, seen from above, and above
 its top the height is counted as well. All other distances are those of the aircraft's centre, as the rules measure it.
+Where a flight knows no height, the slant distance from people is that over ground, and nothing is told of pylons.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.flights.attitude import path_axes
 from airrace.flights.flight import Flight
 from airrace.flights.glossary import BODY_ATTITUDE
-from airrace.flights.legs import Leg
+from airrace.flights.legs import Leg, legs_of
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
 from airrace.track.element import Element
 from airrace.track.limits import Crowd, SafetyLine
@@ -59,7 +61,7 @@ class Clearance:
 
 @dataclass(frozen=True)
 class Distance:
-    """The distance from one thing all along a flight, m, shape (n,).
+    """The distance from one thing all along a flight, m, shape (n,); NaN where the flight does not tell.
 
     `legs` are the numbers of the legs on which it has to be kept; None for all.
     """
@@ -75,7 +77,18 @@ def distances(flight: Flight) -> tuple[Distance, ...]:
     """Return the distances from everything that the course names; empty where the flight does not tell its position."""
     if not flight.has("x", "y", "height"):
         return ()
-    return (*_pylons(flight), *_crowds(flight), *_lines(flight), *_borders(flight))
+    return (*pylons(flight), *surroundings(flight))
+
+
+def surroundings(flight: Flight) -> Iterator[Distance]:
+    """Yield the distances from people, safety lines, the border of the airspace, floor and ceiling.
+
+    Args:
+        flight: one that tells its position.
+    """
+    yield from _crowds(flight)
+    yield from _lines(flight)
+    yield from _borders(flight)
 
 
 def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearance, ...]:
@@ -86,21 +99,45 @@ def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearanc
         leg: a leg that was flown.
         known: what `distances` says of the flight.
     """
-    found: list[Clearance] = []
-    for one in known:
-        if one.legs is not None and leg.number not in one.legs:
-            continue
-        row = int(leg.rows[int(np.argmin(one.values[leg.rows]))])
-        north, east, height = (float(flight[name][row]) for name in ("x", "y", "height"))
-        nearest = float(one.values[row])
-        found.append(Clearance(one.kind, one.name, nearest, one.required, float(flight.time[row]), north, east, height))
-    return tuple(sorted(found, key=lambda one: one.margin))
+    found = [_least(flight, one, leg.rows) for one in known if one.legs is None or leg.number in one.legs]
+    return tuple(sorted((one for one in found if one is not None), key=lambda one: one.margin))
 
 
-def _pylons(flight: Flight) -> Iterator[Distance]:
+def least_of_all(flight: Flight, known: Iterable[Distance]) -> tuple[Clearance, ...]:
+    """Return the least distance from every thing on all legs together, in the order of `known`.
+
+    Args:
+        flight: all of whose passings are made.
+        known: distances of the flight, e.g. `distances`.
+    """
+    legs = legs_of(flight)
+    found = (
+        _least(flight, one, np.concatenate([leg.rows for leg in legs if one.legs is None or leg.number in one.legs]))
+        for one in known
+    )
+    return tuple(one for one in found if one is not None)
+
+
+def at_row(flight: Flight, one: Distance, row: int) -> Clearance:
+    """Return the distance at one time of a flight."""
+    north, east, height = (float(flight[name][row]) for name in ("x", "y", "height"))
+    away, time = float(one.values[row]), float(flight.time[row])
+    return Clearance(one.kind, one.name, away, one.required, time, north, east, height)
+
+
+def _least(flight: Flight, one: Distance, rows: NDArray[np.int64]) -> Clearance | None:
+    """Return the least distance at some times; None where the flight tells none of them."""
+    known = rows[np.isfinite(one.values[rows])]
+    return at_row(flight, one, int(known[int(np.argmin(one.values[known]))])) if len(known) else None
+
+
+def pylons(flight: Flight) -> Iterator[Distance]:
+    """Yield the distance of the wing from the pylons of every element, in the order first flown; none where the flight
+    tells its height nowhere.
+    """
     elements: dict[str, Element] = {one.element.name: one.element for one in flight.course.passages}
     posts = [(element, post) for element in elements.values() for post in element.drawing().posts]
-    if not posts:
+    if not posts or not np.isfinite(flight["height"]).any():
         return
     left, right = _wing_tips(flight)
     over = np.maximum(np.minimum(left[2], right[2]) - PYLON_HEIGHT, 0.0)
@@ -144,7 +181,10 @@ def _crowds(flight: Flight) -> Iterator[Distance]:
 
 def _from_crowd(flight: Flight, crowd: Crowd) -> Array:
     ground = ground_distance(np.stack([flight["x"], flight["y"]], axis=1), crowd)
-    return np.hypot(ground, flight["height"] - crowd.height) if crowd.slant else ground
+    if not crowd.slant:
+        return ground
+    above = flight["height"] - crowd.height
+    return np.hypot(ground, np.where(np.isnan(above), 0.0, above))
 
 
 def _lines(flight: Flight) -> Iterator[Distance]:
@@ -152,7 +192,7 @@ def _lines(flight: Flight) -> Iterator[Distance]:
     places = np.stack([flight["x"], flight["y"]], axis=1)
     legs: dict[str, set[int]] = {}
     lines: dict[str, SafetyLine] = {}
-    for number, passage in enumerate(flight.course.passages):
+    for number, passage in enumerate(flight.course.passages[1:], start=1):
         for line in passage.safety_lines:
             lines[line.name] = line
             legs.setdefault(line.name, set()).add(number)

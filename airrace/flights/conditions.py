@@ -1,14 +1,25 @@
-"""The conditions in which two flights differ before anyone flies: stage, aircraft, air, rules and gates."""
+"""The conditions in which two flights differ before anyone flies: stage, aircraft, air, rules, people, lines, gates."""
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from airrace.environment.air import Air
 from airrace.flights.flight import Flight
 from airrace.quantities import KNOT, Interval
-from airrace.track.course import Rules
+from airrace.track.course import Course, Rules
+from airrace.track.limits import Crowd, SafetyLine
 
+
+def _safety_lines(course: Course) -> tuple[SafetyLine, ...]:
+    return tuple(dict.fromkeys(line for passage in course.passages for line in passage.safety_lines))
+
+
+SURROUNDINGS: Mapping[str, Callable[[Course], Sequence[SafetyLine | Crowd]]] = {
+    "safety lines": _safety_lines,
+    "people": lambda course: course.crowd,
+}
+"""The things that a flight keeps away from, by the words for them."""
 NAMED = 3
 """The greatest number of gates that are named as standing elsewhere."""
 
@@ -28,6 +39,11 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
         first, second = (getattr(flight.course.rules, field.name) for flight in (reference, other))
         if first != second:
             yield f"rules: {field.name}", _allowed(first), _allowed(second)
+    for what, named in SURROUNDINGS.items():
+        first, second = (named(flight.course) for flight in (reference, other))
+        if first != second:
+            names = [", ".join(one.name for one in some) or "none" for some in (first, second)]
+            yield what, names[0], names[1] if names[0] != names[1] else f"{names[1]} otherwise"
     if moved := _moved(reference, other):
         yield "gates", "as in its course", f"otherwise: {moved}"
 

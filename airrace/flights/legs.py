@@ -78,6 +78,13 @@ def laps_of(flight: Flight) -> tuple[Lap, ...]:
     return tuple(Lap(number, tuple(legs)) for number, legs in grouped)
 
 
+def passings_around(flight: Flight, time: float) -> tuple[Crossing, Crossing]:
+    """Return the passings between which a time (s) lies, of a flight that has made them all."""
+    last = int(np.searchsorted([one.time for one in flight.crossings], time, "right")) - 1
+    last = min(max(last, 0), len(flight.crossings) - 2)
+    return flight.crossings[last], flight.crossings[last + 1]
+
+
 def way(flight: Flight, leg: Leg) -> Array:
     """Return the way flown from the beginning of a leg on, at its rows, m, shape (m,)."""
     places = np.stack([flight[name][leg.rows] for name in ("x", "y", "z")])
@@ -87,5 +94,5 @@ def way(flight: Flight, leg: Leg) -> Array:
 def _leg(flight: Flight, number: int, before: Crossing, after: Crossing) -> Leg:
     if not before.found or not after.found:
         return Leg(number, before, after, np.zeros(0, np.int64))
-    inside = (flight.time >= before.time) & (flight.time <= after.time)
-    return Leg(number, before, after, np.flatnonzero(inside))
+    first, end = np.searchsorted(flight.time, before.time), np.searchsorted(flight.time, after.time, "right")
+    return Leg(number, before, after, np.arange(first, end))

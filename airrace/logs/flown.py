@@ -11,8 +11,9 @@ from airrace.flights import Crossing, Flight, History, Source, attitude
 from airrace.flights.derivation import completed
 from airrace.flights.glossary import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE
 from airrace.flights.history import Basis, Histories
+from airrace.logs.breach import Breach
 from airrace.logs.histories import DERIVED, derived_histories, euler_axes, measured_histories, path_attitude, roll_rate
-from airrace.logs.judging import Breach, Deviations, breaches
+from airrace.logs.judging import Deviations, breaches
 from airrace.logs.passings import PassedRun, runs, standing
 from airrace.logs.penalties import NONE_KNOWN, Penalties
 from airrace.logs.placing import in_frame, in_order

@@ -17,6 +17,7 @@ from airrace.flights import Crossing, Flight
 from airrace.flights.clearance import distances
 from airrace.flights.glossary import PATH_ATTITUDE
 from airrace.frames import angle_between
+from airrace.logs.breach import Breach
 from airrace.logs.penalties import Penalties
 from airrace.planning.race import Race
 from airrace.procedure.statement import crossing_parameters
@@ -24,39 +25,6 @@ from airrace.quantities import KNOT, Interval
 from airrace.track.course import Passage
 from airrace.track.element import Element
 from airrace.track.passing import Passing, Tolerant
-
-SURE = 2.0
-"""Standard deviations of a measurement beyond which a breach is taken for certain."""
-
-
-@dataclass(frozen=True)
-class Breach:
-    """A rule that a flight would break.
-
-    Attributes:
-        passing: the name of the passage; empty for the flight as a whole.
-        rule: `pylon`, `missed`, `too-high`, `too-low`, `bank`, `climb`, `course`, `manoeuvre`, `start-speed`,
-            `load-factor`, `crowd`, `safety-line`, `airspace`, `floor` or `ceiling`.
-        time: when, s after the start; NaN where it did not happen at a time.
-        value, limit: what was flown and what is allowed, in `unit`.
-        deviation: standard deviation of the value; NaN where it is not known.
-        unit: `m`, `deg`, `kt`, `g` or empty.
-        penalty: s; infinity where the race is over, NaN where the rules name none.
-    """
-
-    passing: str
-    rule: str
-    time: float
-    value: float
-    limit: float
-    deviation: float
-    unit: str
-    penalty: float
-
-    @property
-    def certain(self) -> bool:
-        """Whether the breach is larger than what the measurement may be wrong by."""
-        return not abs(self.value - self.limit) < SURE * self.deviation  # certain where that is not known
 
 
 @dataclass(frozen=True)

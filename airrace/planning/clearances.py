@@ -1,7 +1,4 @@
-"""The clearances of ways from crowds, safety lines and the border of the airspace.
-
-Ways are many at once: north and east of shape (ways, samples, 2), heights of shape (ways, samples), m.
-"""
+"""The clearances of ways from crowds, safety lines and the border of the airspace; north and east in m."""
 
 from collections.abc import Sequence
 
@@ -12,40 +9,19 @@ from airrace.track.polygons import Point, area, edges
 from airrace.trajectory import Array
 
 
-def crowd_distance(ways: Array, heights: Array, crowd: Crowd) -> Array:
-    """Return the least distance of every way from a crowd, as the crowd measures it, shape (ways,), m.
-
-    A height that is not known counts as that of the people.
-    """
-    ground = ground_distance(ways, crowd)
-    if not crowd.slant:
-        return ground.min(axis=1)
-    above = np.where(np.isnan(heights), 0.0, heights - crowd.height)
-    return np.hypot(ground, above).min(axis=1)
-
-
-def crowd_overflown(ways: Array, crowd: Crowd) -> Array:
-    """Return whether a way leads over a line or an area of people, shape (ways,)."""
-    over = np.zeros(len(ways), bool)
-    if crowd.shape is CrowdShape.AREA:
-        over |= _inside(ways, crowd.corners).any(axis=1)
-    for a, b in edges(crowd.corners, closed=crowd.shape is CrowdShape.AREA):
-        along, across = _beside(ways, a, b)
-        changes = across[:, :-1] * across[:, 1:] < 0.0
-        share = across[:, :-1] / np.where(changes, across[:, :-1] - across[:, 1:], 1.0)
-        met = along[:, :-1] + share * np.diff(along, axis=1)
-        over |= (changes & (met >= 0.0) & (met <= np.hypot(b.north - a.north, b.east - a.east))).any(axis=1)
-    return over
-
-
-def beyond_line(way: Array, line: SafetyLine) -> float:
-    """Return how far a way (samples, 2) gets beyond a safety line and its margin, m; negative if it stays clear."""
-    return float((line.margin - beside_line(way, line)).max())
-
-
-def beyond_border(way: Array, corners: Sequence[Point]) -> float:
-    """Return how far a way (samples, 2) gets out of a convex area, m; negative if it stays inside."""
-    return -float(beside_border(way, corners).min())
+def crowd_overflown(way: Array, crowd: Crowd) -> bool:
+    """Return whether a way (samples, 2) leads over a line or an area of people."""
+    closed = crowd.shape is CrowdShape.AREA
+    if closed and _inside(way, crowd.corners).any():
+        return True
+    for a, b in edges(crowd.corners, closed=closed):
+        along, across = _beside(way, a, b)
+        changes = across[:-1] * across[1:] < 0.0
+        share = across[:-1] / np.where(changes, across[:-1] - across[1:], 1.0)
+        met = along[:-1] + share * np.diff(along)
+        if (changes & (met >= 0.0) & (met <= np.hypot(b.north - a.north, b.east - a.east))).any():
+            return True
+    return False
 
 
 def beside_line(way: Array, line: SafetyLine) -> Array:
@@ -61,7 +37,7 @@ def beside_border(way: Array, corners: Sequence[Point]) -> Array:
 
 
 def ground_distance(ways: Array, crowd: Crowd) -> Array:
-    """Return the distance over ground of every sample from a crowd, shape (ways, samples), m; zero within an area."""
+    """Return the distance over ground of every place (..., 2) from a crowd, shape (...), m; zero within an area."""
     if crowd.shape is CrowdShape.POINT:
         (corner,) = crowd.corners
         return np.hypot(ways[..., 0] - corner.north, ways[..., 1] - corner.east)
@@ -75,7 +51,7 @@ def ground_distance(ways: Array, crowd: Crowd) -> Array:
 
 
 def _inside(ways: Array, corners: Sequence[Point]) -> np.ndarray:
-    """Return whether samples lie within a simple polygon.
+    """Return whether places (..., 2) lie within a simple polygon.
 
     A ray from inside to the north crosses its border an odd number of times.
     """
@@ -89,7 +65,7 @@ def _inside(ways: Array, corners: Sequence[Point]) -> np.ndarray:
 
 
 def _beside(ways: Array, a: Point, b: Point) -> tuple[Array, Array]:
-    """Return how far every sample lies along the line from a to b, and how far to its right, m."""
+    """Return how far every place (..., 2) lies along the line from a to b, and how far to its right, m."""
     length = np.hypot(b.north - a.north, b.east - a.east)
     direction = ((b.north - a.north) / length, (b.east - a.east) / length) if length > 0.0 else (1.0, 0.0)
     north, east = ways[..., 0] - a.north, ways[..., 1] - a.east

@@ -12,12 +12,11 @@ from airrace.planning.cruise import AIR_DENSITY, Cruise, top_speed
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
 from airrace.track.course import Passage
-from airrace.trajectory import Array
 
 PLANNED_MAX = 400
 """The largest number of passages of a course whose turns are looked at; planning takes about a millisecond each."""
 SAMPLES = 65
-"""The number of points of every way."""
+"""The number of points at which a turn is measured."""
 LEAST_LOAD_FACTOR = 1.01
 """The least load factor of the tightest turns, g; with less an aircraft flies straight on, and there is no turn."""
 
@@ -38,15 +37,13 @@ class Leg:
     Attributes:
         before, after: the passages at its ends.
         start, end: north, east and height of their centres, m; the height is NaN where it is free.
-        way: north and east by the tightest level turns, shape (SAMPLES, 2), m; straight where no turn is planned.
-        turn: the turn of that way; None if none is planned.
+        turn: the tightest level turn from one to the other; None if none is planned.
     """
 
     before: Passage
     after: Passage
     start: tuple[float, float, float]
     end: tuple[float, float, float]
-    way: Array
     turn: Turn | None
 
     @property
@@ -58,16 +55,6 @@ class Leg:
     def bearing(self) -> float:
         """The bearing of the straight line, rad."""
         return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
-
-    @property
-    def straight(self) -> Array:
-        """The points of the straight line: north and east, shape (SAMPLES, 2), m."""
-        return np.linspace(self.start[:2], self.end[:2], SAMPLES)
-
-    @property
-    def heights(self) -> Array:
-        """The height of every sample, evenly from end to end, shape (SAMPLES,), m; NaN where an end's is free."""
-        return np.linspace(self.start[2], self.end[2], SAMPLES)
 
 
 def tightest(race: Race) -> Cruise:
@@ -85,15 +72,14 @@ def tightest(race: Race) -> Cruise:
 def legs(race: Race) -> list[Leg]:
     """Return all legs whose ends both have a place, in the order flown."""
     passages = race.course.passages
-    ways: list[tuple[Array, Turn] | None] = [None] * (len(passages) - 1)
+    turns: list[Turn | None] = [None] * (len(passages) - 1)
     if len(passages) <= PLANNED_MAX:
-        ways = list(_ways(race))
+        turns = list(_turns(race))
     found: list[Leg] = []
-    for (before, after), way in zip(itertools.pairwise(passages), ways, strict=True):
+    for (before, after), turn in zip(itertools.pairwise(passages), turns, strict=True):
         start, end = place(before), place(after)
         if start is not None and end is not None:
-            line, turn = way if way is not None else (np.linspace(start[:2], end[:2], SAMPLES), None)
-            found.append(Leg(before, after, start, end, line, turn))
+            found.append(Leg(before, after, start, end, turn))
     return found
 
 
@@ -103,13 +89,12 @@ def place(passage: Passage) -> tuple[float, float, float] | None:
     return None if where is None else (*where, math.nan if height is None else height)
 
 
-def _ways(race: Race) -> Iterator[tuple[Array, Turn] | None]:
+def _turns(race: Race) -> Iterator[Turn | None]:
     """Yield the shortest ways at the tightest pace, all headings chosen together; None for a change of attitude."""
     planned = plan(race.course, tightest(race))
     for leg in planned.legs:
         if leg.path is None:
             yield None
             continue
-        north, east, heading = leg.path.points(np.linspace(0.0, leg.path.length, SAMPLES))
-        turning = float(np.abs(np.diff(heading)).sum())
-        yield np.stack([north, east], axis=1), Turn(float(heading[0]), float(heading[-1]), turning)
+        _, _, heading = leg.path.points(np.linspace(0.0, leg.path.length, SAMPLES))
+        yield Turn(float(heading[0]), float(heading[-1]), float(np.abs(np.diff(heading)).sum()))

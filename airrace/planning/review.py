@@ -1,18 +1,16 @@
 """A review of a course before it is flown, as a race director would make it.
 
-It yields remarks, not errors: the course stays valid.
+It yields remarks, not errors: the course stays valid. What the planned line comes too near to is remarked on by
+`airrace.flights.plan_review`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-
 from airrace.dynamics import handling
 from airrace.frames import angle_between
-from airrace.planning.clearances import beyond_border, beyond_line, crowd_distance, crowd_overflown
 from airrace.planning.cruise import top_speed
 from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
 from airrace.planning.race import Race
@@ -23,7 +21,6 @@ from airrace.track.course import Course, Direction, Passage
 WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
 LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
 SAME_PLACE = 1.0  # m: passings of one spot, as of a quad, are meant to be flown round a loop
-NEARLY = 0.5  # m: what rounding to metres would not show
 ASIDE = math.radians(90.0)  # a gate that points further away from both of its neighbours is flown the wrong way
 BACK = math.radians(135.0)  # likewise a start or finish, which has but one
 
@@ -43,6 +40,7 @@ class Kind(Enum):
     TURN = "turn"
     SAFETY_LINE = "safety-line"
     CROWD = "crowd"
+    PYLON = "pylon"
     AIRSPACE = "airspace"
     ELEMENT = "element"
 
@@ -74,8 +72,13 @@ def review(race: Race) -> list[Remark]:
     """
     aircraft = [Remark("", Kind.AIRCRAFT, text) for text in (*handling.remarks(race.aircraft), *_too_weak(race))]
     found = [*aircraft, *_on_race(race), *_on_elements(race), *_on_legs(race)]
-    order = {passage.name: number for number, passage in enumerate(race.course.passages)}
-    return sorted(found, key=lambda remark: order.get(remark.passage, -1))
+    return in_order(found, race.course)
+
+
+def in_order(remarks: Iterable[Remark], course: Course) -> list[Remark]:
+    """Return remarks in the order of the race, first those on the race as a whole."""
+    order = {passage.name: number for number, passage in enumerate(course.passages)}
+    return sorted(remarks, key=lambda remark: order.get(remark.passage, -1))
 
 
 def _too_weak(race: Race) -> Iterator[str]:
@@ -183,9 +186,6 @@ def _on_legs(race: Race) -> Iterator[Remark]:
         yield from _on_climb(leg)
         if pace.n > LEAST_LOAD_FACTOR:
             yield from _on_turn(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
-        yield from _on_safety_lines(leg)
-        yield from _on_airspace(leg, race.course)
-    yield from _on_crowd(flown, race.course)
 
 
 def _different(flown: Sequence[Leg]) -> list[Leg]:
@@ -239,51 +239,6 @@ def _on_turn(leg: Leg, radius: float, pace: str) -> Iterator[Remark]:
             f"the turn of {math.degrees(change):.0f} deg between them needs {chord:.0f} m"
         )
         yield Remark(leg.after.name, Kind.CLOSE, text)
-
-
-def _on_safety_lines(leg: Leg) -> Iterator[Remark]:
-    for line in leg.after.safety_lines:
-        beyond = beyond_line(leg.way, line)
-        if beyond > NEARLY:
-            text = (
-                f"{_way(leg)} from `{leg.before.name}` to `{leg.after.name}` crosses the safety line `{line.name}` "
-                f"by {beyond:.0f} m; only a higher, a slower or a wider turn keeps clear of it"
-            )
-            yield Remark(leg.after.name, Kind.SAFETY_LINE, text)
-
-
-def _on_airspace(leg: Leg, course: Course) -> Iterator[Remark]:
-    beyond = beyond_border(leg.way, course.airspace) if course.airspace else 0.0
-    if beyond > NEARLY:
-        text = f"{_way(leg)} from `{leg.before.name}` to `{leg.after.name}` leaves the airspace by {beyond:.0f} m"
-        yield Remark(leg.after.name, Kind.AIRSPACE, text)
-
-
-def _on_crowd(flown: Sequence[Leg], course: Course) -> Iterator[Remark]:
-    if not flown or not course.crowd:
-        return
-    heights = np.array([leg.heights for leg in flown])
-    straights, turns = np.array([leg.straight for leg in flown]), np.array([leg.way for leg in flown])
-    for crowd in course.crowd:
-        keeps = f"`{crowd.name}`; {crowd.distance:.0f} m are to be kept"
-        straight = crowd_distance(straights, heights, crowd)
-        turning = crowd_distance(turns, heights, crowd)
-        over = crowd_overflown(straights, crowd)
-        for leg, direct, turned, above in zip(flown, straight, turning, over, strict=True):
-            ends = f"from `{leg.before.name}` to `{leg.after.name}`"
-            if above and direct < crowd.distance:
-                text = f"the straight line {ends} leads over {keeps}"
-            elif direct < crowd.distance - NEARLY:
-                text = f"the straight line {ends} comes within {direct:.0f} m of {keeps}"
-            elif turned < crowd.distance - NEARLY:
-                text = f"{_way(leg)} {ends} comes within {turned:.0f} m of {keeps}"
-            else:
-                continue
-            yield Remark(leg.after.name, Kind.CROWD, text)
-
-
-def _way(leg: Leg) -> str:
-    return "the straight line" if leg.turn is None else "the shortest level way"
 
 
 def _compass(angle: float) -> str:

@@ -7,6 +7,7 @@ from airrace.flights import Flight, laps_of
 from airrace.flights.comparison import Comparison, LegComparison
 from airrace.flights.conditions import conditions
 from airrace.flights.leg_facts import LegFacts, Range, leg_facts
+from airrace.flights.near_misses import near_misses
 from airrace.quantities import KNOT
 from airrace.report.differences import started
 from airrace.report.html_tables import DASH, Cell, Head, Row, note, number, section, table
@@ -64,7 +65,7 @@ def flights_section(flights: Sequence[Flight]) -> str:
 def legs_section(flight: Flight) -> str:
     """Return a table of what a flight does leg by leg, and of what it comes near to."""
     rows = [Row(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
-    return section("Legs", table(LEGS, rows) + note(_laps(flight)))
+    return section("Legs", table(LEGS, rows) + note(" ".join(filter(None, (_laps(flight), _near_misses(flight))))))
 
 
 def lost_section(comparison: Comparison) -> str:
@@ -115,6 +116,14 @@ def _span(values: Range, unit: float, digits: int) -> str:
     """Return a range as a text, from the least to the greatest value; a dash where nothing is known."""
     least, greatest = number(values.least / unit, digits), number(values.greatest / unit, digits)
     return least if least == greatest else f"{least} … {greatest}"
+
+
+def _near_misses(flight: Flight) -> str:
+    """Return a sentence about the pylons that the wing passes closely; empty where there are none."""
+    misses = [
+        f"{one.clearance.name} ({number(one.clearance.distance, 2)} m, {one.where})" for one in near_misses(flight)
+    ]
+    return f"The wing passes pylons closer than their own passing allows: {'; '.join(misses)}." if misses else ""
 
 
 def _laps(flight: Flight) -> str:

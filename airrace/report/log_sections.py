@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from airrace.logs.judging import Breach
+from airrace.logs.breach import Breach
 from airrace.report.html_tables import Cell, Head, Row, facts, note, number, section, table
 
 BREACHES = (

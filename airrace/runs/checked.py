@@ -2,17 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from airrace.documents import Document, Inputs, load_inputs
 from airrace.documents.unused import unused_gates
+from airrace.flights import Flight
+from airrace.flights.clearance import Clearance
+from airrace.flights.plan_review import plan_clearances, remarks_on_line
+from airrace.flights.planned import planned_flight
 from airrace.planning.race import Race
-from airrace.planning.review import Kind, Remark, review
+from airrace.planning.review import Kind, Remark, in_order, review
+from airrace.runs.leg_object import planned_object
 from airrace.views.course_figure import draw_course
 from airrace.views.course_page import course_page
 from airrace.views.course_rows import course_object
 from airrace.views.drawing import ensure_drawable
-from airrace.views.scenery import scenery
+from airrace.views.scenery import Scenery, scenery
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,16 +27,28 @@ class Checked:
 
     Attributes:
         inputs: what a run would be given.
+        planned: the flight as which the race is planned, before anything is optimised; what is drawn and measured.
         warnings: remarks of the review; the course is valid with them.
     """
 
     inputs: Inputs
+    planned: Flight
     warnings: tuple[Remark, ...]
 
     @property
     def race(self) -> Race:
         """The race: course, aircraft and air."""
         return self.inputs.race
+
+    @cached_property
+    def scenery(self) -> Scenery:
+        """The course from above, with the line of the planned flight."""
+        return scenery(self.race, self.planned)
+
+    @cached_property
+    def clearances(self) -> tuple[Clearance, ...]:
+        """The least distances of the planned flight from everything that the course names."""
+        return plan_clearances(self.planned)
 
     def draw(self, path: str | Path) -> Path:
         """Draw the course from above into a file.
@@ -46,12 +64,12 @@ class Checked:
             StorageError: the system refused.
         """
         ensure_drawable(Path(path))
-        draw_course(self.race, scenery(self.race), Path(path))
+        draw_course(self.race, self.scenery, Path(path))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:
         """Return what `airrace check --json` prints of the course."""
-        return course_object(self.race, self.warnings)
+        return {**course_object(self.race, self.warnings), "planned": planned_object(self.planned, self.clearances)}
 
     def __repr__(self) -> str:
         course, count = self.race.course, len(self.warnings)
@@ -59,7 +77,7 @@ class Checked:
         return f"<Checked {course.name}: {passages}, {count} warning{'' if count == 1 else 's'}>"
 
     def _repr_html_(self) -> str:
-        return course_page(self.race, [remark.text for remark in self.warnings])
+        return course_page(self.race, self.scenery, [remark.text for remark in self.warnings])
 
 
 def checked(
@@ -82,4 +100,6 @@ def checked(
         Remark("", Kind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
         for name in unused_gates(inputs)
     )
-    return Checked(inputs, (*unused, *review(inputs.race)))
+    planned = planned_flight(inputs.race)
+    remarks = in_order([*review(inputs.race), *remarks_on_line(planned)], inputs.race.course)
+    return Checked(inputs, planned, (*unused, *remarks))

@@ -9,8 +9,8 @@ from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
 from airrace.export.formats import FORMATS
 from airrace.export.globe import BEGIN, on_globe
-from airrace.runs.flight_sources import Named, opened_flights
-from airrace.runs.output import ensure_free
+from airrace.runs.flight_sources import opened_flights
+from airrace.runs.output import beside, ensure_free
 from airrace.track.course import Origin
 
 RATES = 1e-3, 1e4
@@ -46,7 +46,7 @@ def write_flights(
         StorageError: the system refused.
     """
     chosen, where = FORMATS[format_name], None if origin is None else origin_of(origin)
-    path = output or Named.of(names[0]).path.with_suffix(f".{chosen.suffix or format_name}")
+    path = output or beside(names[0], chosen.suffix or format_name)
     ensure_free(path, force=force)
     begin = BEGIN if start is None else begin_of(start)
     if rate is not None and not RATES[0] <= rate <= RATES[1]:

@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import Recorded, read_stored
@@ -14,23 +13,9 @@ from airrace.logs.reading import is_log
 from airrace.runs.flown_log import FlownLog, opened_log
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.imported import flown_through
+from airrace.runs.named import Named
 from airrace.runs.run import Run
 from airrace.runs.stored import readable, stored_run
-
-
-@dataclass(frozen=True)
-class Named:
-    """A flight as it was asked for: a file, and a stage or None for the last one."""
-
-    path: Path
-    stage: str | None
-
-    @classmethod
-    def of(cls, text: str) -> "Named":
-        """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first."""
-        file, colon, stage = text.rpartition(":")
-        named = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
-        return cls(Path(file), stage) if named else cls(Path(text), None)
 
 
 def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:

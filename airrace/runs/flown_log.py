@@ -11,7 +11,6 @@ import numpy as np
 from airrace.checkpoint import (
     Recorded,
     RecordedLog,
-    StoredBreach,
     StoredHistory,
     StoredPassing,
     write_recorded,
@@ -21,7 +20,7 @@ from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.flights import Basis, Crossing, Flight, History, Source
 from airrace.logs import Flown
-from airrace.logs.judging import Breach
+from airrace.logs.breach import Breach
 from airrace.procedure.result import GateSplit
 from airrace.runs.output import write_text
 from airrace.runs.splits import Splits
@@ -46,7 +45,7 @@ class FlownLog:
     @property
     def breaches(self) -> tuple[Breach, ...]:
         """The rules that the flight would break, in the order of the course."""
-        return tuple(Breach(**vars(one)) for one in self.recorded.breaches)
+        return self.recorded.breaches
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -154,7 +153,7 @@ def new_flown_log(inputs: Inputs, flown: Flown) -> FlownLog:
         time=flight.time,
         histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
         passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
-        breaches=tuple(StoredBreach(**vars(one)) for one in flown.breaches),
+        breaches=flown.breaches,
         label=flight.label,
     )
     return FlownLog(inputs, recorded)

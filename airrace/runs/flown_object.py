@@ -3,7 +3,7 @@
 import math
 
 from airrace.flights import Flight
-from airrace.logs.judging import Breach
+from airrace.logs.breach import Breach
 from airrace.runs.flown_log import FlownLog
 from airrace.runs.leg_object import legs_object
 from airrace.runs.run_object import finite

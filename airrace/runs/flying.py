@@ -12,11 +12,11 @@ from airrace.procedure.ladder import proves
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import StageResult, State
 from airrace.runs.answer import Answer
-from airrace.runs.comparison import comparison_object
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.run import Run
 from airrace.runs.run_lock import flown_alone
 from airrace.runs.run_object import summarise, unproved
+from airrace.runs.split_comparison import comparison_object
 from airrace.runs.task import Task
 
 

@@ -5,14 +5,35 @@ from collections.abc import Sequence
 from airrace.flights import Flight, laps_of
 from airrace.flights.clearance import Clearance
 from airrace.flights.leg_facts import LegFacts, Range, leg_facts
+from airrace.flights.legs import passings_around
+from airrace.flights.near_misses import NearMiss, near_misses
 from airrace.runs.run_object import finite
 
 
 def legs_object(flight: Flight) -> dict[str, object]:
-    """Return `legs` and `laps` of a stage in `airrace show --json`: SI units, radians, g."""
+    """Return `legs`, `laps` and `near_misses` of a stage in `airrace show --json`: SI units, radians, g."""
     return {
         "legs": [_leg(facts) for facts in leg_facts(flight)],
         "laps": [{"lap": lap.number, "time_s": finite(lap.time)} for lap in laps_of(flight)],
+        "near_misses": [_near_miss(one) for one in near_misses(flight)],
+    }
+
+
+def planned_object(planned: Flight, clearances: Sequence[Clearance]) -> dict[str, object]:
+    """Return `planned` of `airrace check --json`: what the planned line comes near to, and between which passings."""
+    return {
+        "optimised": False,
+        "least_distances": [
+            {**_clearance(one), "leg": [end.name for end in passings_around(planned, one.time)]} for one in clearances
+        ],
+    }
+
+
+def _near_miss(one: NearMiss) -> dict[str, object]:
+    return {
+        **_clearance(one.clearance),
+        "leg": [one.before.name, one.after.name],
+        "beside": None if one.passing is None else one.passing.name,
     }
 
 
@@ -29,7 +50,7 @@ def _leg(facts: LegFacts) -> dict[str, object]:
         "roll_rate_rad_s": finite(facts.roll_rate),
         "energy_height_in_m": finite(facts.energy_in),
         "energy_height_out_m": finite(facts.energy_out),
-        "clearances": _clearances(facts.clearances),
+        "clearances": [_clearance(one) for one in facts.clearances],
     }
 
 
@@ -37,17 +58,14 @@ def _range(one: Range) -> dict[str, float | None]:
     return {"least": finite(one.least), "greatest": finite(one.greatest)}
 
 
-def _clearances(found: Sequence[Clearance]) -> list[dict[str, object]]:
-    return [
-        {
-            "kind": one.kind,
-            "name": one.name,
-            "distance_m": finite(one.distance),
-            "required_m": one.required,
-            "time_s": one.time,
-            "north_m": one.north,
-            "east_m": one.east,
-            "height_m": one.height,
-        }
-        for one in found
-    ]
+def _clearance(one: Clearance) -> dict[str, object]:
+    return {
+        "kind": one.kind,
+        "name": one.name,
+        "distance_m": finite(one.distance),
+        "required_m": one.required,
+        "time_s": one.time,
+        "north_m": one.north,
+        "east_m": one.east,
+        "height_m": finite(one.height),
+    }

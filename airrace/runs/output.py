@@ -1,4 +1,4 @@
-"""Files that a run writes: they are refused before anything is computed, and replaced as a whole."""
+"""Files that commands write: where they go; refused before anything is computed, and replaced as a whole."""
 
 import os
 import tempfile
@@ -6,6 +6,7 @@ from pathlib import Path
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import StorageError, UsageError
+from airrace.runs.named import Named
 
 
 def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
@@ -29,6 +30,17 @@ def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
             pass
     except OSError as error:
         raise StorageError(f"cannot write to the folder {path.parent}: {error.strerror}") from error
+
+
+def beside(source: str | Path, suffix: str) -> Path:
+    """Return where a command writes that makes a file of a file and is told no other name: beside it, with its stem.
+
+    Args:
+        source: a file, or a flight as `RUN.h5:STAGE`.
+        suffix: of the new file, without the dot before it, e.g. `png` or `kneeboard.png`.
+    """
+    path = Named.of(str(source)).path
+    return path.with_name(f"{path.stem}.{suffix}")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -12,9 +12,10 @@ from airrace.report.stage_sections import (
     prices_section,
     ways_section,
 )
-from airrace.runs.flight_sources import Named, opened_file, opened_flights
+from airrace.runs.flight_sources import opened_file, opened_flights
 from airrace.runs.flown_log import FlownLog
 from airrace.runs.flown_stage import FlownStage
+from airrace.runs.named import Named
 
 
 def opened_report(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:

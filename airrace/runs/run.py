@@ -10,10 +10,10 @@ from airrace.checkpoint import Checkpoint, Sign, inputs_hash, stale_stages, writ
 from airrace.documents import Inputs
 from airrace.errors import UsageError
 from airrace.planning.race import Race
-from airrace.procedure.comparison import Comparison, compared, last_common
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Proof
+from airrace.procedure.split_comparison import SplitComparison, compared, last_common
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.run_object import is_certified, run_object, standing, verdict
 from airrace.runs.run_page import run_line, run_page
@@ -214,7 +214,7 @@ class Run:
         """Return what every number of the inputs costs, by the multipliers of a stage; see `FlownStage.prices`."""
         return self.stage(stage).prices(by)
 
-    def compare(self, other: "Run") -> Comparison:
+    def compare(self, other: "Run") -> SplitComparison:
         """Hold another run of the same passings against this one, leg by leg, at the highest stage that holds in both.
 
         Returns:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from airrace.planning.race import Race
 from airrace.views.course_rows import rows
 from airrace.views.plan_svg import plan_svg
-from airrace.views.scenery import scenery
+from airrace.views.scenery import Scenery
 from airrace.views.tables import html_table
 
 HEADS = ("passage", "type", "north m", "east m", "height m", "heading deg")
@@ -15,7 +15,7 @@ ROWS_MAX = 60
 """The largest number of passages in the table; of more, only the first are listed."""
 
 
-def course_page(race: Race, warnings: Sequence[str]) -> str:
+def course_page(race: Race, seen: Scenery, warnings: Sequence[str]) -> str:
     """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
     cells = [
         (row.passage.name, row.kind, _cell(row.north), _cell(row.east), _cell(row.height), _degrees(row.heading))
@@ -24,7 +24,7 @@ def course_page(race: Race, warnings: Sequence[str]) -> str:
     title = f"{race.course.name}, flown by {race.aircraft.name}"
     listed = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
     remarks = f"<ul>{listed}</ul>" if listed else ""
-    return f"<div>{html_table(title, HEADS, cells[:ROWS_MAX])}{plan_svg(scenery(race))}{remarks}</div>"
+    return f"<div>{html_table(title, HEADS, cells[:ROWS_MAX])}{plan_svg(seen)}{remarks}</div>"
 
 
 def _cell(value: float | None) -> str:

@@ -3,17 +3,23 @@
 import math
 from pathlib import Path
 
+import numpy as np
+
 from airrace.flights import Flight
 from airrace.flights.leg_facts import LegFacts, leg_facts
 from airrace.quantities import KNOT
 from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.flown_line import draw_map, flown_scenery
+from airrace.views.labels import Box
+from airrace.views.scenery import round_length
 
 WIDTH, HEIGHT = 5.83, 8.27  # inches: A5
 ROWS_MAX = 44  # in one column of the table
-HEADS = ("", "gate", "time s", "IAS kt", "m", "bank", "climb", "g at", "g most", "roll")
-PLACES = (0.03, 0.06, 0.27, 0.39, 0.48, 0.59, 0.70, 0.79, 0.89, 1.0)
+HEADS = ("", "gate", "time s", "IAS kt", "track°", "hgt m", "bank°", "climb°", "g at", "g most", "roll °/s")
+PLACES = (0.03, 0.055, 0.255, 0.355, 0.45, 0.54, 0.63, 0.73, 0.80, 0.89, 1.0)
 """The ends of the columns of the table, as shares of its width; of the second, left-aligned one the beginning."""
+GRID_LINES = 4
+"""The number of lines of the grid along the longer edge of the map, at least."""
 
 
 def draw_kneeboard(flight: Flight, path: Path) -> None:
@@ -37,7 +43,7 @@ def kneeboard_figure(flight: Flight) -> Figure:
     plan.set_anchor("C")
     seen, frame = flown_scenery(flight)
     line = draw_map(plan, flight, seen, frame, "n_z")
-    plan.tick_params(labelbottom=False, labelleft=False, length=0)
+    _draw_grid(plan, frame)
     bar = figure.colorbar(line, ax=plan, shrink=0.5, pad=0.01, aspect=30)
     bar.set_label("g", fontsize=7)
     bar.ax.tick_params(labelsize=6)
@@ -60,7 +66,26 @@ def _footnote(flight: Flight) -> str:
     limit = flight.limit("n_z")
     bound = f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
     certified = "" if flight.source.certified is not False else "; NOT certified"
-    return f"bank and climb in degrees, + right wing down; heights above the track's origin{bound}{certified}"
+    told = "bank + right wing down; track over ground, from true north; heights above the track's origin"
+    return f"{told}{bound}{certified}"
+
+
+def _draw_grid(axes: Axes, frame: Box) -> None:
+    """Draw a grid of round width over the map, and tell that width and where north is."""
+    step = round_length(max(frame.width, frame.height) / GRID_LINES)
+    axes.set_xticks(np.arange(math.ceil(frame.left / step), (frame.left + frame.width) / step) * step)
+    axes.set_yticks(np.arange(math.ceil(frame.bottom / step), (frame.bottom + frame.height) / step) * step)
+    axes.tick_params(labelbottom=False, labelleft=False, length=0)
+    axes.annotate(
+        f"north is up, grid {step:g} m",
+        (0.0, 0.0),
+        xycoords="axes fraction",
+        xytext=(0.0, -6.0),
+        textcoords="offset points",
+        fontsize=5.5,
+        color=GREY,
+        va="center",
+    )
 
 
 def _number_gates(axes: Axes, flight: Flight) -> None:
@@ -86,7 +111,9 @@ def _number_gates(axes: Axes, flight: Flight) -> None:
 
 def _draw_table(axes: Axes, flight: Flight, facts: tuple[LegFacts, ...]) -> None:
     cells = [_cells(flight, number, facts) for number in range(len(flight.crossings))]
-    shown = cells if len(cells) <= ROWS_MAX else [*cells[: ROWS_MAX - 2], ("", "...", *[""] * 8), cells[-1]]
+    shown = (
+        cells if len(cells) <= ROWS_MAX else [*cells[: ROWS_MAX - 2], ("", "...", *[""] * (len(HEADS) - 2)), cells[-1]]
+    )
     step = 1.0 / (len(shown) + 1.5)
     size = min(8.0, 560.0 * step * axes.get_position().height)
     for row, texts in enumerate((HEADS, *shown)):
@@ -110,6 +137,7 @@ def _cells(flight: Flight, number: int, facts: tuple[LegFacts, ...]) -> tuple[st
         crossing.name[:16],
         _told(crossing.time, "{:.2f}"),
         _told(crossing.value("V_I") / KNOT, "{:.0f}"),
+        _told(math.degrees(crossing.value("chi")) % 360.0, "{:03.0f}"),
         _told(crossing.value("height"), "{:.0f}"),
         _told(math.degrees(crossing.value("mu")), "{:z.0f}"),
         _told(math.degrees(crossing.value("gamma")), "{:z.0f}"),

@@ -13,7 +13,7 @@ from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
 from airrace.views.labels import Box, placed
-from airrace.views.scenery import Scenery
+from airrace.views.scenery import Scenery, round_length
 
 LONGER_EDGE = 560.0
 """The longer edge of the map, pixels."""
@@ -169,7 +169,7 @@ def _labels(sheet: _Sheet, seen: Scenery) -> list[str]:
 
 def _scale(sheet: _Sheet, flight: Trajectory | None) -> list[str]:
     """Return a bar of round length, with a note of where north is and of what the colours mean."""
-    metres = _round_length(0.25 * sheet.width / sheet.scale)
+    metres = round_length(0.25 * sheet.width / sheet.scale)
     base, left = sheet.height - 0.8 * FONT, 10.0
     right = left + metres * sheet.scale
     note = f"{metres:g} m, north is up"
@@ -188,12 +188,6 @@ def _scale(sheet: _Sheet, flight: Trajectory | None) -> list[str]:
         x += 12 * len(COLOURS) + 4
         parts.append(f'<text x="{x:.1f}" y="{base:.1f}" fill="{BLACK}">{(flight.of("V_K") / KNOT).max():.0f} kt</text>')
     return parts
-
-
-def _round_length(metres: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that is not longer."""
-    power = 10.0 ** math.floor(math.log10(metres))
-    return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= metres)
 
 
 def _shape(kind: str, points: str, colour: str, *, width: float = 1.4, dash: str = "") -> str:

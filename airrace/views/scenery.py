@@ -1,10 +1,15 @@
 """The scenery of a course from above: ways, gates, pylons, people, lines. All pictures of it are drawn from this."""
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from airrace.flights.flight import Flight
+from airrace.flights.legs import legs_of
+from airrace.flights.planned import is_planned, planned_flight
 from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race
 from airrace.track.course import Course, Direction, Passage
@@ -66,14 +71,19 @@ class Scenery:
     east: float
 
 
-def scenery(race: Race) -> Scenery:
+def scenery(race: Race, planned: Flight | None = None) -> Scenery:
     """Return all there is to see of a course.
 
-    Ways are as planned before anything is optimised, on very long courses straight.
+    Ways are those of the planned flight, before anything is optimised, on very long courses straight.
+
+    Args:
+        race: whose course it is.
+        planned: of `planned_flight`, where it is at hand.
     """
     course = race.course
     marks = _marks(course)
-    ways = _planned(race) if len(course.passages) <= PLANNED_MAX else _straight(course)
+    long = len(course.passages) > PLANNED_MAX
+    ways = _straight(course) if long else _planned(planned_flight(race) if planned is None else planned)
     lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
     south, north, west, east = _frame(course, marks, ways, tuple(lines.values()))
     return Scenery(course, marks, ways, tuple(lines.values()), south, north, west, east)
@@ -106,21 +116,27 @@ def _heading(passage: Passage) -> float | None:
     return passage.element.course(Direction.REVERSE if reverse else Direction.FORWARD)
 
 
-def _planned(race: Race) -> tuple[Way, ...]:
-    """Return the ways of the plan from which an optimisation starts; straight where it leads through the vertical."""
-    planned = race.plan
+def _planned(flight: Flight) -> tuple[Way, ...]:
+    """Return the ways of a planned flight, leg by leg; where it is straight, from one known place to the next."""
     ways: list[Way] = []
-    last: tuple[float, float] | None = None
-    for leg, here, there in zip(planned.legs, planned.waypoints, planned.waypoints[1:], strict=False):
-        lap = there.passage.lap
-        last = here.position[:2] if here.position is not None else last
-        if leg.path is not None:
-            count = 2 + int(leg.path.length / SAMPLE)
-            north, east, _ = leg.path.points(np.linspace(0.0, leg.path.length, count))
-            ways.append(Way(lap, np.stack([north, east], axis=1), planned=True))
-        elif there.position is not None and last is not None:
-            ways.append(Way(lap, np.array([last, there.position[:2]]), planned=False))
+    before: list[NDArray[np.int64]] = []
+    for leg in legs_of(flight):
+        planned = is_planned(flight, leg.rows)
+        if not planned and leg.after.passage.element.place is None:
+            before.append(leg.rows)
+            continue
+        rows = np.unique(np.concatenate([*before, leg.rows]))
+        before = []
+        line = np.stack([flight["x"][rows], flight["y"][rows]], axis=1)
+        if np.isfinite(line).all():
+            ways.append(Way(leg.lap, _thinned(line) if planned else line[[0, -1]], planned))
     return tuple(ways)
+
+
+def _thinned(line: Array) -> Array:
+    """Return about every tenth metre of a line, and both of its ends."""
+    count = max(2, 2 + int(np.linalg.norm(np.diff(line, axis=0), axis=1).sum() / SAMPLE))
+    return line[np.unique(np.linspace(0, len(line) - 1, count).round().astype(np.int64))]
 
 
 def _straight(course: Course) -> tuple[Way, ...]:
@@ -152,3 +168,9 @@ def _frame(
         least = np.clip(corners.min(axis=0), least - BEYOND * extent, least)
         largest = np.clip(corners.max(axis=0), largest, largest + BEYOND * extent)
     return float(least[0]), float(largest[0]), float(least[1]), float(largest[1])
+
+
+def round_length(metres: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not longer."""
+    power = 10.0 ** math.floor(math.log10(metres))
+    return max(one * power for one in (1.0, 2.0, 5.0) if one * power <= metres)

@@ -16,7 +16,9 @@ from typer.testing import CliRunner
 
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
-from airrace.planning.review import Kind, Remark, review
+from airrace.flights.plan_review import remarks_on_line
+from airrace.flights.planned import planned_flight
+from airrace.planning.review import Kind, Remark, in_order, review
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
@@ -70,10 +72,11 @@ def test_tables_and_map_fit_a_hundred_columns_and_the_map_thirty_five_rows(path:
 def test_warnings_are_sentences_for_people_and_objects_for_scripts(tmp_path: Path) -> None:
     path = everything(tmp_path)
     answered = json.loads(check(path, "--json"))
-    expected = review(race(path))
+    flown = race(path)
+    expected = in_order([*review(flown), *remarks_on_line(planned_flight(flown))], flown.course)
     assert [warning["text"] for warning in answered["warnings"]] == [remark.text for remark in expected]
     told = {(warning["passage"], warning["kind"]) for warning in answered["warnings"]}
-    assert {(None, "wind"), ("1:wide", "width")} <= told
+    assert {(None, "wind"), ("1:wide", "width"), ("1:q/2", "safety-line"), ("1:top", "crowd")} <= told
     assert [line for line in check(path).splitlines() if line.startswith("warning: ")] == [
         f"warning: {remark.text}" for remark in expected
     ]

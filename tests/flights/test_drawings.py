@@ -50,6 +50,8 @@ def test_the_kneeboard_is_one_page_with_every_gate() -> None:
     for crossing in flight.crossings:
         assert crossing.name in told
         assert f"{crossing.time:.2f}" in told
+        assert f"{math.degrees(crossing.value('chi')) % 360.0:03.0f}" in told
+    assert "north is up, grid 200 m" in told
     figure.savefig(io.BytesIO(), format="pdf")
 
 

@@ -15,6 +15,8 @@ from airrace.errors import UsageError
 from airrace.flights.comparison import Comparison, compared
 from airrace.flights.conditions import conditions
 from airrace.flights.flight import Crossing, Flight
+from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.polygons import Point
 
 KNOT = 1852.0 / 3600.0
 
@@ -127,6 +129,15 @@ def test_flights_of_other_passings_are_refused() -> None:
 def test_conditions_that_differ_are_told() -> None:
     told = {what: (first, second) for what, first, second in conditions(half_cuban().flight(), windy().flight())}
     assert told == {"wind": ("none", "20 kt from 70 deg")}
+    flight = circling(rovinj())
+    line = SafetyLine("beach", Point(-10.0, 0.0), Point(10.0, 0.0), keep_right=True, margin=5.0)
+    crowd = Crowd("stands", CrowdShape.POINT, (Point(0.0, 0.0),), 30.0)
+    passages = (*flight.course.passages[:-1], replace(flight.course.passages[-1], safety_lines=(line,)))
+    course = replace(flight.course, passages=passages, crowd=(crowd,))
+    other = replace(flight, race=replace(flight.race, course=course))
+    assert list(conditions(flight, other)) == [("safety lines", "none", "beach"), ("people", "none", "stands")]
+    moved = replace(other, race=replace(other.race, course=replace(course, crowd=(replace(crowd, distance=40.0),))))
+    assert list(conditions(other, moved)) == [("people", "stands", "stands otherwise")]
 
 
 @pytest.fixture

@@ -11,11 +11,16 @@ import pytest
 from flown import circling, half_cuban, rovinj
 from typer.testing import CliRunner
 
+from airrace.cli.clearance_tables import near_miss_table
 from airrace.cli.main import app
+from airrace.cli.tables import rendered
 from airrace.environment.atmosphere import g0
 from airrace.flights import Flight, legs_of
 from airrace.flights.clearance import PYLON_HEIGHT, Clearance, distances, least
 from airrace.flights.leg_facts import leg_facts
+from airrace.flights.near_misses import near_misses
+from airrace.report.flight_sections import legs_section
+from airrace.runs.leg_object import legs_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
@@ -151,3 +156,26 @@ def test_the_object_holds_the_legs_of_the_last_flight(run_file: str) -> None:
         assert leg["n_z_g"]["greatest"] == pytest.approx(one.n_z.greatest)
         assert [clear["kind"] for clear in leg["clearances"]] == [clear.kind for clear in one.clearances]
     assert sum(lap["time_s"] for lap in last["laps"]) == pytest.approx(half_cuban().race_time)
+
+
+def test_near_misses_are_told_in_the_answer_and_in_the_object(run_file: str) -> None:
+    """The half Cuban eight has no pylons; between those of a gate 3 m wide there is no room for a wing."""
+    assert "near misses" not in show(run_file)[1]
+    (stage,) = (one for one in json.loads(show(run_file, "--json")[1])["stages"] if "legs" in one)
+    assert stage["near_misses"] == []
+    flight = narrow()
+    (miss,) = (one for one in near_misses(flight) if one.clearance.time == 0.0)
+    (first, *_) = legs_object(flight)["near_misses"]
+    assert first["distance_m"] == miss.clearance.distance == pytest.approx(0.0, abs=1e-12)
+    assert (first["name"], first["beside"], first["required_m"]) == ("g0", "0:g0", 0.5)
+    assert "at 0:g0" in rendered(near_miss_table(near_misses(flight)), columns=80)
+    assert "g0 (0.00 m, at 0:g0)" in legs_section(flight)
+
+
+def narrow() -> Flight:
+    """A circle at the height of the pylons, through a gate that is narrower than the wing."""
+    flight = circling(rovinj(), bank=0.1, height=10.0)
+    gate = replace(flight.course.passages[0].element, width=3.0, heading=0.0)
+    passages = [replace(one, element=gate) if one.element.name == gate.name else one for one in flight.course.passages]
+    crossings = tuple(replace(one, passage=passage) for one, passage in zip(flight.crossings, passages, strict=True))
+    return replace(with_course(flight, passages=tuple(passages)), crossings=crossings)

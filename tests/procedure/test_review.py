@@ -12,10 +12,12 @@ from transformations import mirrored
 
 from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
+from airrace.flights.plan_review import remarks_on_line
+from airrace.flights.planned import planned_flight
 from airrace.planning.cruise import top_speed
 from airrace.planning.legs import PLANNED_MAX, legs, tightest
 from airrace.planning.race import Race
-from airrace.planning.review import Kind, Remark, review
+from airrace.planning.review import Kind, Remark, in_order, review
 from airrace.planning.slips import exchanged_axes
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Rules
@@ -51,13 +53,18 @@ def changed(index: int, **changes: object) -> Race:
     return race(dataclasses.replace(GOOD, passages=tuple(passages)))
 
 
+def reviewed(flown: Race) -> list[Remark]:
+    """All remarks that `check` makes on a race."""
+    return in_order([*review(flown), *remarks_on_line(planned_flight(flown))], flown.course)
+
+
 def kinds(flown: Race) -> list[tuple[str, Kind]]:
-    return [(remark.passage, remark.kind) for remark in review(flown)]
+    return [(remark.passage, remark.kind) for remark in reviewed(flown)]
 
 
 def only(flown: Race) -> Remark:
     """The one remark there is."""
-    (remark,) = review(flown)
+    (remark,) = reviewed(flown)
     return remark
 
 
@@ -68,14 +75,14 @@ def test_real_courses_give_no_cause_for_remarks_but_one_whose_line_forces_a_turn
 
 
 def test_a_well_made_course_gives_no_cause_for_remarks() -> None:
-    assert review(race(GOOD)) == []
+    assert reviewed(race(GOOD)) == []
 
 
 def test_a_wind_above_the_race_rule_is_remarked_on_for_the_race_as_a_whole() -> None:
     remark = only(race(GOOD, wind=StaticWind(0.0, 31.0 * KNOT)))
     assert (remark.passage, remark.kind) == ("", Kind.WIND)
     assert "31 kt" in remark.text
-    assert review(race(GOOD, wind=StaticWind(0.0, 30.0 * KNOT))) == []
+    assert reviewed(race(GOOD, wind=StaticWind(0.0, 30.0 * KNOT))) == []
 
 
 @pytest.mark.parametrize("n_z", [Interval(-2.0, 13.0), Interval(-13.0, 10.0)])
@@ -104,12 +111,12 @@ def test_a_width_that_no_racing_gate_has_is_remarked_on_once(width: float, remar
 def test_a_gate_flown_against_the_way_of_the_course_is_remarked_on() -> None:
     against = level("b", 500.0, 0.0, 180.0)
     ends = level("a", 0.0, 0.0, 0.0), level("c", 1000.0, 0.0, 0.0)
-    remarks = {remark.kind: remark for remark in review(of([ends[0], against, ends[1]]))}
+    remarks = {remark.kind: remark for remark in reviewed(of([ends[0], against, ends[1]]))}
     assert remarks[Kind.AXIS].passage == "b"
     assert "180 deg" in remarks[Kind.AXIS].text
     reversed_ = changed(1, element=level("b", 500.0, 0.0, 180.0), direction=Direction.REVERSE)
     planned = changed(1, element=level("b", 500.0, 0.0, 180.0), direction=Direction.PLANNED)
-    assert review(reversed_) == review(planned) == []
+    assert reviewed(reversed_) == reviewed(planned) == []
 
 
 @pytest.mark.parametrize("index", [0, 2])
@@ -148,7 +155,7 @@ def test_gates_at_heights_that_the_allowed_climb_does_not_connect_are_remarked_o
 
 def test_gates_flown_exactly_allow_any_climb() -> None:
     exact = [level("a", 0.0, 0.0, 0.0, Passing.POINT), stair(200.0, Passing.POINT)]
-    assert review(of(exact)) == []
+    assert reviewed(of(exact)) == []
 
 
 def test_a_turn_without_room_is_remarked_on_and_says_how_much_it_needs() -> None:
@@ -161,7 +168,7 @@ def test_a_turn_without_room_is_remarked_on_and_says_how_much_it_needs() -> None
 
 def test_a_gate_nearer_than_a_turn_radius_is_remarked_on_only_where_the_course_turns() -> None:
     first, straight, turned = level("a", 0.0, 0.0, 0.0), level("b", 100.0, 0.0, 0.0), level("b", -50.0, -118.0, 70.0)
-    assert review(of([first, straight])) == []
+    assert reviewed(of([first, straight])) == []
     found = [kind for kind in kinds(of([first, turned])) if kind[1] in (Kind.CLOSE, Kind.TURN)]
     assert found == [("b", Kind.CLOSE)]
 
@@ -173,7 +180,7 @@ def test_two_passings_of_one_spot_are_a_quad_and_no_turn_without_room() -> None:
         level("q2", 0.0, 0.0, 0.0),
         level("b", 500.0, 0.0, 0.0),
     ]
-    assert review(of(quad)) == []
+    assert reviewed(of(quad)) == []
 
 
 def line(keep_right: bool, margin: float = 0.0, east: float = 20.0) -> SafetyLine:
@@ -184,7 +191,7 @@ def line(keep_right: bool, margin: float = 0.0, east: float = 20.0) -> SafetyLin
 TURN_AROUND = [level("a", 0.0, 0.0, 0.0), level("b", 0.0, -500.0, 180.0)]
 
 
-def test_the_tightest_turn_across_a_safety_line_is_remarked_on() -> None:
+def test_a_planned_turn_across_a_safety_line_is_remarked_on() -> None:
     """The way from a to b leads to the west; it starts towards the north, 20 m west of the line."""
     for kept, expected in (
         (line(keep_right=False), []),
@@ -216,7 +223,10 @@ def test_a_crowd_too_near_to_a_leg_is_remarked_on(shape: CrowdShape) -> None:
 def test_a_slant_distance_counts_the_height() -> None:
     corner = (Point(250.0, -80.0),)
     assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=False))) == [("b", Kind.CROWD)]
-    assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=True))) == []  # hypot(80, 20) = 82.5
+    slant = only(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 82.0, slant=True)))  # hypot(80, 20) = 82.5
+    assert slant.kind is Kind.CROWD
+    assert slant.text.endswith("leads through the zone of `stands`; only its height keeps it 82 m away")
+    assert kinds(with_crowd(Crowd("stands", CrowdShape.POINT, corner, 80.0, slant=True))) == []
 
 
 @pytest.mark.parametrize("shape", [CrowdShape.LINE, CrowdShape.AREA])
@@ -230,7 +240,7 @@ def test_a_turn_over_a_crowd_is_remarked_on_where_the_straight_line_is_not() -> 
     crowd = Crowd("stands", CrowdShape.POINT, (Point(120.0, -100.0),), 60.0, slant=False)
     flown = course("turn", *TURN_AROUND)
     remark = only(race(dataclasses.replace(flown, crowd=(crowd,))))
-    assert remark.text.startswith("the shortest level way from `a` to `b` comes within")
+    assert remark.text.startswith("the planned line from `a` to `b` comes within")
 
 
 def test_a_turn_that_leaves_the_airspace_is_remarked_on() -> None:
@@ -251,7 +261,7 @@ def test_turn_is_judged_by_the_load_factor_that_the_rules_allow() -> None:
     slow = of(
         [level("a", 0.0, 0.0, 0.0), level("b", 60.0, 60.0, 90.0)], dataclasses.replace(RULES, n_z=Interval(-1.0, 1.2))
     )
-    (text,) = (remark.text for remark in review(slow) if remark.kind is Kind.TURN)
+    (text,) = (remark.text for remark in reviewed(slow) if remark.kind is Kind.TURN)
     assert " and 1.2 g it has a radius of " in text
     assert tightest(slow).n == 1.2
 
@@ -265,7 +275,7 @@ def heavy(factor: float) -> Race:
 @pytest.mark.parametrize("factor", [7.0, 20.0])
 def test_aircraft_that_cannot_fly_level_is_said_to(factor: float) -> None:
     assert top_speed(heavy(factor).aircraft) == 0.0
-    texts = [remark.text for remark in review(heavy(factor)) if remark.kind is not Kind.LOAD_FACTOR]
+    texts = [remark.text for remark in reviewed(heavy(factor)) if remark.kind is not Kind.LOAD_FACTOR]
     assert any("cannot fly level" in text for text in texts)
     assert not any("in level flight" in text for text in texts)
 
@@ -274,7 +284,7 @@ def test_propeller_that_hardly_pulls_ends_in_words() -> None:
     """Its speed falls until a power of it overflows."""
     propulsion = dataclasses.replace(EDGE_540.propulsion, eta_p=1e-6)
     weak = Race(GOOD, dataclasses.replace(EDGE_540, propulsion=propulsion), Air())
-    assert any("cannot fly level" in remark.text for remark in review(weak))
+    assert any("cannot fly level" in remark.text for remark in reviewed(weak))
 
 
 def test_top_speed_balances_power_and_drag() -> None:
@@ -311,7 +321,7 @@ def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
     ends = level("a", 0.0, 0.0, 0.0), level("b", 800.0, 0.0, 0.0)
     for side, asked in ((90.0, 0), (270.0, 1)):  # 40 m west of the line: east of it nothing has to be flown round
         flown = of([ends[0], pylon("p", 400.0, 40.0, side), ends[1]])
-        texts = [remark.text for remark in review(flown) if "pass_side_deg" in remark.text]
+        texts = [remark.text for remark in reviewed(flown) if "pass_side_deg" in remark.text]
         assert len(texts) == asked
     assert texts == [
         "nothing has to be flown round `p`: the straight line from `a` to `b` passes it 40 m away on the side that is "
@@ -338,4 +348,4 @@ def test_a_course_too_long_to_plan_is_looked_at_straight() -> None:
     long = of(gates)
     assert {leg.turn for leg in legs(long)} == {None}
     assert len(legs(long)) == PLANNED_MAX
-    assert review(long) == []
+    assert reviewed(long) == []

@@ -92,5 +92,6 @@ def test_everything_that_can_stand_beside_a_course_is_drawn_and_escaped(tmp_path
     root = drawn(replace(race, course=course))
     titles = [title.text for title in root.iter(f"{SVG}title")]
     assert titles == ["<script>& from above"]
-    assert "<script>" not in course_page(replace(race, course=course), ["a <b> warning"])
+    hostile = replace(race, course=course)
+    assert "<script>" not in course_page(hostile, scenery(hostile), ["a <b> warning"])
     assert len(list(root.iter(f"{SVG}polygon"))) > 0

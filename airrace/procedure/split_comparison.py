@@ -1,4 +1,4 @@
-"""The comparison of two flights of one course, leg by leg: where time was won and where it was lost."""
+"""The comparison of two stages by their gate splits, leg by leg: where time was won and where it was lost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class LegTimes:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class SplitComparison:
     """The comparison of two flights of the same passings.
 
     Attributes:
@@ -48,7 +48,7 @@ class Comparison:
         return self.after - self.before
 
 
-def compared(before: StageResult, after: StageResult) -> Comparison:
+def compared(before: StageResult, after: StageResult) -> SplitComparison:
     """Compare one flight with another of the same passings.
 
     Raises:
@@ -67,7 +67,7 @@ def compared(before: StageResult, after: StageResult) -> Comparison:
         for end in range(1, len(before.splits))
     )
     both = before.certified and after.certified
-    return Comparison(before.trajectory.race_time, after.trajectory.race_time, legs, both)
+    return SplitComparison(before.trajectory.race_time, after.trajectory.race_time, legs, both)
 
 
 def last_common(before: Sequence[StageResult], after: Sequence[StageResult]) -> tuple[StageResult, StageResult] | None:

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from airrace.procedure.comparison import compared, last_common
 from airrace.procedure.restart import Another
 from airrace.procedure.result import StageResult
+from airrace.procedure.split_comparison import compared, last_common
 from airrace.runs.run_object import finite
 
 

@@ -6,8 +6,8 @@ import pytest
 from ladders import PLAN
 from races import SHIPPED, SMALL, blown, optimum
 
-from airrace.procedure.comparison import compared, last_common
 from airrace.procedure.result import Outcome, Stage
+from airrace.procedure.split_comparison import compared, last_common
 
 
 def test_losses_of_the_legs_add_up_to_that_of_the_race() -> None:

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from airrace.cli.tables import plain_table
-from airrace.procedure.comparison import compared, last_common
 from airrace.procedure.restart import Another
 from airrace.procedure.result import StageResult
+from airrace.procedure.split_comparison import compared, last_common
 
 
 def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | None:

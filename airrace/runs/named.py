@@ -1,0 +1,19 @@
+"""Flights as they are asked for: a file, and a stage of the run in it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Named:
+    """A flight as it was asked for: a file, and a stage or None for the last one."""
+
+    path: Path
+    stage: str | None
+
+    @classmethod
+    def of(cls, text: str) -> "Named":
+        """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first."""
+        file, colon, stage = text.rpartition(":")
+        named = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
+        return cls(Path(file), stage) if named else cls(Path(text), None)

@@ -1,0 +1,48 @@
+"""A command that makes a file of a file writes it beside that file, and never over another one unasked."""
+
+import os
+from pathlib import Path
+
+import pytest
+from flown import half_cuban
+from typer.testing import CliRunner
+
+from airrace.cli.main import app
+from airrace.runs.output import beside
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run, which is not the current one."""
+    place = tmp_path_factory.mktemp("runs")
+    half_cuban().save(place / "eight.h5")
+    return place
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("report",), "eight.html"),
+        (("plot",), "eight.png"),
+        (("plot", "--kneeboard"), "eight.kneeboard.png"),
+        (("export", "mat"), "eight.mat"),
+        (("export", "netcdf"), "eight.nc"),
+    ],
+)
+def test_results_lie_beside_the_run_and_are_not_overwritten(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = set(folder.iterdir())
+    flight = f"{folder / 'eight.h5'}:point-mass"
+    assert CliRunner().invoke(app, [*words, flight]).exit_code == 0
+    assert {path.name for path in set(folder.iterdir()) - before} == {name}
+    assert os.listdir(tmp_path) == []
+    refused = CliRunner().invoke(app, [*words, flight])
+    assert (refused.exit_code, refused.stderr.count("--force")) == (2, 1)
+
+
+def test_the_name_is_that_of_the_file_without_its_stage() -> None:
+    assert beside("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
+    assert beside(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
+    assert beside("run", "kneeboard.png") == Path("run.kneeboard.png")
