@@ -55,6 +55,10 @@ class ClusterError(AirraceError):
     """An error of a cluster: its scheduler cannot be reached, or it or its workers cannot be used."""
 
 
+class OutOfTime(AirraceError):
+    """An error of a run that is not finished within the time that it was given; what it has finished is kept."""
+
+
 class SolverCrash(AirraceError):
     """An error of the solver process, which died or stopped answering."""
 

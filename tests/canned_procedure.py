@@ -90,6 +90,7 @@ def optimize(
     finished: Sequence[StageResult] = (),
     start: Sequence[StageResult] = (),
     start_name: str = "",
+    timeout: float | None = None,
     progress: Progress,
 ) -> Iterator[StageResult]:
     """The scenario named in CANNED_SCENARIO, stage by stage."""

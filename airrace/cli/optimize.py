@@ -15,6 +15,7 @@ from airrace.cli.options import (
     SettingsFile,
     SigningKey,
     Threads,
+    Timeout,
     TrackFile,
     WhatIsProved,
 )
@@ -52,6 +53,7 @@ def optimize(
     overrides: Overrides = None,
     sign: SigningKey = None,
     threads: Threads = None,
+    timeout: Timeout = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -76,4 +78,4 @@ def optimize(
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )
-        fly(answer, task.signed(signer), threads=threads, quiet=quiet)
+        fly(answer, task.signed(signer), threads=threads, timeout=timeout, quiet=quiet)

@@ -59,6 +59,12 @@ WhatIsProved = Annotated[
     ),
 ]
 Threads = Annotated[int | None, typer.Option(min=1, metavar="N", help="Threads; by default all cores.")]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        "--timeout", metavar="SECONDS", help="Stop after this time, with what is finished; `resume` goes on from there."
+    ),
+]
 SigningKey = Annotated[
     Path | None,
     typer.Option(

@@ -18,6 +18,7 @@ from airrace.cli.options import (
     SettingsFile,
     SigningKey,
     Threads,
+    Timeout,
     WhatIsProved,
 )
 from airrace.runs.answer import Answer, unflown
@@ -60,6 +61,7 @@ def resume(
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing NEW.h5.")] = False,
     sign: SigningKey = None,
     threads: Threads = None,
+    timeout: Timeout = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -93,7 +95,7 @@ def resume(
         if dry_run:
             _tell(answer, task.run.name, task.steps, quiet=quiet)
             return
-        fly(answer, task.signed(signer), threads=threads, quiet=quiet)
+        fly(answer, task.signed(signer), threads=threads, timeout=timeout, quiet=quiet)
 
 
 def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:

@@ -5,14 +5,16 @@ at any moment. One process serves a whole run.
 """
 
 import contextlib
+import math
 import pickle
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Generator
 from types import TracebackType
 from typing import Self
 
-from airrace.errors import SolverCrash
+from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import kernels
 from airrace.optimal_control.messages import (
     COMPILING,
@@ -56,6 +58,7 @@ class SolverService:
         threads: threads that evaluate derivatives.
         compiled: whether kernels are compiled where possible.
         stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
+        deadline: the time, by `time.monotonic`, after which nothing is solved any more.
         on_notice: told what the process does besides solving.
     """
 
@@ -65,12 +68,14 @@ class SolverService:
         threads: int = 1,
         compiled: bool = True,
         stall_seconds: float = STALL_SECONDS,
+        deadline: float = math.inf,
         on_notice: Callable[[str], None] | None = None,
     ) -> None:
         self._on_notice = on_notice
         self._threads = threads
         self._compiled = compiled
         self._stall_seconds = stall_seconds
+        self._deadline = deadline
         self._process: subprocess.Popen[bytes] | None = None
         self._starter = 0  # the thread that has started the process, with which the process ends on Linux
         self._ended = False
@@ -110,6 +115,7 @@ class SolverService:
 
         Raises:
             Stalled: no iteration was finished for `stall_seconds`; the process was restarted.
+            OutOfTime: the deadline has passed; the process was stopped.
             SolverEnded: `end` was called, before the solve or meanwhile.
             SolverCrash: the process died, or could not work on the request.
         """
@@ -199,8 +205,12 @@ class SolverService:
             raise SolverEnded
 
     def _receive(self, patience: float | None) -> Reply:
-        """Return the next reply, waited for `patience` seconds at most."""
-        if not self._replies.poll(patience):
+        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline."""
+        left = max(0.0, self._deadline - time.monotonic())
+        out_of_time = math.isfinite(left) and (patience is None or left < patience)
+        if not self._replies.poll(left if out_of_time else patience):
+            if out_of_time:
+                raise OutOfTime("there is no time left")
             raise Stalled(f"no iteration finished within {patience:g} s")
         reply: Reply = self._replies.recv()
         return reply

@@ -12,6 +12,7 @@ from enum import Enum
 from airrace.dynamics import handling
 from airrace.frames import angle_between
 from airrace.planning.cruise import top_speed
+from airrace.planning.extremes import climb_beyond_energy, narrow_heights, one_behind_the_other
 from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
 from airrace.planning.race import Race
 from airrace.planning.slips import exchanged_axes, idle_pylons
@@ -119,6 +120,8 @@ def _on_elements(race: Race) -> Iterator[Remark]:
             for subject, text in passage.element.remarks(passage.name):
                 yield Remark(passage.name, Kind.of(subject), text)
             yield from _on_ceiling(passage, race.course.rules.height)
+    for text in narrow_heights(race.course.rules.height):
+        yield Remark("", Kind.CEILING, text)
     yield from _on_axes(race.course)
     yield from _on_slips(race.course)
 
@@ -143,6 +146,9 @@ def _on_ceiling(passage: Passage, allowed: Interval) -> Iterator[Remark]:
     element = passage.element
     if element.heights.lower > allowed.upper:
         text = f"`{passage.name}` asks for {element.heights.lower:.0f} m; the ceiling is at {allowed.upper:.0f} m"
+        yield Remark(passage.name, Kind.CEILING, text)
+    elif element.heights.upper < allowed.lower:
+        text = f"`{passage.name}` allows {element.heights.upper:.0f} m at most; the floor is at {allowed.lower:.0f} m"
         yield Remark(passage.name, Kind.CEILING, text)
     elif passage.roll is not None and allowed.lower + passage.roll.gain > allowed.upper:
         room = f"there are {allowed.upper - allowed.lower:.0f} m between floor and ceiling"
@@ -184,6 +190,10 @@ def _on_legs(race: Race) -> Iterator[Remark]:
     pace = tightest(race)
     for leg in flown:
         yield from _on_climb(leg)
+        for text in climb_beyond_energy(leg, race.aircraft):
+            yield Remark(leg.after.name, Kind.CLIMB, text)
+        for text in one_behind_the_other(leg, race.aircraft):
+            yield Remark(leg.after.name, Kind.CLOSE, text)
         if pace.n > LEAST_LOAD_FACTOR:
             yield from _on_turn(leg, pace.radius, f"at {pace.V:.0f} m/s and {pace.n:.3g} g")
 

@@ -4,6 +4,8 @@ The edges consume the results as they come.
 """
 
 import logging
+import math
+import time
 from collections.abc import Iterator, Sequence
 
 from airrace.dynamics import handling
@@ -47,6 +49,7 @@ def optimize(
     finished: Sequence[StageResult] = (),
     start: Sequence[StageResult] = (),
     start_name: str = "another run",
+    timeout: float | None = None,
     progress: Progress,
 ) -> Iterator[StageResult]:
     """Run the stages up to `until` that are not in `finished`; yield each result as it is finished.
@@ -65,13 +68,17 @@ def optimize(
             and where none does, all stages are run; the first result then says so in its message. Without any say
             where stages are finished.
         start_name: what users call that other run.
+        timeout: the longest wall time of all stages together, s; None for none. No result depends on it: what is not
+            finished by then is not there.
         progress: who watches.
 
     Raises:
+        OutOfTime: the stage under way is not finished within `timeout`.
         InputError: aircraft and rules contradict each other.
         UsageError: `start` has no certified or solved stage up to `until`, or flies other passings.
         SolverCrash: the solver process died.
     """
+    deadline = math.inf if timeout is None else time.monotonic() + timeout
     another = Another(start_name, start)
     optima = another.optima(STAGES[: STAGES.index(until) + 1])
     ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS, last=until)
@@ -89,10 +96,11 @@ def optimize(
         threads=threads,
         compiled=solver.compile_kernels,
         stall_seconds=solver.stall_seconds,
+        deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     ) as service:
         load_in_background()
-        bench = Workbench(service, settings, progress, threads)
+        bench = Workbench(service, settings, progress, threads, deadline)
         for stage in unproved:
             progress.stage_started(stage)
             completed = ladder.complete(stage, bench)

@@ -1,5 +1,6 @@
 """The workbench of a stage: the primary solver, then the fallback, with every attempt on record."""
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,12 +26,16 @@ MEASURED = "its errors are measured to be within the certificate's limit"
 
 @dataclass
 class Workbench:
-    """The means with which the stages solve: a solver process, settings, threads, and the record of attempts."""
+    """The means with which the stages solve: a solver process, settings, threads, and the record of attempts.
+
+    `deadline` is the time, by `time.monotonic`, after which nothing is solved any more.
+    """
 
     service: SolverService
     settings: Settings
     progress: Progress
     threads: int = 1
+    deadline: float = math.inf
     attempts: list[Attempt] = field(default_factory=list[Attempt])
     derivative_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
@@ -45,7 +50,9 @@ class Workbench:
 
     def _another(self) -> SolverService:
         solver = self.settings.solver
-        return SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds)
+        return SolverService(
+            compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds, deadline=self.deadline
+        )
 
     def begin(self) -> None:
         """Start a new stage: forget the attempts of the one before."""

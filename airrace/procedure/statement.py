@@ -10,6 +10,7 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
 from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.planning.extremes import SHORTEST_LEG
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.ends import Ends
@@ -20,8 +21,6 @@ from airrace.track.element import Frame, climb_condition
 from airrace.track.limits import Roll
 from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO
 
-SHORTEST = 0.1
-"""The shortest duration of a phase, s."""
 DETOUR, DETOUR_SECONDS = 3.0, 10.0
 """The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""
 TIME_SCALE = 3.0
@@ -61,7 +60,7 @@ def race_problem(
         Phase(
             name=f"{a.passage.name} -> {b.passage.name}",
             fractions=fractions,
-            duration=Interval(SHORTEST, DETOUR * seconds + DETOUR_SECONDS),
+            duration=Interval(SHORTEST_LEG, DETOUR * seconds + DETOUR_SECONDS),
             end=end,
             bounds=COUNTING if b.passage.roll is not None else {},
             watches=watched,

@@ -53,6 +53,7 @@ def optimize(
     start: Run | str | Path | None = None,
     set: Values = (),
     threads: int | None = None,
+    timeout: float | None = None,
     progress: bool | Progress = False,
 ) -> Run:
     """Fly a course as fast as can be, stage by stage; the last one is certified.
@@ -79,6 +80,7 @@ def optimize(
         start: another run, or its file, to start from.
         set: single values by their keys, e.g. `{"rules.n_z_max": 9}`; or texts, e.g. `["rules.n_z_max=9"]`.
         threads: threads that evaluate derivatives; None for all cores. Results do not depend on it.
+        timeout: the longest wall time, s; None for none. What is finished by then is in `out`.
         progress: whether a view of the run under way is shown on stderr; or who watches.
 
     Returns:
@@ -88,6 +90,7 @@ def optimize(
     Raises:
         InputError: track, aircraft, settings or values are not valid; it carries all findings.
         UsageError: no such stage, a file that exists, or a run that cannot be started from.
+        OutOfTime: the run is not finished within `timeout`.
         SolverCrash: the solver process died.
         StorageError: the system refused to write the file.
     """
@@ -107,7 +110,7 @@ def optimize(
         path=path,
         start=start,
     )
-    return _fly(task, threads, progress)
+    return _fly(task, threads, timeout, progress)
 
 
 def resume(
@@ -123,6 +126,7 @@ def resume(
     out: str | Path | None = None,
     force: bool = False,
     threads: int | None = None,
+    timeout: float | None = None,
     progress: bool | Progress = False,
 ) -> Run:
     """Continue a run, or fly it again with something changed.
@@ -146,7 +150,7 @@ def resume(
         track, aircraft, settings: what is flown instead, see `optimize`.
         out: the file to be written; None for the file of the run, of a changed run for none.
         force: whether a file that exists may be overwritten.
-        threads, progress: see `optimize`.
+        threads, timeout, progress: see `optimize`.
 
     Returns:
         The run with all its stages.
@@ -155,6 +159,7 @@ def resume(
         CheckpointError: the file cannot be read.
         InputError: the changed inputs are not valid.
         UsageError: no such stage, a file that exists, or nothing to start from.
+        OutOfTime: the run is not finished within `timeout`.
         SolverCrash: the solver process died.
         StorageError: the system refused to write the file.
     """
@@ -169,14 +174,16 @@ def resume(
         before = run if isinstance(run, Run) else opened_run(Path(run))
         before = before if path is None else before.moved(path)
         again = stage_name(from_)
-        return _fly(continued_task(before, until=stage_name(until), from_stage=again, proof=proof), threads, progress)
+        return _fly(
+            continued_task(before, until=stage_name(until), from_stage=again, proof=proof), threads, timeout, progress
+        )
     changes = changes.with_overrides(settings_texts(proof=proof))
     if from_ is not None:
         raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
     before = run if isinstance(run, Run) else other_run(Path(run))
     if path is not None and before.path is not None:
         ensure_other_file(before.path, path)
-    return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, progress)
+    return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
 
 
 def open(path: str | Path) -> Run:
@@ -232,10 +239,10 @@ def tracks() -> tuple[ShippedTrack, ...]:
     return shipped().tracks
 
 
-def _fly(task: Task, threads: int | None, progress: bool | Progress) -> Run:
+def _fly(task: Task, threads: int | None, timeout: float | None, progress: bool | Progress) -> Run:
     """Fly all stages of a task."""
     with _watched(task, progress) as watcher:
-        steps = list(flown(task, threads=threads or available_cores(), progress=watcher))
+        steps = list(flown(task, threads=threads or available_cores(), timeout=timeout, progress=watcher))
     return steps[-1] if steps else task.run
 
 

@@ -8,6 +8,7 @@ from airrace.errors import (
     ClusterError,
     InputError,
     NotCertified,
+    OutOfTime,
     SolverCrash,
     StorageError,
     UsageError,
@@ -60,6 +61,8 @@ def of_error(error: BaseException) -> ExitCode:
             return ExitCode.INVALID_INPUT
         case NotCertified():
             return ExitCode.NOT_CERTIFIED
+        case OutOfTime():
+            return ExitCode.TIMEOUT
         case CheckpointError():
             return ExitCode.BAD_CHECKPOINT
         case StorageError() | ClusterError() | SolverCrash() | MemoryError() | OSError():

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
+from airrace.errors import OutOfTime, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.ladder import proves
 from airrace.procedure.progress import Progress
@@ -20,7 +21,7 @@ from airrace.runs.split_comparison import comparison_object
 from airrace.runs.task import Task
 
 
-def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
+def flown(task: Task, *, threads: int, timeout: float | None = None, progress: Progress) -> Iterator[Run]:
     """Fly the stages that are not kept; yield the run after each, written to its file if it has one.
 
     The file is written before anything is computed, too: whatever ends the run, it can be resumed.
@@ -28,18 +29,25 @@ def flown(task: Task, *, threads: int, progress: Progress) -> Iterator[Run]:
     Args:
         task: what is to be flown.
         threads: threads that evaluate derivatives.
+        timeout: the longest wall time of what is flown, s; None for none.
         progress: who watches.
     """
-    return (run for run, _ in _flown(task, threads=threads, progress=progress))
+    return (run for run, _ in _flown(task, threads=threads, timeout=timeout, progress=progress))
 
 
-def _flown(task: Task, *, threads: int, progress: Progress) -> Iterator[tuple[Run, StageResult]]:
+def _flown(
+    task: Task, *, threads: int, timeout: float | None = None, progress: Progress
+) -> Iterator[tuple[Run, StageResult]]:
     """Return the run after each stage that was flown, or proved, and that stage."""
+    if timeout is not None and not timeout > 0.0:
+        raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
     with flown_alone(task.run.path):
-        yield from _flown_alone(task, threads=threads, progress=progress)
+        yield from _flown_alone(task, threads=threads, timeout=timeout, progress=progress)
 
 
-def _flown_alone(task: Task, *, threads: int, progress: Progress) -> Iterator[tuple[Run, StageResult]]:
+def _flown_alone(
+    task: Task, *, threads: int, timeout: float | None = None, progress: Progress
+) -> Iterator[tuple[Run, StageResult]]:
     run, start = task.run, task.start
     kept = {result.stage for result in task.kept}
     _keep(run)
@@ -51,6 +59,7 @@ def _flown_alone(task: Task, *, threads: int, progress: Progress) -> Iterator[tu
         finished=task.kept,
         start=() if start is None else start.results,
         start_name="" if start is None else start.name,
+        timeout=timeout,
         progress=progress,
     ):
         run = run.with_proof(result) if result.stage in kept else run.with_stage(result)
@@ -59,14 +68,20 @@ def _flown_alone(task: Task, *, threads: int, progress: Progress) -> Iterator[tu
         yield run, result
 
 
-def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) -> Sequence[StageResult]:
+def fly_stages(
+    answer: Answer, task: Task, *, threads: int, timeout: float | None = None, progress: Progress
+) -> Sequence[StageResult]:
     """Fly the stages that are not kept, and fill in the answer's object, exit code and sentence.
 
     Args:
         answer: what the command has to say.
         task: what is to be flown.
         threads: threads that evaluate derivatives.
+        timeout: the longest wall time of what is flown, s; None for none.
         progress: who watches.
+
+    Raises:
+        UsageError: `timeout` is not positive.
 
     Returns:
         All stages of the run by now, in order.
@@ -74,8 +89,12 @@ def fly_stages(answer: Answer, task: Task, *, threads: int, progress: Progress) 
     started = time.perf_counter()
     finished = {result.stage: result for result in task.kept}
     try:
-        for _, result in _flown(task, threads=threads, progress=progress):
+        for _, result in _flown(task, threads=threads, timeout=timeout, progress=progress):
             finished[result.stage] = result
+    except OutOfTime:
+        answer.fail(
+            ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_remedy(task, tuple(finished.values()))}"
+        )
     except BaseException as error:
         if not interrupts.caused(error):
             raise
@@ -103,7 +122,7 @@ def _keep(run: Run) -> None:
 
 
 def _remedy(task: Task, results: Sequence[StageResult]) -> str:
-    """Return how an interrupted run is continued, as a clause."""
+    """Return how a run that was ended before its end is continued, as a clause."""
     if task.start is not None and not results:  # resuming would begin from the course alone
         return f"no stage is finished; start from {task.start.name} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"

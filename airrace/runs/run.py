@@ -177,6 +177,7 @@ class Run:
         out: str | Path | None = None,
         force: bool = False,
         threads: int | None = None,
+        timeout: float | None = None,
         progress: bool | Progress = False,
     ) -> "Run":
         """Continue this run, or fly it again with something changed; see `airrace.resume`."""
@@ -194,6 +195,7 @@ class Run:
             out=out,
             force=force,
             threads=threads,
+            timeout=timeout,
             progress=progress,
         )
 

@@ -62,6 +62,29 @@ def test_run_stopped_in_the_joint_solve_keeps_its_homotopy_and_goes_on_to_the_sa
     assert airrace("verify", "run.h5", cwd=tmp_path).code == 0
 
 
+def test_run_that_is_out_of_time_keeps_what_is_finished_and_goes_on_to_the_same_time(
+    tmp_path: Path, uninterrupted: Ran
+) -> None:
+    stopped = airrace("optimize", SIXTEEN, *ONE_LAP, "--out", "run.h5", "--timeout", "0.1", "--json", cwd=tmp_path)
+    assert stopped.code == 6
+    assert (
+        stopped.answer["error"]
+        == "stopped after 0.1 s (--timeout); go on with `airrace resume run.h5` (finished: none)"
+    )
+    for _ in range(2):  # the first of them ends with all that was asked for, the second has nothing to do
+        resumed = airrace("resume", "run.h5", *POINT_MASS, "--timeout", "900", "--json", cwd=tmp_path)
+        assert resumed.code == 0
+        assert resumed.race_time == pytest.approx(uninterrupted.race_time, rel=1e-9)
+
+
+@pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
+def test_a_run_without_any_time_is_wrong_usage(seconds: str, tmp_path: Path) -> None:
+    refused = airrace("optimize", SIXTEEN, "--out", "run.h5", "--timeout", seconds, cwd=tmp_path)
+    assert refused.code == 2
+    assert "--timeout" in refused.err
+    assert not (tmp_path / "run.h5").exists()
+
+
 @linux_only
 @pytest.mark.slow
 def test_run_stopped_in_the_homotopy_begins_again(tmp_path: Path, uninterrupted: Ran) -> None:

@@ -17,7 +17,7 @@ import pytest
 from kernel_comparison import needs_compiler
 from known_flights import oscillator, rest_to_rest
 
-from airrace.errors import SolverCrash
+from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import background_compilation
 from airrace.optimal_control.messages import IterationReport, Receiver, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
@@ -146,6 +146,20 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
 def test_stall_is_noticed_although_the_worker_is_busy() -> None:
     with SolverService(compiled=False, stall_seconds=0.01) as service, pytest.raises(Stalled):
         solve(service, rest_to_rest(400))
+
+
+@linux_only
+def test_nothing_is_solved_after_the_deadline_and_no_process_is_left() -> None:
+    before = children()
+    service = SolverService(compiled=False, deadline=time.monotonic() + 3.0)
+    started = time.monotonic()
+    problem = rest_to_rest(4000)  # which takes longer
+    with pytest.raises(OutOfTime):
+        solve(service, problem)
+    assert 2.9 < time.monotonic() - started < 6.0
+    assert children() == before
+    with pytest.raises(OutOfTime):
+        solve(service)
 
 
 @linux_only

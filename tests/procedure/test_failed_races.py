@@ -6,7 +6,7 @@ import time
 import pytest
 from races import RACES, SMALL, flown, optimum, prepared, settings
 
-from airrace.errors import InputError
+from airrace.errors import InputError, OutOfTime
 from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Iteration, Progress, Silent
@@ -77,6 +77,18 @@ def test_solver_that_never_comes_back_is_a_timeout() -> None:
     assert result.outcome is Outcome.TIMEOUT
     assert "too long" in result.message
     assert [one.status for one in result.attempts] == ["no iteration finished within 0.02 s"] * 2
+
+
+def test_run_out_of_time_is_an_error_and_no_other_result() -> None:
+    run = optimize(SMALL, settings(GuessKind.PLAN), until=Stage.POINT_MASS, threads=1, timeout=1e-3, progress=Silent())
+    with pytest.raises(OutOfTime):
+        next(run)
+
+
+def test_run_that_is_finished_in_time_is_the_same_as_without_a_limit() -> None:
+    chosen = settings(GuessKind.PLAN)
+    (result,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, timeout=1e4, progress=Silent())
+    assert (result.trajectory.state == optimum(SMALL, chosen).trajectory.state).all()
 
 
 def test_failed_race_still_shows_the_flight_it_ended_with() -> None:

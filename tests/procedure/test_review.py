@@ -329,6 +329,48 @@ def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
     ]
 
 
+@pytest.mark.parametrize("apart", [0.0, 0.05, 1.0])
+def test_two_gates_in_one_place_are_asked_about(apart: float) -> None:
+    remark = only(of([level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), level("c", 500.0 + apart, 0.0, 0.0)]))
+    assert (remark.passage, remark.kind) == ("c", Kind.CLOSE)
+    assert remark.text.startswith(f"`c` stands {apart:.3g} m from `b`: ")
+
+
+def test_gates_that_can_be_flown_one_after_the_other_are_not_asked_about() -> None:
+    shortest = 0.1 * EDGE_540.envelope.V.lower
+    assert only(of([level("a", 0.0, 0.0, 0.0), level("b", 0.99 * shortest, 0.0, 0.0)])).kind is Kind.CLOSE
+    assert review(of([level("a", 0.0, 0.0, 0.0), level("b", 1.01 * shortest, 0.0, 0.0)])) == []
+
+
+@pytest.mark.parametrize(("ceiling", "remarks"), [(20.0, 1), (24.9, 1), (25.1, 0)])
+def test_floor_and_ceiling_without_room_between_them_are_remarked_on(ceiling: float, remarks: int) -> None:
+    gates = [level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0)]
+    narrow = of(gates, dataclasses.replace(RULES, height=Interval(20.0, ceiling)))
+    assert kinds(narrow) == [("", Kind.CEILING)] * remarks
+
+
+def raised(gate: Gate, by: float) -> Gate:
+    """The same gate on a hill, in m."""
+    band = gate.tolerances.height
+    lifted = dataclasses.replace(gate.tolerances, height=Interval(band.lower + by, band.upper + by))
+    return dataclasses.replace(gate, height=gate.height + by, tolerances=lifted)
+
+
+def test_climb_that_no_energy_pays_for_is_remarked_on() -> None:
+    start, top = level("a", 0.0, 0.0, 0.0), level("b", 1500.0, 0.0, 0.0)
+    remark = only(of([start, raised(top, 900.0)]))
+    assert (remark.passage, remark.kind) == ("b", Kind.CLIMB)
+    assert "890 m are to be climbed" in remark.text  # from the top of the one window to the bottom of the other
+    assert review(of([start, raised(top, 300.0)])) == []
+    assert review(of([raised(start, 900.0), top])) == []  # downhill nothing has to be paid
+
+
+def test_gate_below_the_floor_is_remarked_on() -> None:
+    low = raised(level("b", 500.0, 0.0, 0.0), -12.0)
+    remark = only(of([level("a", 0.0, 0.0, 0.0), low], dataclasses.replace(RULES, height=Interval(lower=14.0))))
+    assert (remark.passage, remark.kind) == ("b", Kind.CEILING)
+
+
 def test_remarks_are_the_same_in_a_mirror() -> None:
     crooked = of(
         [level("a", 0.0, 0.0, 0.0), knife_edge("e", 60.0, 30.0, 170.0, right=True), level("b", 90.0, 0.0, 0.0)]
