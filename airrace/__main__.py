@@ -65,6 +65,11 @@ def _ended_by(error: BaseException) -> int:
             sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
         abandon_stdout()
         return 8
+    from airrace.errors import is_lack_of_memory
+
+    if is_lack_of_memory(error):
+        sys.stderr.write("airrace: out of memory\n")
+        return 8
     raise error
 
 

@@ -70,6 +70,14 @@ class KernelError(AirraceError):
     """
 
 
+def is_lack_of_memory(error: BaseException) -> bool:
+    """Tell whether an error says that there is not enough memory: for an object, or for a library to be loaded."""
+    unmapped = ("failed to map segment", "cannot allocate memory")
+    return isinstance(error, MemoryError) or (
+        isinstance(error, ImportError) and any(text in str(error).lower() for text in unmapped)
+    )
+
+
 def debugging() -> bool:
     """Return whether the user asked for tracebacks and for the library's own log, with `AIRRACE_DEBUG`."""
     return os.environ.get("AIRRACE_DEBUG", "0") not in ("", "0")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from airrace import interrupts
-from airrace.errors import Finding, InputError, debugging
+from airrace.errors import Finding, InputError, debugging, is_lack_of_memory
 from airrace.runs.exit_codes import ExitCode, of_error, worst
 
 
@@ -53,7 +53,7 @@ def record_failure(answer: Answer, error: BaseException) -> None:
             answer.fail(code, f"the input is not valid: {count} finding{'' if count == 1 else 's'}", error.findings)
         case KeyboardInterrupt():
             answer.fail(code, "interrupted")
-        case MemoryError():
+        case _ if is_lack_of_memory(error):
             answer.fail(code, "out of memory")
         case _ if code is ExitCode.BUG:
             text = " ".join(f"{type(error).__name__}: {error}".split())

@@ -12,6 +12,7 @@ from airrace.errors import (
     SolverCrash,
     StorageError,
     UsageError,
+    is_lack_of_memory,
 )
 
 
@@ -65,7 +66,9 @@ def of_error(error: BaseException) -> ExitCode:
             return ExitCode.TIMEOUT
         case CheckpointError():
             return ExitCode.BAD_CHECKPOINT
-        case StorageError() | ClusterError() | SolverCrash() | MemoryError() | OSError():
+        case StorageError() | ClusterError() | SolverCrash() | OSError():
+            return ExitCode.SYSTEM
+        case _ if is_lack_of_memory(error):
             return ExitCode.SYSTEM
         case _:
             return ExitCode.BUG

@@ -1,0 +1,56 @@
+"""Which exit code an error has: what the system lacks is no bug."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from airrace.errors import OutOfTime
+from airrace.runs.answer import Answer, record_failure
+from airrace.runs.exit_codes import ExitCode, of_error
+
+ROOT = Path(__file__).parents[2]
+UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared object"
+
+
+@pytest.mark.parametrize("error", [MemoryError(), ImportError(UNMAPPED), ImportError("x.so: Cannot allocate memory")])
+def test_lack_of_memory_is_the_systems_and_told_as_that(error: Exception) -> None:
+    answer = Answer()
+    record_failure(answer, error)
+    assert (answer.code, answer.error) == (ExitCode.SYSTEM, "out of memory")
+
+
+def test_a_library_that_is_not_there_is_a_bug() -> None:
+    assert of_error(ImportError("No module named 'nowhere'")) is ExitCode.BUG
+
+
+def test_a_run_out_of_time_is_a_timeout() -> None:
+    assert of_error(OutOfTime("there is no time left")) is ExitCode.TIMEOUT
+
+
+PROGRAM = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))
+sys.argv = ["airrace", "check", "half_cuban_eight"]
+from airrace.__main__ import main
+main()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the address space")
+def test_too_little_memory_for_the_libraries_is_told_in_a_sentence() -> None:
+    """No limit is too small for the interpreter and large enough for all that is loaded."""
+    limit = 160 * 2**20
+    ran = subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(limit=limit)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        cwd=ROOT,
+        env={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PATH": "/usr/bin:/bin"},
+    )
+    assert ran.returncode == ExitCode.SYSTEM, ran.stderr
+    assert "out of memory" in ran.stderr
+    assert "Traceback" not in ran.stderr
