@@ -1,4 +1,4 @@
-"""What is possible on paper but hardly in the air: elements in one place, no room for height, climbs beyond energy."""
+"""Courses that are possible on paper and hardly in the air: elements in one place, no room for height, steep climbs."""
 
 import math
 from collections.abc import Iterator
@@ -13,6 +13,8 @@ from airrace.quantities import Interval
 
 SHORTEST_LEG = 0.1
 """The shortest time in which a leg is flown, s; shorter ones are not optimised."""
+SAME_DIRECTION = math.radians(30.0)
+"""The largest angle between the axes of two elements that may be meant as one, rad; those of a quad stand across."""
 LEAST_BAND = 5.0
 """The least room between floor and ceiling that needs no remark, m: the legal heights of a gate span 10 m."""
 SHARE_OF_SPEED = 0.5
@@ -21,7 +23,7 @@ SHARE_OF_SPEED = 0.5
 
 def one_behind_the_other(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
     """Yield a remark on two elements so close together that there is no flight from the one to the other."""
-    if _feature(leg.before.element.name) == _feature(leg.after.element.name):
+    if _feature(leg.before.element.name) == _feature(leg.after.element.name) or _stand_across(leg):
         return  # passed twice on purpose, as a quad is
     slowest = SHORTEST_LEG * aircraft.envelope.V.lower
     if leg.length < slowest:
@@ -35,6 +37,12 @@ def one_behind_the_other(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
 def _feature(name: str) -> str:
     """Return the name of the whole of which an element may be a part: `q` of `q/1`."""
     return name.partition("/")[0]
+
+
+def _stand_across(leg: Leg) -> bool:
+    """Return whether the two elements are passed in different directions."""
+    before, after = leg.before.element.axis, leg.after.element.axis
+    return before is not None and after is not None and abs(math.sin(after - before)) > math.sin(SAME_DIRECTION)
 
 
 def narrow_heights(allowed: Interval) -> Iterator[str]:
