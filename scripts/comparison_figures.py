@@ -6,15 +6,14 @@ Every flight is a run of `airrace optimize` from the plan, with exploring. Check
 `--runs`, and those that lie there already are not flown again. The tables of the comparisons are printed.
 """
 
-import argparse
 import io
 import subprocess
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from figures import COMMAND, draw_figures
 from PIL import Image
 
 from airrace.flights import Flight
@@ -22,8 +21,6 @@ from airrace.flights.comparison import compared
 from airrace.runs.flight_sources import opened_flight
 from airrace.views.comparison_figure import comparison_figure
 
-FOLDER = Path(__file__).resolve().parent.parent / "docs" / "figures"
-COMMAND = (sys.executable, "-m", "airrace")
 DOTS_PER_INCH = 85
 SHADES = 48  # of the palette: enough for a drawing, and a third of the file
 
@@ -91,7 +88,7 @@ def flown(one: Flown, runs: Path) -> Flight:
     return opened_flight(one.name(runs)).labelled(one.label)
 
 
-def draw(pair: Sequence[Flown], runs: Path, path: Path) -> None:
+def draw(pair: Sequence[Flown], path: Path, runs: Path) -> None:
     """Draw a comparison into a file with a small palette, and print its table."""
     last, first = (flown(one, runs) for one in reversed(pair))  # the second of a run has the higher stage
     subprocess.run([*COMMAND, "compare", *(one.name(runs) for one in pair)], check=True)
@@ -100,21 +97,7 @@ def draw(pair: Sequence[Flown], runs: Path, path: Path) -> None:
     Image.open(content).convert("RGB").quantize(SHADES, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the comparisons of the documents.")
-    parser.add_argument("--output", type=Path, default=FOLDER, metavar="FOLDER", help="where to; docs/figures")
-    parser.add_argument("--runs", type=Path, metavar="FOLDER", help="where checkpoints are kept; by default nowhere")
-    parser.add_argument("--only", nargs="+", choices=FIGURES, default=list(FIGURES), metavar="NAME", help="which ones")
-    arguments = parser.parse_args()
-    folder: Path = arguments.output
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as temporary:
-        runs: Path = arguments.runs or Path(temporary)
-        runs.mkdir(parents=True, exist_ok=True)
-        for name in arguments.only:
-            draw(FIGURES[name], runs, folder / name)
-            print(folder / name)
-
-
 if __name__ == "__main__":
-    main()
+    draw_figures(
+        "Draw the comparisons of the documents.", {name: partial(draw, pair) for name, pair in FIGURES.items()}
+    )

@@ -14,7 +14,7 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -321,11 +321,12 @@ FIGURES: dict[str, Draw] = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the figures of the documents.")
+def draw_figures(description: str, figures: Mapping[str, Draw]) -> None:
+    """Draw those figures that the command line asks for, each under its name, and print where they are."""
+    parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--output", type=Path, default=FOLDER, metavar="FOLDER", help="where to; docs/figures")
     parser.add_argument("--runs", type=Path, metavar="FOLDER", help="where checkpoints are kept; by default nowhere")
-    parser.add_argument("--only", nargs="+", choices=FIGURES, default=list(FIGURES), metavar="NAME", help="which ones")
+    parser.add_argument("--only", nargs="+", choices=figures, default=list(figures), metavar="NAME", help="which ones")
     arguments = parser.parse_args()
     folder: Path = arguments.output
     folder.mkdir(parents=True, exist_ok=True)
@@ -333,9 +334,9 @@ def main() -> None:
         runs: Path = arguments.runs or Path(temporary)
         runs.mkdir(parents=True, exist_ok=True)
         for name in arguments.only:
-            FIGURES[name](folder / name, runs)
+            figures[name](folder / name, runs)
             print(folder / name)
 
 
 if __name__ == "__main__":
-    main()
+    draw_figures("Draw the figures of the documents.", FIGURES)
