@@ -1,11 +1,12 @@
 """How long the point-mass optimum takes, measured on the real command, side by side in one run.
 
     python scripts/benchmark_point_mass.py [--repeats 5] [--tracks tracks/rovinj_2014.yaml ...] [--laps 1 2 4 8 16]
-        [--markdown]
+        [--explore off] [--markdown]
 
 For every track and both guesses: the median wall time of `airrace optimize` with a warm kernel cache as a share of the
 race time, the shares of derivatives, solver and everything else, the peak memory of all processes; then once with an
-empty cache. Last, the wall time over the number of laps and the exponent of its growth.
+empty cache. Last, the wall time over the number of laps and the exponent of its growth. Other ways round are not
+explored, unless `--explore` asks for it.
 """
 
 import argparse
@@ -18,8 +19,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -45,14 +47,16 @@ class Measurement:
     iterations: int
 
 
-def measure(track: Path, guess: str, *, overrides: tuple[str, ...] = (), cache: Path | None = None) -> Measurement:
+def measure(
+    track: Path, guess: str, *, explore: str, overrides: tuple[str, ...] = (), cache: Path | None = None
+) -> Measurement:
     """Run `airrace optimize` once in a temporary folder."""
     environment = dict(os.environ)
     if cache is not None:
         environment["AIRRACE_CACHE_DIR"] = str(cache)
     with tempfile.TemporaryDirectory() as folder:
         command = [*COMMAND, "optimize", str(track), "--guess", guess, "--json", "--quiet"]
-        command += ["--until", "point-mass", "--out", f"{folder}/run.h5"]
+        command += ["--until", "point-mass", "--explore", explore, "--out", f"{folder}/run.h5"]
         command += [part for one in overrides for part in ("--set", one)]
         started = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
@@ -116,23 +120,27 @@ def resident(pid: int) -> float:
     return sum(int(line.split()[1]) / 1024 for line in lines if line.startswith("Pss:"))
 
 
-def measured(tracks: list[Path], repeats: int) -> Iterator[tuple[Path, str, Measurement]]:
+Fly = Callable[..., Measurement]
+"""`measure`, with or without exploring."""
+
+
+def measured(fly: Fly, tracks: list[Path], repeats: int) -> Iterator[tuple[Path, str, Measurement]]:
     """The median of several runs per track and guess; its memory is a median by itself."""
     for track in tracks:
         for guess in GOALS:
-            runs = sorted((measure(track, guess) for _ in range(repeats)), key=lambda run: run.wall)
+            runs = sorted((fly(track, guess) for _ in range(repeats)), key=lambda run: run.wall)
             memory = statistics.median(run.memory for run in runs)
             yield track, guess, replace(runs[len(runs) // 2], memory=memory)
 
 
-def warm_table(tracks: list[Path], repeats: int) -> None:
+def warm_table(fly: Fly, tracks: list[Path], repeats: int) -> None:
     """What was measured, with goals and all parts."""
     print(
         f"{'track':<18}{'guess':<10}{'race s':>8}{'run s':>7}{'share':>8}{'command s':>11}{'share':>8}{'goal':>7}",
         end="",
     )
     print(f"{'deriv.':>8}{'solver':>8}{'other':>7}{'MB':>6}{'iter.':>7}")
-    for track, guess, median in measured(tracks, repeats):
+    for track, guess, median in measured(fly, tracks, repeats):
         print(f"{track.stem:<18}{guess:<10}{median.race:>8.3f}{median.run:>7.2f}", end="")
         print(f"{fraction(median.run / median.race):>8}{median.wall:>11.2f}", end="")
         print(f"{fraction(median.wall / median.race):>8}{fraction(GOALS[guess]):>7}", end="")
@@ -140,7 +148,7 @@ def warm_table(tracks: list[Path], repeats: int) -> None:
         print(f"{median.run - median.solve:>7.2f}{median.memory:>6.0f}{median.iterations:>7}", flush=True)
 
 
-def warm_markdown(tracks: list[Path], repeats: int) -> None:
+def warm_markdown(fly: Fly, tracks: list[Path], repeats: int) -> None:
     """What was measured, as the documents show it."""
     headings = (
         "course",
@@ -155,7 +163,7 @@ def warm_markdown(tracks: list[Path], repeats: int) -> None:
     )
     print("| " + " | ".join(headings) + " |")
     print("| " + " | ".join(("---",) * len(headings)) + " |")
-    for track, guess, median in measured(tracks, repeats):
+    for track, guess, median in measured(fly, tracks, repeats):
         seconds = (median.run, median.wall, median.derivatives, median.solve - median.derivatives)
         run, wall, derivatives, solver = (f"{one:.2f}" for one in seconds)
         cells = (f"`{track.stem}`", guess, f"{median.race:.3f}", run, wall, f"{median.race / median.wall:.0f}")
@@ -167,20 +175,20 @@ def fraction(share: float) -> str:
     return f"1/{1 / share:.1f}"
 
 
-def cold_line(track: Path) -> None:
+def cold_line(fly: Fly, track: Path) -> None:
     """One run with an empty kernel cache: the compiler runs, too."""
     with tempfile.TemporaryDirectory() as cache:
-        run = measure(track, "plan", cache=Path(cache))
+        run = fly(track, "plan", cache=Path(cache))
     print(f"\ncold kernel cache, {track.stem}, plan: {run.wall:.1f} s")
 
 
-def laps_table(track: Path, laps: list[int]) -> None:
+def laps_table(fly: Fly, track: Path, laps: list[int]) -> None:
     """Wall time over the number of laps, and the exponent between the fewest and the most."""
     for guess in GOALS:
         walls: list[float] = []
         print(f"\nlaps of {track.stem}, {guess}")
         for count in laps:
-            run = measure(track, guess, overrides=(f"course.laps={count}",))
+            run = fly(track, guess, overrides=(f"course.laps={count}",))
             walls.append(run.wall)
             print(
                 f"  {count:>3} laps: wall {run.wall:>7.2f} s, race {run.race:>8.2f} s, {run.memory:>5.0f} MB",
@@ -198,13 +206,15 @@ def main() -> None:
     parser.add_argument("--tracks", type=Path, nargs="+", default=[ROOT / "tracks" / f"{name}.yaml" for name in TRACKS])
     parser.add_argument("--laps", type=int, nargs="*", default=[1, 2, 4, 8, 16])
     parser.add_argument("--markdown", action="store_true", help="the first table as Markdown")
+    parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
     arguments = parser.parse_args()
+    fly = partial(measure, explore=arguments.explore)
     for track in arguments.tracks:  # fill the cache: kernels are compiled once per model and machine
-        measure(track, "plan")
-    (warm_markdown if arguments.markdown else warm_table)(arguments.tracks, arguments.repeats)
-    cold_line(arguments.tracks[0])
+        fly(track, "plan")
+    (warm_markdown if arguments.markdown else warm_table)(fly, arguments.tracks, arguments.repeats)
+    cold_line(fly, arguments.tracks[0])
     if arguments.laps:
-        laps_table(ROOT / "tracks" / "sixteen_phases.yaml", arguments.laps)
+        laps_table(fly, ROOT / "tracks" / "sixteen_phases.yaml", arguments.laps)
 
 
 if __name__ == "__main__":
