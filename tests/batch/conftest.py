@@ -1,0 +1,35 @@
+"""A cluster that tests of one file share, the log of its stand-ins, and the command in a folder of its own."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from batch_examples import STAND_IN, write_course
+from batch_shell import Shell
+from cluster_log import Log
+from clusters import Cluster
+
+import airrace.batch.process as process_module
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """Two workers, of one thread and of two; nobody kills them."""
+    with Cluster(tmp_path_factory.mktemp("cluster")) as one:
+        one.worker(1)
+        one.worker(2)
+        yield one
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Log:
+    return Log(tmp_path / "starts")
+
+
+@pytest.fixture
+def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(process_module, "JOB_COMMAND", STAND_IN)
+    monkeypatch.delenv("GITHUB_ACTIONS", raising=False)
+    write_course(tmp_path)
+    return Shell(tmp_path)
