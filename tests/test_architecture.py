@@ -18,9 +18,9 @@ DOCUMENTS = [
 MADE = [ROOT / "docs" / folder for folder in ("reference", "project", "notebooks")]
 """Where pages of the site are that are made while it is built. The build itself checks what links to them."""
 FRAGMENTS = re.compile(
-    r"(As|Also|But|From|How|In|Likewise|None|Of|Only|So|What|Whatever|When|Where|Which|Who|Whose|Why)\b"
+    r"[a-z]|(As|Also|Between|But|By|From|How|In|Likewise|None|Of|Only|So|What|Whatever|When|Where|Which|Who|Whose|Why)\b"
 )
-"""Words with which no docstring begins: it would be half a sentence, whose other half is the name."""
+"""No docstring begins with these words, nor with a unit: it would be half a sentence, whose other half is the name."""
 NOMINAL = re.compile(r"(A|All|An|Each|Every|One|The|This|Whether|[^A-Z].*)\b")
 """Words with which no docstring of a function begins: it says in the imperative what the function does."""
 

@@ -22,7 +22,7 @@ UNLIMITED_WIDTH = 200
 FULL_WIDTH = 10_000
 """The columns that limit no table when it is measured."""
 PAGE = 80
-"""Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
+"""The columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 ONE_MESH = "checked on one mesh; the race time is not proved on a second one"

@@ -1,4 +1,4 @@
-"""What a library tells of its functions, in C: constant tables, and the answers to what casadi asks."""
+"""Parts of a library's source that tell of its functions: constant tables, and the answers to what casadi asks."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -29,9 +29,11 @@ ROUGH = 1e-4
 iterations instead of 29 to 38."""
 
 MANY = 1 / 3
-"""Share of the intervals that are to be cut from which on all are halved. If one interval still misses a limit, another
-solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to need it, 43 to
-82 % of them, and in none when all were halved."""
+"""The share of the intervals that are to be cut from which on all are halved (1).
+
+If one interval still misses a limit, another solve is needed: on Rovinj that was so in three stages of three when only
+those were cut that seemed to need it, 43 to 82 % of them, and in none when all were halved.
+"""
 MANY_AS_IT_IS = 0.1
 """That share where the first mesh is not adapted, because the model bounds its intervals.
 
