@@ -13,8 +13,10 @@ import sys
 from types import FrameType
 
 REMINDER = 0.3
-"""Time after which a request that nobody has heard is repeated, s. A command should end within two seconds, and casadi
-loses about one request in three."""
+"""The time after which a request that nobody has heard is repeated, s.
+
+A command should end within two seconds, and casadi loses about one request in three.
+"""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

@@ -18,9 +18,9 @@ DOCUMENTS = [
 MADE = [ROOT / "docs" / folder for folder in ("reference", "project", "notebooks")]
 """Where pages of the site are that are made while it is built. The build itself checks what links to them."""
 FRAGMENTS = re.compile(
-    r"(As|Also|But|From|How|In|Likewise|None|Of|Only|So|What|Whatever|When|Where|Which|Who|Whose|Why)\b"
+    r"[a-z]|(As|Also|Between|But|By|From|How|In|Likewise|None|Of|Only|So|What|Whatever|When|Where|Which|Who|Whose|Why)\b"
 )
-"""Words with which no docstring begins: it would be half a sentence, whose other half is the name."""
+"""No docstring begins with these words, nor with a unit: it would be half a sentence, whose other half is the name."""
 NOMINAL = re.compile(r"(A|All|An|Each|Every|One|The|This|Whether|[^A-Z].*)\b")
 """Words with which no docstring of a function begins: it says in the imperative what the function does."""
 
@@ -124,12 +124,14 @@ def test_ci_runs_the_very_test_command_of_the_readme() -> None:
 
 
 def test_no_file_holds_two_ideas() -> None:
-    long = {
-        str(path.relative_to(ROOT)): lines
-        for path in (ROOT / "airrace").rglob("*.py")
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
-    }
-    assert long == {}
+    sources = [
+        path
+        for folder in ("airrace", "scripts", "tests")
+        for pattern in ("*.py", "*.c", "*.h")
+        for path in (ROOT / folder).rglob(pattern)
+    ]
+    lengths = {str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
+    assert {path: lines for path, lines in lengths.items() if lines > 400} == {}
 
 
 def docstrings(path: Path) -> Iterator[tuple[str, bool, str]]:

@@ -14,8 +14,8 @@ from airrace.batch.report_csv import csv_text
 from airrace.batch.report_junit import junit_text, stages_of
 from airrace.batch.report_markdown import markdown_text
 from airrace.batch.wind import WindSummary, wind_summaries
-from airrace.cli.batch_tables import ranking_table, wind_tables
-from airrace.cli.tables import rendered
+from airrace.cli.batch_tables import ranking_tables, wind_tables
+from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
@@ -113,7 +113,9 @@ def answer_with(
         "winds": [summary.as_object() for summary in summaries],
     }
     if not quiet:
-        answer.texts.extend(rendered(table) for table in (ranking_table(rows), *wind_tables(summaries)))
+        columns = terminal_columns()
+        tables = (*ranking_tables(rows, columns), *wind_tables(summaries, columns))
+        answer.texts.extend(rendered(table) for table in tables)
     _fail_for_inputs(answer, plan, results)
     code = worst(codes)
     if code is not ExitCode.DONE:

@@ -10,7 +10,7 @@ from airrace.prices import Activity, Price
 from airrace.procedure.result import StageResult
 
 MILLI = 1000.0
-FIGURES = 50
+BESIDE_KEYS = 50
 """The columns that the table takes beside its keys."""
 LEAST_MS = 0.0005
 """The smallest cost that is shown as a number, ms; with three decimals a smaller one would show as zero."""
@@ -43,7 +43,7 @@ def prices_text(result: StageResult, prices: Sequence[Price], columns: int | Non
         columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
     """
     longest = max((len(price.key) for price in prices), default=0)
-    folded = columns is not None and columns < longest + FIGURES
+    folded = columns is not None and columns < longest + BESIDE_KEYS
     title = f"{result.stage.value}: race time {result.trajectory.race_time:.3f} s, what a usual step costs"
     dear = [price for price in prices if price.activity is not Activity.FREE]
     parts: list[str] = []

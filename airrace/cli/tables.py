@@ -19,8 +19,10 @@ from airrace.views.plain_console import PlainConsole
 
 # Columns that are enough for every table where no terminal sets a limit.
 UNLIMITED_WIDTH = 200
+FULL_WIDTH = 10_000
+"""The columns that limit no table when it is measured."""
 PAGE = 80
-"""Columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
+"""The columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
@@ -60,6 +62,11 @@ def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
 def takes_unicode() -> bool:
     """Return whether stdout can show more than ASCII."""
     return _encoding().startswith("utf")
+
+
+def full_columns(table: Table) -> int:
+    """Return the columns that a table takes where nothing limits it."""
+    return PlainConsole(file=io.StringIO(), width=FULL_WIDTH).measure(table).maximum
 
 
 def terminal_columns() -> int | None:

@@ -21,7 +21,6 @@ from airrace.documents.resolved import field_names
 from airrace.environment.air import Air
 from airrace.errors import Finding, InputError
 from airrace.track.course import Course
-from airrace.track.gates import Manoeuvre
 
 OBJECTS_SCHEMA = "airrace/objects/1"
 PATH = "<Python>"
@@ -84,7 +83,7 @@ def _problem(course: Course) -> str:
         twice = next(name for name in names if names.count(name) > 1)
         return f"two passages are called `{twice}`; their names must differ"
     start = course.passages[0].element
-    if isinstance(start, Manoeuvre) and start.position is None:
+    if start.position is None:
         return f"a race must start somewhere: `{start.name}` has no position"
     return ""
 

@@ -20,9 +20,9 @@ from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
 
 WIDEST = 60.0
-"""m: a line that is longer is no gate."""
+"""The length beyond which a line is no gate, m."""
 CROWD_DISTANCE = 100.0
-"""m, that is asked for around people until the file says better."""
+"""The distance that is asked for around people until the file says better, m."""
 RESERVED = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n"})
 """Words that YAML may take for something other than a text."""
 SIDES = re.compile(r"^(?P<name>.*?)[ _-]*\b(?P<side>left|right|l|r)$", re.IGNORECASE)

@@ -9,6 +9,7 @@ from airrace.documents.place_schema import PlaceEntry
 from airrace.documents.schema import Schema
 
 CORNERS_MAX = 50
+"""The largest number of corners of a crowd's place, or of the airspace."""
 Corners = Annotated[list[PlaceEntry], Field(max_length=CORNERS_MAX)]
 Distance = Annotated[float, Gt(0), Le(5000)]
 

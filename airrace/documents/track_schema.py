@@ -23,9 +23,13 @@ TRACK_SCHEMA = "airrace/track/1"
 DirectionName = Literal["forward", "reverse", "planned"]
 EndStateName = Literal["settled", "free"]
 CROWDS_MAX = 20
+"""The largest number of crowds of a course."""
 THERMALS_MAX = 100
+"""The largest number of thermals of a course."""
 LINES_MAX = 100
+"""The largest number of safety lines of a course."""
 GATES_MAX = 10_000
+"""The largest number of elements of a course."""
 PASSAGES_MAX = 10_000
 """The largest number of passings of a whole race."""
 

@@ -45,4 +45,4 @@ FORMATS = {
     "netcdf": Format(netcdf, None, globe=False, suffix="nc"),
     "mat": Format(mat, None, globe=False),
 }
-"""By the name of the command's subcommand."""
+"""The formats by the names of the subcommands that write them."""

@@ -12,7 +12,7 @@ from airrace.export.globe import stamp
 from airrace.flights import Flight
 
 LONGEST = 31
-"""Letters of a name."""
+"""The length of the longest name, letters."""
 
 
 def mat(flights: Sequence[Flight], begin: datetime) -> bytes:

@@ -1,4 +1,5 @@
-"""netCDF (classic, 64-bit offsets) after the CF conventions: every flight is a trajectory of one ragged array."""
+"""The format netCDF (classic, 64-bit offsets) after the CF conventions: every flight is a trajectory of one ragged
+array."""
 
 import io
 from collections.abc import Sequence

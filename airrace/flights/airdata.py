@@ -20,7 +20,7 @@ from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
 KAPPA = 1.4
-"""Ratio of the specific heats of air."""
+"""The ratio of the specific heats of air."""
 
 
 def wind(air: Air, x: Array, y: Array, z: Array) -> Array:

@@ -23,7 +23,7 @@ from airrace.track.polygons import Point
 from airrace.trajectory import Array
 
 PYLON_HEIGHT = 25.0
-"""m, of the air-filled pylons of the races from 2014 to 2019."""
+"""The height of the air-filled pylons of the races from 2014 to 2019, m."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,10 @@ from airrace.procedure.restart import passings_of
 from airrace.trajectory import Array
 
 TIE = 0.005
-"""s: less than this is a tie. Race times are certified to a few thousandths of a second (`race_time_change`)."""
+"""The difference of time below which two flights are a tie, s.
+
+Race times are certified to a few thousandths of a second (`race_time_change`).
+"""
 SHARES = np.linspace(0.0, 1.0, 41)
 """The shares of every leg at which the difference of time is told."""
 

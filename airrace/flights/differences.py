@@ -12,7 +12,7 @@ from airrace.flights.legs import Leg, way
 from airrace.quantities import KNOT
 
 ROLLING = 1.0
-"""rad/s, from which the aircraft is said to roll."""
+"""The roll rate from which the aircraft is said to roll, rad/s."""
 MOST = 4
 """The greatest number of differences that are told of one leg."""
 

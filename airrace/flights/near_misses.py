@@ -15,11 +15,11 @@ from airrace.flights.flight import Crossing, Flight
 from airrace.flights.legs import passings_around
 
 TOLERANCE = 0.1
-"""m by which a clearance is missed before it is told: nobody beside the course could see less."""
+"""The length by which a clearance is missed before it is told, m: nobody beside the course could see less."""
 UNASKED = 0.5
-"""m, the clearance that counts for elements whose passing asks for none: that of the rules of 2014 to 2019."""
+"""The clearance that counts for elements whose passing asks for none, m: that of the rules of 2014 to 2019."""
 BESIDE = 0.25
-"""s before and after a passing within which a near miss belongs to it."""
+"""The time before and after a passing within which a near miss belongs to it, s."""
 
 
 @dataclass(frozen=True)

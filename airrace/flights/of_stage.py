@@ -10,8 +10,10 @@ from airrace.procedure import run as procedure
 from airrace.procedure.result import StageResult
 
 LONGEST_STEP = 0.02
-"""s, between two times. At 10 g a straight line cuts a corner by `a t^2 / 8`, which is 5 mm; at 6 rad/s the attitude
-turns by 7 degrees."""
+"""The longest time between two samples, s.
+
+At 10 g a straight line cuts a corner by `a t^2 / 8`, which is 5 mm; at 6 rad/s the attitude turns by 7 degrees.
+"""
 
 
 def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: float = LONGEST_STEP) -> Flight:

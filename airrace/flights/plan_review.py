@@ -18,7 +18,7 @@ from airrace.planning.legs import PLANNED_MAX
 from airrace.planning.review import Kind, Remark
 
 NEARLY = 0.5
-"""m: what rounding to metres would not show."""
+"""The distance that rounding to metres would not show, m."""
 ZONE = "zone"
 """The kind of the distance over ground from people whose rule counts the height as well."""
 

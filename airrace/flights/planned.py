@@ -23,9 +23,9 @@ from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02
-"""s, between two times: two metres of way."""
+"""The longest time between two samples, s: two metres of way."""
 COARSE_STEP = 0.2
-"""s, between two times of a course that is too long to be planned: twenty metres of a straight line."""
+"""The same of a course that is too long to be planned, s: twenty metres of a straight line."""
 PLANNED = "planned, not optimised"
 """The remark of the source of a planned flight."""
 

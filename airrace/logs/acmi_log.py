@@ -17,7 +17,7 @@ from airrace.logs.recording import Recording, listed, refuse
 _HISTORIES = {"TAS": ("V_A", 1.0), "IAS": ("V_I", 1.0), "VerticalGForce": ("n_z", 1.0)}
 _SLOTS = ("longitude", "latitude", "altitude", "phi", "theta", "psi")
 _OF_PLACE = {3: (0, 1, 2), 5: (0, 1, 2), 6: (0, 1, 2, 3, 4, 5), 9: (0, 1, 2, 3, 4, 5)}
-"""By the number of values of a transform, those that are longitude, latitude, altitude, roll, pitch and yaw."""
+"""The places of longitude, latitude, altitude, roll, pitch and yaw in a transform, by the number of its values."""
 _ANGLES = frozenset({"longitude", "latitude", "phi", "theta", "psi"})
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 SURE = 2.0
-"""Standard deviations of a measurement beyond which a breach is taken for certain."""
+"""The number of standard deviations of a measurement beyond which a breach is taken for certain."""
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from airrace.trajectory import Array
 DAY = 86400.0
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?")
 _SINCE_1970 = 1e8
-"""s: a larger number counts from 1970, not from the beginning of a flight; this is March 1973."""
+"""The time beyond which a number counts from 1970, not from the beginning of a flight, s; this is March 1973."""
 _IN_MILLISECONDS = 1e11
-"""A larger number counts milliseconds from 1970; as seconds it would be the year 5138."""
+"""The number beyond which milliseconds are counted from 1970; as seconds it would be the year 5138."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from airrace.environment.atmosphere import g0
 from airrace.quantities import KNOT
 
 FOOT = 0.3048
-"""m."""
+"""The foot, m, exactly."""
 _ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
 _LENGTH = {"m": 1.0, "ft": FOOT, "km": 1000.0}
 _SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}

@@ -24,15 +24,15 @@ from airrace.track.course import Passage
 from airrace.trajectory import Array
 
 SAMPLING = 0.02
-"""s, between two times of a flown flight, as of an optimum's."""
+"""The time between two samples of a flown flight, s, as of an optimum's."""
 COARSE = 0.2
-"""s, between the times at which a run is looked for."""
+"""The time between the samples among which a run is looked for, s."""
 MARGIN = 5.0
-"""s, that is smoothed before the first passing and behind the last one."""
+"""The time that is smoothed before the first passing and behind the last one, s."""
 GAP = 0.25
-"""s: samples that are farther apart, and more than 2.5 times farther than usual, have a gap between them."""
+"""The time beyond which samples have a gap between them, s, if they are 2.5 times farther apart than usual, too."""
 INFLATION = 2.5
-"""By how much the positions at passings are less certain than the smoother's own equations say.
+"""The factor by which the positions at passings are less certain than the smoother's own equations say.
 
 On optima of Rovinj 2014 with 0.02 to 1.5 m of noise they were off by 1.4 to 3.5 times that standard deviation, for
 aircraft turn hardest beside gates."""
@@ -48,9 +48,12 @@ LOAD_FACTOR_AT_A_GATE = 1.7
 It falls as the power 0.25 of the noise: 0.6 to 0.8 with 0.02 m, 1.7 with 1.5 m.
 """
 SLOPE_TIME = 0.15
-"""s: the velocity across the path at a passing is less certain than its position by this time. Measured likewise."""
+"""The time by which the velocity across the path at a passing is less certain than its position, s.
+
+It was measured likewise.
+"""
 SPEED_TIME = 0.6
-"""s: the same of the speed, which changes more slowly than the direction."""
+"""The same time of the speed, s, which changes more slowly than the direction."""
 TOLD = 5
 """The greatest number of gaps that are told one by one."""
 

@@ -25,7 +25,7 @@ DERIVED = {
 MEASURED = ("V_G", "V_A", "V_I", "n_z", "phi", "theta", "psi")
 """The histories that are kept as they were recorded, where they were."""
 SLOWEST = 1.0
-"""m/s: below it a path has no direction."""
+"""The speed below which a path has no direction, m/s."""
 
 
 def derived_histories(race: Race, position: Array, velocity: Array, acceleration: Array) -> dict[str, History]:

@@ -17,9 +17,9 @@ from airrace.track.course import Passage
 from airrace.trajectory import Array
 
 ASIDE = 60.0
-"""m: farther beside its centre, or beyond its reach, nothing is a passing."""
+"""The distance from the centre of an element beyond which, or beyond its reach, nothing is a passing, m."""
 SCALE = 10.0
-"""m: a passing that is so far beside the centre costs 1."""
+"""The distance from the centre at which a passing costs 1, m."""
 SKIPPED = 40.0
 """The cost of an element that is not passed at all: more than that of the worst passing, 36."""
 PACE = 0.05

@@ -9,11 +9,11 @@ from airrace.track.geodetic import metres, placed
 from airrace.trajectory import Array
 
 FAR = 10_000.0
-"""m: a sample that is farther from all that the course names has nothing to do with its race."""
+"""The distance from all that the course names beyond which a sample has nothing to do with its race, m."""
 FASTEST = 340.0
-"""m/s: a sample that could only be reached and left faster than sound is an outlier."""
+"""The speed, m/s, that of sound: a sample that could only be reached and left faster is an outlier."""
 NEAREST_IN_TIME = 1e-4
-"""s: samples that are closer together are one."""
+"""The time below which two samples are one, s."""
 
 
 def in_order(recording: Recording) -> Recording:

@@ -20,25 +20,30 @@ from numpy.typing import NDArray
 from airrace.trajectory import Array
 
 STEP = 0.05
-"""s, between two nodes of the path. Half of it gains less than a tenth of a degree of bank."""
+"""The time between two nodes of the path, s. Half of it gains less than a tenth of a degree of bank."""
 DENSITY = np.array([1000.0, 1000.0, 300.0])
-"""m^2/s^5, of the jerk's noise: north, east and up. Chosen on Rovinj 2014, sampled at 5 and at 20 Hz with 1.5 m of
-noise: with a third or with three times of these, neither bank nor load factor is better by more than a tenth."""
+"""The density of the jerk's noise, m^2/s^5: north, east and up.
+
+It was chosen on Rovinj 2014, sampled at 5 and at 20 Hz with 1.5 m of noise: with a third or with three times of these
+values, neither bank nor load factor is better by more than a tenth.
+"""
 FREEDOM = 1.0
-"""Degrees of freedom of the distribution of the jerk."""
+"""The degrees of freedom of the distribution of the jerk."""
 ITERATIONS = 20
 """The number of times that the weights are renewed; later ones move the path by centimetres."""
 OUTLYING = 5.0
-"""Standard deviations from the path beyond which a position is an outlier and left out."""
+"""The number of standard deviations from the path beyond which a position is an outlier and left out."""
 MOSTLY = 0.5
 """The share of positions that are no outliers, at least; with fewer the noise was misjudged, and none is left out."""
 LEAST_NOISE, MOST_NOISE = 0.02, 30.0
-"""m: the bounds of the noise that is estimated from the positions themselves."""
+"""The bounds of the noise that is estimated from the positions themselves, m."""
 EDGE = 0.5
-"""s: the path goes on for so long before the first position and behind the last one, for a log may begin or end at a
-gate."""
+"""The time for which the path goes on before the first position and behind the last one, s.
+
+A log may begin or end at a gate.
+"""
 LONGEST = 1200.0
-"""s, of the longest path that is smoothed."""
+"""The time of the longest path that is smoothed, s."""
 
 
 @dataclass(frozen=True)

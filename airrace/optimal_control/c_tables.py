@@ -1,6 +1,7 @@
-"""Constant tables written in C."""
+"""Parts of a library's source that tell of its functions: constant tables, and the answers to what casadi asks."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import casadi as ca
 
@@ -14,3 +15,8 @@ def encoded(name: str, sparsity: ca.Sparsity) -> str:
     """Return a pattern as casadi encodes it: rows, columns, starts of the columns, rows of the nonzeros."""
     numbers = [*sparsity.shape, *sparsity.colind(), *sparsity.row()]
     return f"static const long long int {name}[] = {{{', '.join(map(str, numbers))}}};"
+
+
+def library_function_text() -> str:
+    """Return the macro of what casadi asks about a function of a library; the function's patterns stand in tables."""
+    return Path(__file__).with_name("library_function.h").read_text(encoding="utf-8")

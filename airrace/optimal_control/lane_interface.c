@@ -1,6 +1,6 @@
 /* How others call the functions of several intervals at once: casadi interval after interval, the replay row by row.
  *
- * Before this text stand lanes.h and, per function, its sizes and patterns, see lane_interface.py.
+ * Before this text stand lanes.h, library_function.h and, per function, its sizes and patterns, see lane_interface.py.
  */
 
 typedef int function_of_lanes(const real **arg, real **res, integer *iw, real *w, int mem);
@@ -42,7 +42,7 @@ static int call(
     return 0;
 }
 
-/* what casadi calls, and what it asks about it */
+/* what casadi calls */
 #define SEVERAL_AT_ONCE(name, inputs, outputs)                                                                        \
     function_of_lanes name##_of_lanes;                                                                                \
     EXPORT int name(const double **arg, double **res, integer *iw, double *w, int mem)                                \
@@ -51,20 +51,7 @@ static int call(
         return call(                                                                                                  \
             name##_of_lanes, arg, res, inputs, name##_SIZE_IN, outputs, name##_SIZE_OUT, given, found);               \
     }                                                                                                                 \
-    EXPORT void name##_incref(void) {}                                                                                \
-    EXPORT void name##_decref(void) {}                                                                                \
-    EXPORT integer name##_n_in(void) { return inputs; }                                                               \
-    EXPORT integer name##_n_out(void) { return outputs; }                                                             \
-    EXPORT const integer *name##_sparsity_in(integer i) { return i < inputs ? name##_IN[i] : 0; }                     \
-    EXPORT const integer *name##_sparsity_out(integer i) { return i < outputs ? name##_OUT[i] : 0; }                  \
-    EXPORT int name##_work(integer *arg, integer *res, integer *iw, integer *w)                                       \
-    {                                                                                                                 \
-        if (arg) *arg = inputs;                                                                                       \
-        if (res) *res = outputs;                                                                                      \
-        if (iw) *iw = 0;                                                                                              \
-        if (w) *w = 0;                                                                                                \
-        return 0;                                                                                                     \
-    }
+    WHAT_CASADI_ASKS(name, inputs, outputs)
 
 /* Rows of `count` numbers, one per point. The lanes beyond the last point repeat it. */
 

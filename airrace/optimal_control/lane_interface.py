@@ -10,7 +10,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from airrace.optimal_control.c_tables import encoded, integers
+from airrace.optimal_control.c_tables import encoded, integers, library_function_text
 from airrace.optimal_control.lane_code import header
 from airrace.system import System
 
@@ -33,7 +33,7 @@ def shape_of(function: ca.Function) -> Shape:
 
 def interface_text() -> str:
     """Return the part of the source that is the same for all models."""
-    return Path(__file__).with_name("lane_interface.c").read_text(encoding="utf-8")
+    return library_function_text() + Path(__file__).with_name("lane_interface.c").read_text(encoding="utf-8")
 
 
 def interface_source(shapes: Mapping[str, Shape], rows: Mapping[str, int], system: System, lanes: int) -> str:

@@ -1,7 +1,8 @@
 /* Jacobian and Hessian of the step of one shooting interval, put together from those of f alone.
  *
- * Before this text stand the sizes, the scheme and the patterns of one model, see step_kernel.py. Elsewhere in the
- * library stand rates_* and projection_*: Jacobians and Hessians of f(z; p), z = (x, u), and of the projection.
+ * Before this text stand the sizes, the scheme and the patterns of one model, see step_kernel.py, and
+ * library_function.h. Elsewhere in the library stand rates_* and projection_*: Jacobians and Hessians of f(z; p),
+ * z = (x, u), and of the projection.
  *
  * With y = (x, u, T), the interval's share phi of T, and h = T g, g = phi / STEPS, the stages of one step are
  *
@@ -317,29 +318,13 @@ KERNEL(step_hessian)(const real **arg, real **res, integer *iw, real *w, int mem
     return 0;
 }
 
-/* what casadi asks about a function of a library */
+/* what casadi asks, see library_function.h; the library's interface answers for several intervals */
 
 #ifndef LANES
-#define INTERFACE(name, inputs, outputs)                                                                              \
-    EXPORT void name##_incref(void) {}                                                                                \
-    EXPORT void name##_decref(void) {}                                                                                \
-    EXPORT integer name##_n_in(void) { return inputs; }                                                               \
-    EXPORT integer name##_n_out(void) { return outputs; }                                                             \
-    EXPORT const integer *name##_sparsity_in(integer i) { return i < inputs ? name##_IN[i] : 0; }                     \
-    EXPORT const integer *name##_sparsity_out(integer i) { return i < outputs ? name##_OUT[i] : 0; }                  \
-    EXPORT int name##_work(integer *arg, integer *res, integer *iw, integer *w)                                       \
-    {                                                                                                                 \
-        if (arg) *arg = inputs;                                                                                       \
-        if (res) *res = outputs;                                                                                      \
-        if (iw) *iw = 0;                                                                                              \
-        if (w) *w = 0;                                                                                                \
-        return 0;                                                                                                     \
-    }
-
 static const integer *const step_jacobian_IN[] = {PATTERN_Y, PATTERN_SCALAR, PATTERN_P};
 static const integer *const step_hessian_IN[] = {PATTERN_Y, PATTERN_SCALAR, PATTERN_P, PATTERN_X};
 static const integer *const step_jacobian_OUT[] = {PATTERN_X, PATTERN_JACOBIAN};
 static const integer *const step_hessian_OUT[] = {PATTERN_Y, PATTERN_HESSIAN};
-INTERFACE(step_jacobian, 3, 2)
-INTERFACE(step_hessian, 4, 2)
+WHAT_CASADI_ASKS(step_jacobian, 3, 2)
+WHAT_CASADI_ASKS(step_hessian, 4, 2)
 #endif

@@ -12,7 +12,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.c_tables import encoded, integers
+from airrace.optimal_control.c_tables import encoded, integers, library_function_text
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatterns, derivatives, step_patterns
 from airrace.system import System
@@ -43,7 +43,7 @@ class StepSources:
 
 def driver_text() -> str:
     """Return the driver without tables, which is the same for all models."""
-    return Path(__file__).with_name("step_kernel.c").read_text(encoding="utf-8")
+    return library_function_text() + Path(__file__).with_name("step_kernel.c").read_text(encoding="utf-8")
 
 
 def step_sources(system: System, scheme: RungeKutta, *, lanes: int = 1) -> StepSources:

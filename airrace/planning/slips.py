@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from airrace.frames import angle_between
 from airrace.planning.legs import place
 from airrace.track.course import Passage
-from airrace.track.pylon import Pylon
 
 FEWEST = 4
 """The smallest number of headings that tell whether positions fit them."""
@@ -39,24 +38,25 @@ def exchanged_axes(passages: Sequence[Passage]) -> bool:
 
 
 def idle_pylons(passages: Sequence[Passage]) -> Iterator[tuple[Passage, Passage, Passage, float]]:
-    """Yield the pylons that nobody has to fly round, once each.
+    """Yield the elements to be passed on one side that nobody has to fly round, pylons for one, once each.
 
     Yields:
-        The passages before, at and after the pylon, and by how much the straight line between its neighbours passes it
-        on the side that is asked for, m.
+        The passages before, at and after such an element, and by how much the straight line between its neighbours
+        passes it on the side that is asked for, m.
     """
     seen: set[str] = set()
     for before, passage, after in zip(passages, passages[1:], passages[2:], strict=False):
-        pylon, start, end = passage.element, place(before), place(after)
-        if not isinstance(pylon, Pylon) or start is None or end is None or pylon.name in seen:
+        element, start, end = passage.element, place(before), place(after)
+        side, at = element.passing_side, element.place
+        if side is None or at is None or start is None or end is None or element.name in seen:
             continue
-        seen.add(pylon.name)
+        seen.add(element.name)
         north, east = end[0] - start[0], end[1] - start[1]
         length = math.hypot(north, east)
         if length < 1.0:
             continue
-        along = ((pylon.north - start[0]) * north + (pylon.east - start[1]) * east) / length**2
-        aside = (start[0] + along * north - pylon.north, start[1] + along * east - pylon.east)
-        margin = aside[0] * math.cos(pylon.side) + aside[1] * math.sin(pylon.side)
+        along = ((at[0] - start[0]) * north + (at[1] - start[1]) * east) / length**2
+        aside = (start[0] + along * north - at[0], start[1] + along * east - at[1])
+        margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
         if 0.0 < along < 1.0 and margin > CLEAR:
             yield before, passage, after, margin

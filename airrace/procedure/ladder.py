@@ -35,8 +35,11 @@ from airrace.procedure.ways.sketch import Draught
 logger = logging.getLogger(__name__)
 
 CLOSE = 4.0
-"""Times the limit of the certificate's `race_time_change`: flights that were solved on one mesh each, and whose race
-times differ by less, are proved before the faster one is chosen. Each mesh may err by about that limit."""
+"""The multiple of the limit of the certificate's `race_time_change` (1) that settles which of two flights is faster.
+
+Flights that were solved on one mesh each, and whose race times differ by less, are proved before the faster one is
+chosen. Each mesh may err by about that limit.
+"""
 
 UNPROVED = "its race time could not be proved on a second mesh"
 

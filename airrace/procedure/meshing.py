@@ -3,6 +3,10 @@
 A first mesh is adapted until the Hamiltonian keeps near to -1 all along it; then all of its intervals are halved at
 least. What the finer optimum gains in race time is what a mesh still does to the result. If that is too much, the
 intervals that gained go back into the first mesh as fine as they are now.
+
+What is said here of other values of the constants was measured on the point mass of the half Cuban eight, Rovinj 2014
+and Air Race X 2024, straight from the plan and proved. Of the three, the proved meshes have 153, 806 and 572 intervals,
+after 2, 4 and 7 solves.
 """
 
 from dataclasses import dataclass
@@ -22,23 +26,32 @@ from airrace.procedure.settings import CertificateLimits
 from airrace.trajectory import Array
 
 SAFETY = 0.5
-"""The part of a limit (1) that a mesh is made to keep, by prediction."""
+"""The part of a limit (1) that a mesh is made to keep, by prediction.
+
+With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes eleven solves.
+"""
 SAFETY_OF_ORDER = 0.2
 """The part of the replay's limit (1) that a mesh is made to keep, by prediction.
 
-It is smaller than `SAFETY` because on a coarse mesh the integrator does not yet converge with its order.
+It is smaller than `SAFETY` because on a coarse mesh the integrator does not yet converge with its order. With 0.1 and
+with 0.5 the meshes of Rovinj and of the half Cuban eight differ by four intervals at most.
 """
 NEARBY = 0.1
-"""The part of a neighbour's integration error (1) that is expected in an interval once all intervals are halved."""
+"""The part of a neighbour's integration error (1) that is expected in an interval once all intervals are halved.
+
+The meshes of Rovinj and of the half Cuban eight are the same with 0.03 and with 0.3.
+"""
 FAR_OFF = 2.0
 """The multiple of its limit (1) beyond which the Hamiltonian is too far from -1.
 
-Halving alone would then change the race time.
+Halving alone would then change the race time. With 1 the half Cuban eight takes 133 intervals in three solves; the
+other meshes are the same with 1 and with 4.
 """
 UNDERRATED = 3.0
 """The factor (1) by which a coarse mesh underrates the price of holding the controls.
 
 Summed over a race, the estimate of `holding.foreseen` is a third to two thirds of what halving all intervals gains.
+With 1 Rovinj takes 753 intervals and with 6 it takes 851, in as many solves.
 """
 AHEAD_OF_ORDER = 0.3
 """The part of the replay's limit (1) from which on an interval is cut before it misses it.
@@ -53,23 +66,35 @@ AHEAD = 0.1
 With a half, 5 of those 24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved.
 """
 CALM = 1 / 40
-"""The part of the Hamiltonian's limit (1) below which half of the nodes are enough."""
+"""The part of the Hamiltonian's limit (1) below which half of the nodes are enough.
+
+With a quarter of it Rovinj and Air Race X take 936 and 690 intervals; with four times as much 631 and 512, and race
+times that differ by 1e-4 and 3e-4 s.
+"""
 AT_REST = 1 / 32
 """The part of its limit (1) below which an excess between nodes allows a node to be dropped.
 
-It becomes four times as large when a node is dropped.
+It becomes four times as large when a node is dropped. With a quarter of it Air Race X takes 586 intervals; the other
+meshes are the same, and with four times as much all of them are.
 """
 PARTS_MAX = 6
 """The largest number of parts into which an interval is cut at once."""
 WORTHWHILE = 0.85
-"""The part of the nodes (1) that a coarser mesh may keep to be worth a solve for that reason alone."""
+"""The part of the nodes (1) that a coarser mesh may keep to be worth a solve for that reason alone.
+
+All meshes are the same with 0.7 and with 0.95.
+"""
 UNTRUE = 1e-2
 """The largest deviation of a replayed interval (scaled) of an optimum that can be trusted.
 
-An optimum that deviates more has exploited the error of that interval.
+An optimum that deviates more has exploited the error of that interval. The meshes of Rovinj and of the half Cuban
+eight are the same with 1e-3 and with 0.1.
 """
 LONGEST_JOINED = 0.6
-"""The longest interval that comes of joining two, s."""
+"""The longest interval that comes of joining two, s.
+
+With 0.3 s Rovinj and Air Race X take 878 and 640 intervals, with 1.2 s 806 and 567.
+"""
 FEWEST = 4
 """The smallest number of intervals to which joining reduces a phase."""
 

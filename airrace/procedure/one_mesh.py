@@ -29,9 +29,11 @@ ROUGH = 1e-4
 iterations instead of 29 to 38."""
 
 MANY = 1 / 3
-"""Share of the intervals that are to be cut from which on all are halved. If one interval still misses a limit, another
-solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to need it, 43 to
-82 % of them, and in none when all were halved."""
+"""The share of the intervals of the point mass that are to be cut from which on all are halved (1).
+
+If one interval still misses a limit, another solve is needed: on Rovinj that was so in three stages of three when only
+those were cut that seemed to need it, 43 to 82 % of them, and in none when all were halved.
+"""
 
 
 def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Failure:

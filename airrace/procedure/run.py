@@ -7,6 +7,7 @@ import logging
 import math
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from airrace.dynamics import handling
 from airrace.optimal_control.reference_integration import load_in_background
@@ -105,36 +106,65 @@ def optimize(
             progress.stage_started(stage)
             completed = ladder.complete(stage, bench)
             yield completed
-        remark, spare = "", None
+        found = _Found()
         if start and not finished:
-            below = STAGES[: STAGES.index(until) + 1]
-            highest_optimum, *_ = starting_points(another, below, race.course)
-            with bench.aside(ladder.faster_way(highest_optimum)) as search:
-                restart = restarted(another, below, race.course, ladder, bench)
-                faster = "" if restart.result is None else search.result()
-            remark = restart.remark
-            if restart.result is not None and faster:
-                remark, spare = overtaken(another, restart.result, faster), restart.result
-            elif restart.result is not None:
-                result, remark = told(restart.result, remark), ""
-                ladder.done[result.stage] = result
-                wanted = _above(result.stage, until)
-                yield result
-        while wanted:
-            stage, *wanted = wanted
-            progress.stage_started(stage)
-            if not remark:
-                bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
-            for following in wanted[:1]:
-                service.prepare(ladder.flight(following).model.system, fidelity_of(following).scheme)
-            result = ladder.climb(stage, bench)
-            if spare is not None and is_better(spare, result):
-                result, remark = spare, f"{remark}, which led to nothing faster"
-                ladder.done[result.stage], wanted = result, _above(result.stage, until)
-            result, remark = told(result, remark), ""
-            yield result
-            if result.outcome is not Outcome.SOLVED:
-                return
+            found = _from_another(another, STAGES[: STAGES.index(until) + 1], race, ladder, bench)
+        if found.result is not None:
+            ladder.done[found.result.stage] = found.result
+            wanted = _above(found.result.stage, until)
+            yield found.result
+        yield from _climbed(ladder, wanted, until, found, bench)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The outcome of a start from another run; without one, nothing.
+
+    Attributes:
+        result: the stage that it led to.
+        spare: the stage that it led to where another way round has become the faster one; it counts if nothing faster
+            is found.
+        remark: what is said of it with the next result.
+    """
+
+    result: StageResult | None = None
+    spare: StageResult | None = None
+    remark: str = ""
+
+
+def _from_another(another: Another, stages: Sequence[Stage], race: Race, ladder: Ladder, bench: Workbench) -> _Found:
+    """Start from another run, and look for a faster way round beside it."""
+    highest, *_ = starting_points(another, stages, race.course)
+    with bench.aside(ladder.faster_way(highest)) as search:
+        restart = restarted(another, stages, race.course, ladder, bench)
+        faster = "" if restart.result is None else search.result()
+    if restart.result is None:
+        return _Found(remark=restart.remark)
+    if faster:
+        return _Found(spare=restart.result, remark=overtaken(another, restart.result, faster))
+    return _Found(told(restart.result, restart.remark))
+
+
+def _climbed(
+    ladder: Ladder, wanted: Sequence[Stage], until: Stage, found: _Found, bench: Workbench
+) -> Iterator[StageResult]:
+    """Climb the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
+    remark, spare = found.remark, found.spare
+    while wanted:
+        stage, *wanted = wanted
+        bench.progress.stage_started(stage)
+        if not remark:
+            bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
+        for following in wanted[:1]:
+            bench.service.prepare(ladder.flight(following).model.system, fidelity_of(following).scheme)
+        result = ladder.climb(stage, bench)
+        if spare is not None and is_better(spare, result):
+            result, remark, spare = spare, f"{found.remark}, which led to nothing faster", None
+            ladder.done[result.stage], wanted = result, _above(result.stage, until)
+        result, remark = told(result, remark), ""
+        yield result
+        if result.outcome is not Outcome.SOLVED:
+            return
 
 
 def _above(stage: Stage, until: Stage) -> list[Stage]:

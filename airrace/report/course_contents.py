@@ -25,9 +25,9 @@ from airrace.track.polygons import Point
 from airrace.views.scenery import Scenery
 
 INFLATED = 25.0
-"""m, the usual height of an inflated pylon."""
+"""The usual height of an inflated pylon, m."""
 ABOVE = 5.0
-"""m, that a pylon rises above the highest passing that counts."""
+"""The height by which a pylon rises above the highest passing that counts, m."""
 ENDLESS = 0.15
 """The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
 

@@ -11,6 +11,7 @@ from airrace.quantities import KNOT
 from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus
 
 PRICES_SHOWN = 40
+"""The largest number of prices in the table, the dearest first."""
 CERTIFICATE = (
     Head("item", text=True),
     Head("value"),

@@ -28,7 +28,7 @@ class Step:
 
     @property
     def action(self) -> str:
-        """`run`, `prove` or `keep`."""
+        """The word for what is done with the stage: `run`, `prove` or `keep`."""
         return "run" if self.reason else "prove" if self.unproved else "keep"
 
     def as_object(self) -> dict[str, object]:

@@ -173,6 +173,14 @@ class Element(ABC):
         return None
 
     @property
+    def passing_side(self) -> float | None:
+        """The azimuth from its place to the one side on which it is passed; None where it has no such side.
+
+        A kind that has one calls it `pass_side_deg` in its keys.
+        """
+        return None
+
+    @property
     def two_edged(self) -> bool:
         """Whether the prescribed bank may be flown to either side."""
         return False

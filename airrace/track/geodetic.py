@@ -1,4 +1,4 @@
-"""Between latitude and longitude (WGS 84) and metres in the flat frame of a track.
+"""Conversions between latitude and longitude (WGS 84) and metres in the flat frame of a track.
 
 A place is taken at the elevation of the track's origin and seen in the origin's local north-east-down frame; how far
 it lies below that frame's horizontal plane, for the earth is round, is ignored: the track's frame is flat. Heights of

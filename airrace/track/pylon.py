@@ -39,6 +39,10 @@ class Pylon(Tolerant):
         return "pylon"
 
     @property
+    def passing_side(self) -> float:
+        return self.side
+
+    @property
     def axis(self) -> float:
         return self.side + math.pi / 2
 

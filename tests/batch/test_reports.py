@@ -20,7 +20,7 @@ from airrace.batch.report_markdown import markdown_text
 from airrace.batch.supervision import Policy
 from airrace.batch.ways import Ways, ways_of
 from airrace.batch.wind import wind_summaries, wind_words
-from airrace.cli.batch_tables import ranking_table
+from airrace.cli.batch_tables import ranking_tables
 from airrace.cli.tables import rendered
 from airrace.errors import Finding
 
@@ -73,7 +73,7 @@ def test_what_five_milliseconds_tell_apart_is_a_tie() -> None:
 
 def test_stage_and_laps_stand_beside_the_race_time() -> None:
     rows = rows_of((a_step("a"), Result(0, "", 20.0, stage="point-mass", laps=(10.5, 9.5))))
-    assert rendered(ranking_table(rows)).splitlines()[-1].split()[:6] == [
+    assert rendered(*ranking_tables(rows)).splitlines()[-1].split()[:6] == [
         *("a", "certified", "point-mass", "20.000", "best", "9.500")
     ]
     (line,) = csv.DictReader(io.StringIO(csv_text(rows, Path("out"))))
@@ -118,11 +118,11 @@ def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
     text = markdown_text(EXPLORED, ())
     assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
     assert "ways tried" not in markdown_text(ROWS, ())
-    shown = rendered(ranking_table(EXPLORED)).splitlines()
+    shown = rendered(*ranking_tables(EXPLORED)).splitlines()
     assert shown[-2].split()[:5] == ["bent", "certified", "-", "60.000", "best"]
     assert shown[-2].split()[5:] == ["7", "+0.125", "0.0"]
     assert shown[-1].split()[4:7] == ["+1.000", "-", "-"]
-    assert "next way" not in rendered(ranking_table(ROWS))
+    assert "next way" not in rendered(*ranking_tables(ROWS))
 
 
 def test_the_ways_of_a_run_are_those_of_the_stage_that_explored() -> None:

@@ -21,7 +21,7 @@ from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.track.course import Rules
 
 TAU = 0.08
-"""s, the time constant of the roll."""
+"""The time constant of the roll, s."""
 K_P = 8.0
 """1/s, how fast the controller takes back an error of the roll rate."""
 

@@ -24,9 +24,9 @@ from airrace.track.element import Crossing, Direction, Drawing, Frame, Sight, St
 from airrace.track.passing import NOT_POSITIVE, ZERO, offsets
 
 CROSSING = math.radians(45.0)
-"""rad: the largest horizontal angle between path and axis."""
+"""The largest horizontal angle between path and axis, rad."""
 ROUNDED = 0.01
-"""m: keeps the distance from the axis smooth on the axis itself."""
+"""The length that keeps the distance from the axis smooth on the axis itself, m."""
 
 
 def _farthest(crossing: Symbols, place: Symbols) -> Sequence[Any]:

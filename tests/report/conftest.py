@@ -1,6 +1,61 @@
-"""The flights of `tests/flights/flown.py` serve the tests of reports as well."""
+"""The flights of `tests/flights/flown.py` serve the tests of reports as well; those in a browser share it and a report.
 
+Pictures of every view are kept in the folder that the environment variable `AIRRACE_ARTEFACTS` names, for people.
+"""
+
+import os
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pytest
+from opened_pages import SOFTWARE, Opened, browser_path, opened
+from playwright.sync_api import Browser, sync_playwright
+
 sys.path.append(str(Path(__file__).parents[1] / "flights"))
+
+
+@pytest.fixture(scope="module")
+def launch() -> Iterator[Callable[..., Browser]]:
+    """Starts a browser with further switches. Without its sandbox it runs in containers, too; it opens nothing but the
+    pages of these tests."""
+    path = browser_path()
+    with sync_playwright() as playwright:
+        yield lambda *switches: playwright.chromium.launch(executable_path=path, args=["--no-sandbox", *switches])
+
+
+@pytest.fixture(scope="module")
+def chromium(launch: Callable[..., Browser]) -> Iterator[Browser]:
+    browser = launch(*SOFTWARE)
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="module")
+def artefacts(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    named = os.environ.get("AIRRACE_ARTEFACTS")
+    folder = Path(named) if named else tmp_path_factory.mktemp("artefacts")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs, the second in a wind, and a report of both."""
+    from flown import half_cuban, windy  # found only since its folder is on the path, see above
+
+    place = tmp_path_factory.mktemp("report")
+    half_cuban().save(place / "still.h5")
+    windy().save(place / "windy.h5")
+    half_cuban().report(place / "report.html", str(place / "windy.h5"))
+    return place
+
+
+@pytest.fixture(scope="module")
+def laptop(chromium: Browser, folder: Path) -> Iterator[Opened]:
+    """The report on a laptop, for tests that leave it as they find it."""
+    one = opened(chromium, folder / "report.html")
+    yield one
+    assert one.errors == []
+    assert [address for address in one.asked if not address.startswith("data:")] == []
+    one.page.context.close()

@@ -48,6 +48,7 @@ def test_the_wheel_holds_courses_aircraft_rules_types_and_sources(wheel: Path) -
         "airrace/__main__.py",
         "airrace/documents/presets/rbar-2014.yaml",
         "airrace/documents/templates/course.yaml",
+        "airrace/optimal_control/library_function.h",
         "airrace/optimal_control/step_kernel.c",
         "airrace/report/page.html",
         "airrace/report/script/main.js",

@@ -1,6 +1,7 @@
 """A start from another run: a flight that goes the wrong way round is overtaken, a good one is not."""
 
 import dataclasses
+import itertools
 import threading
 
 import numpy as np
@@ -19,6 +20,7 @@ from airrace.procedure.ways.around import faster_way
 from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.sketch import planned_draught, sketched
 from airrace.procedure.ways.window import COLD_BARRIER
+from airrace.trajectory import Trajectory
 
 WINDY = blown(WOUND, 200.0, 2.0)
 
@@ -110,6 +112,35 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
         assert result.message.endswith("so the start is from scratch, which led to nothing faster")
 
 
+def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
+    good = started(optimum(WOUND), QUICK)
+    monkeypatch.setattr(Ladder, "faster_way", lambda *_: lambda _: "a way round that saves about 0.03 s")
+    scratch = {
+        Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),
+        Stage.TRANSFER_FUNCTION: dataclasses.replace(
+            good, stage=Stage.TRANSFER_FUNCTION, outcome=Outcome.NOT_CERTIFIED, message="no"
+        ),
+    }
+    monkeypatch.setattr(Ladder, "climb", lambda _, stage, bench: scratch[stage])
+    run = optimize(
+        *(WINDY, QUICK),
+        until=Stage.TRANSFER_FUNCTION,
+        threads=1,
+        start=[optimum(WOUND)],
+        start_name="calm.h5",
+        progress=Silent(),
+    )
+    faster, spare, failed = itertools.islice(run, 4)
+    assert faster.message.endswith("so the start is from scratch")
+    assert spare.message == f"{faster.message}, which led to nothing faster"
+    assert spare.trajectory.race_time == good.trajectory.race_time
+    assert (failed.stage, failed.message) == (Stage.TRANSFER_FUNCTION, "no")
+
+
 def slower(result: StageResult) -> StageResult:
-    flown = dataclasses.replace(result.trajectory, durations=1.01 * result.trajectory.durations)
-    return dataclasses.replace(result, trajectory=flown)
+    return dataclasses.replace(result, trajectory=scaled(result, 1.01))
+
+
+def scaled(result: StageResult, factor: float) -> Trajectory:
+    return dataclasses.replace(result.trajectory, durations=factor * result.trajectory.durations)

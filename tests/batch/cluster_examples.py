@@ -1,0 +1,71 @@
+"""Jobs on a cluster for the tests, flown by stand-ins that leave a log: by an executor, or by the command."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+from batch_examples import planned, write_course
+from cluster_log import Log
+from clusters import Cluster, wait_until
+
+from airrace.batch.cluster import ClusterExecutor
+from airrace.batch.executor import Ended, Ending, Event
+from airrace.batch.plan import Plan
+
+VERSIONS = {"airrace": version("airrace"), "numpy": version("numpy")}
+STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
+PROGRAM = """
+import sys
+import airrace.batch.process as process
+from airrace.__main__ import main
+process.JOB_COMMAND = (sys.executable, "-S", {stand_in!r}, {log!r})
+main()
+"""
+
+
+def executor_of(cluster: Cluster, log: Log, slots: int | None = None, wait: float = 60.0) -> ClusterExecutor:
+    return ClusterExecutor(cluster.address, ("-S", str(STAND_IN), str(log.path)), VERSIONS, slots, wait)
+
+
+def plan_with(folder: Path, notes: str) -> Plan:
+    return planned(write_course(folder), folder=folder, sweeps=[f"notes={notes}"])
+
+
+def heard(executor: ClusterExecutor, enough: Callable[[list[Event]], object], within: float = 30.0) -> list[Event]:
+    """Events until there are enough of them."""
+    events: list[Event] = []
+    deadline = time.monotonic() + within
+    while not enough(events):
+        assert time.monotonic() < deadline, events
+        events += executor.events(0.5)
+    return events
+
+
+def await_slots(executor: ClusterExecutor, number: int) -> None:
+    wait_until(lambda: executor.events(0.5) is not None and executor.slots == number, 30.0)
+
+
+def endings(events: list[Event]) -> dict[str, Ending]:
+    """How jobs ended; none of them twice."""
+    ended = [event for event in events if isinstance(event, Ended)]
+    assert len({event.name for event in ended}) == len(ended)
+    return {event.name: event.ending for event in ended}
+
+
+def started(cluster: Cluster | str, folder: Path, log: Log, *arguments: str) -> "subprocess.Popen[str]":
+    """`airrace batch oval.yaml --cluster ...`, its jobs flown by stand-ins."""
+    write_course(folder)
+    address = cluster if isinstance(cluster, str) else cluster.address
+    program = PROGRAM.format(stand_in=str(STAND_IN), log=str(log.path))
+    options = ("--until", "point-mass", "--cluster", address, *arguments)
+    return subprocess.Popen(
+        [sys.executable, "-c", program, "batch", "oval.yaml", *options],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )

@@ -1,0 +1,80 @@
+"""A batch that is interrupted or killed: what is finished is kept, and the rest is flown by the next call."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from batch_examples import starts
+from batch_shell import Ran, Shell
+from clusters import wait_until
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_batch_keeps_what_is_finished_and_goes_on_later(number: signal.Signals, airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once,slow", "--jobs", "1", "--csv", "a.csv", "--json")
+    with airrace.start(*arguments) as running:
+        wait_for(running, "notes=hang-once: point-mass started")
+        running.send_signal(number)
+        out, _ = running.communicate(timeout=30.0)
+    assert running.returncode == 130
+    assert Ran(130, out, "").states == {
+        "oval,notes=fine": "certified",
+        "oval,notes=hang-once": "interrupted",
+        "oval,notes=slow": "interrupted",
+    }
+    assert (airrace.folder / "a.csv").exists()
+    assert airrace(*arguments).code == 0
+    assert starts(airrace.out, "oval,notes=fine") == ["new"]
+    assert starts(airrace.out, "oval,notes=hang-once") == ["new", "resumed"]
+
+
+def test_a_second_interrupt_ends_everything_at_once(airrace: Shell) -> None:
+    with airrace.start("oval.yaml", "--set", "notes=deaf") as running:
+        wait_for(running, "point-mass started")
+        child = airrace.out / "oval.child"
+        wait_until(lambda: child.exists() and child.read_text() != "")
+        running.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        began = time.monotonic()
+        running.send_signal(signal.SIGINT)
+        running.communicate(timeout=30.0)
+        assert time.monotonic() - began < 4.0
+    assert running.returncode == 130
+    job = int((airrace.out / "oval.starts").read_text().split()[0])
+    for process in (job, int(child.read_text())):
+        wait_until(lambda process=process: is_gone(process))
+
+
+def test_what_was_under_way_when_the_parent_was_killed_is_flown_again(airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once", "--jobs", "1")
+    with airrace.start(*arguments) as running:
+        wait_for(running, "notes=hang-once: point-mass started")
+        os.kill(running.pid, signal.SIGKILL)
+        running.communicate(timeout=30.0)
+    for line in (airrace.out / "oval,notes=hang-once.starts").read_text().splitlines():
+        os.kill(int(line.split()[0]), signal.SIGKILL)  # a stand-in does not mind its parent
+    ran = airrace(*arguments)
+    assert ran.code == 0
+    assert "oval,notes=hang-once: again (it was not finished)" in ran.err
+    assert starts(airrace.out, "oval,notes=fine") == ["new"]
+
+
+def wait_for(running: subprocess.Popen[str], text: str) -> None:
+    """Read the progress until a line holds the text; what follows is read on, so that nobody waits for a reader."""
+    assert running.stderr is not None
+    for line in running.stderr:
+        if text in line:
+            return
+    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
+
+
+def is_gone(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    status = Path(f"/proc/{process}/stat")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] in "ZX"
