@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.tables import PAGE, plain_table
+from airrace.cli.tables import PAGE, plain_table, rendered
 from airrace.flights import Flight
 from airrace.flights.clearance import Clearance
 from airrace.flights.legs import passings_around
-from airrace.flights.near_misses import NearMiss
+from airrace.flights.near_misses import NearMiss, near_misses
 
 NEAR_MISSES = textwrap.fill(
     "warning: the rules measure the wing tips at the instant of a passing alone; right before or after it, or at other "
@@ -32,6 +32,12 @@ def planned_table(planned: Flight, clearances: Sequence[Clearance]) -> Table:
         between = f"{before.name} and {after.name}"
         table.add_row(Text(_thing(one)), f"{one.distance:.1f}", f"{one.required:.1f}", *numbers, Text(between))
     return table
+
+
+def near_misses_text(flight: Flight) -> str:
+    """Return the table of the near misses of a flight, with a sentence; empty where there are none."""
+    misses = near_misses(flight)
+    return f"{rendered(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}" if misses else ""
 
 
 def near_miss_table(misses: Sequence[NearMiss]) -> Table:

@@ -48,7 +48,7 @@ def _conditions(comparison: Comparison) -> Iterator[str]:
         yield f"  {what}: {second} against {first}"
     for flight in (other, reference):
         if flight.source.certified is False:
-            yield f"  {flight.label} is not certified"
+            yield f"  {flight.label} is {flight.source.verdict}"
 
 
 def _laps_table(comparison: Comparison) -> Table:

@@ -1,10 +1,12 @@
 """Runs flown at the terminal, watched on stderr and shown in tables: what `optimize` and `resume` share."""
 
+from airrace.cli.clearance_tables import near_misses_text
 from airrace.cli.split_comparison import comparison_table
 from airrace.cli.tables import PAGE, rendered, result_tables, stages_table
 from airrace.cli.ways_table import ways_table
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
+from airrace.runs.flown_stage import FlownStage
 from airrace.runs.flying import available_cores, fly_stages
 from airrace.runs.task import Task
 from airrace.views.live import watching
@@ -28,5 +30,8 @@ def fly(answer: Answer, task: Task, *, threads: int | None, timeout: float | Non
         ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
         tables = (*climbed, *ways, *result_tables(results[-1]))
         answer.texts.extend(rendered(table, columns=PAGE) for table in tables)
+        last = FlownStage(task.run.inputs, results[-1], {})
+        misses = near_misses_text(last.flight()) if results[-1].is_flight else ""
+        answer.texts.extend([misses] if misses else [])
         difference = None if task.start is None else comparison_table(task.start, results)
         answer.texts.extend(() if difference is None else [rendered(difference, columns=PAGE)])

@@ -3,11 +3,10 @@
 import textwrap
 from collections.abc import Iterator
 
-from airrace.cli.clearance_tables import NEAR_MISSES, near_miss_table
+from airrace.cli.clearance_tables import near_misses_text
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.mesh_table import mesh_table
 from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
-from airrace.flights.near_misses import near_misses
 from airrace.procedure.remeasured import HEARSAY
 from airrace.procedure.result import StageResult
 from airrace.runs.shown import Shown
@@ -54,7 +53,7 @@ def _flight_texts(shown: Shown, *, legs: bool) -> Iterator[str]:
     assert shown.flight is not None  # its stage is known
     if line := laps_line(shown.flight):
         yield line
-    if misses := near_misses(shown.flight):
-        yield f"{rendered(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}"
+    if misses := near_misses_text(shown.flight):
+        yield misses
     if legs:
         yield from (rendered(table, columns=PAGE) for table in leg_tables(shown.flight))

@@ -11,6 +11,7 @@ from airrace.environment.air import Air
 from airrace.flights.glossary import BODY_ATTITUDE, PATH_ATTITUDE
 from airrace.flights.history import Basis, Histories, History
 from airrace.planning.race import Race
+from airrace.procedure.result import State
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
 from airrace.trajectory import Array
@@ -60,16 +61,33 @@ class Source:
     Attributes:
         label: what people call it, e.g. `rovinj.h5:six-dof`; unique among flights that are shown together.
         stage: the stage of a run, e.g. `six-dof`; empty for a recorded flight.
-        certified: whether it is a certified optimum; None where that is no question.
+        state: the trust that an optimum deserves, such as `certified` or `solved`; None for what is no optimum.
         version: of airrace, where it has computed the flight; empty else.
         remark: a sentence for whoever looks at it; often empty.
     """
 
     label: str
     stage: str = ""
-    certified: bool | None = None
+    state: State | None = None
     version: str = ""
     remark: str = ""
+
+    @property
+    def certified(self) -> bool | None:
+        """Whether it is a certified optimum; None where that is no question."""
+        return None if self.state is None else self.state is State.CERTIFIED
+
+    @property
+    def verdict(self) -> str:
+        """The state in words for people; empty for what is no optimum."""
+        if self.state is None:
+            return ""
+        return "solved on one mesh" if self.state is State.SOLVED else self.state.value
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether something that was measured of an optimum does not hold, or nothing was measured."""
+        return self.state not in (None, State.CERTIFIED, State.SOLVED)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,6 @@ from airrace.trajectory import Trajectory
 from airrace.views.plan_svg import plan_svg
 from airrace.views.scenery import scenery
 
-VERDICTS = {True: "certified", False: "not certified", None: "recorded"}
-
 
 def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> Page:
     """Return the page about some flights.
@@ -33,13 +31,12 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     first = flights[0]
     comparisons = [compared(first, other) for other in flights[1:]]
     seen = scenery(first.race)
-    certified = first.source.certified
     return Page(
         title=first.course.name,
         subtitle=_subtitle(first),
         race_time=first.race_time,
-        verdict=VERDICTS[certified],
-        good=certified is not False,
+        verdict=first.source.verdict or "recorded",
+        good=not first.source.doubtful,
         readings=[one for one in READINGS if one.history in first],
         plan=plan_svg(seen, _ground_track(first)),
         sections=[one for one in (*_flight_sections(flights, comparisons), *sections) if one],

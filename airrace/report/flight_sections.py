@@ -17,7 +17,7 @@ FLIGHTS = (
     Head("aircraft", text=True),
     Head("race time", "s"),
     Head("difference", "s"),
-    Head("certified", text=True),
+    Head("state", text=True),
 )
 LEGS = (
     Head("to", text=True),
@@ -54,7 +54,7 @@ def flights_section(flights: Sequence[Flight]) -> str:
             flight.aircraft.name,
             number(flight.race_time, 3),
             "" if flight is first else number(flight.race_time - first.race_time, 3, signed=True),
-            {True: "yes", False: "no", None: "recorded"}[flight.source.certified],
+            flight.source.verdict or "recorded",
         ))
         for place, flight in enumerate(flights)
     ]  # fmt: skip

@@ -22,6 +22,7 @@ def flight_object(flight: Flight) -> dict[str, object]:
         "track": flight.course.name,
         "aircraft": flight.aircraft.name,
         "stage": flight.source.stage or None,
+        "state": None if flight.source.state is None else flight.source.state.value,
         "certified": flight.source.certified,
         "race_time_s": finite(flight.race_time),
     }

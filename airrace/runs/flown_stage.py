@@ -113,7 +113,7 @@ class FlownStage:
         source = Source(
             label or f"{Path(self.inputs.track.path).stem}:{self.name}",
             stage=self.name,
-            certified=self.certified,
+            state=self.result.state,
             version=self.versions.get("airrace", ""),
             remark=self.message,
         )

@@ -79,9 +79,9 @@ def flight_figure(flight: Flight) -> Figure:
 
 
 def _title(flight: Flight) -> str:
-    certified = {True: ", certified", False: ", NOT certified", None: ""}[flight.source.certified]
+    verdict = f", {flight.source.verdict}" if flight.source.verdict else ""
     time = f"{flight.race_time:.3f} s" if math.isfinite(flight.race_time) else "not finished"
-    return f"{flight.course.name}: {flight.label}, {flight.aircraft.name}, {time}{certified}"
+    return f"{flight.course.name}: {flight.label}, {flight.aircraft.name}, {time}{verdict}"
 
 
 def _draw_profile(axes: Axes, flight: Flight) -> None:

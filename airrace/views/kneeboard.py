@@ -65,9 +65,9 @@ def _subtitle(flight: Flight) -> str:
 def _footnote(flight: Flight) -> str:
     limit = flight.limit("n_z")
     bound = f"; at most {limit.upper:g} g" if math.isfinite(limit.upper) else ""
-    certified = "" if flight.source.certified is not False else "; NOT certified"
+    verdict = f"; {flight.source.verdict}" if flight.source.certified is False else ""
     told = "bank + right wing down; track over ground, from true north; heights above the track's origin"
-    return f"{told}{bound}{certified}"
+    return f"{told}{bound}{verdict}"
 
 
 def _draw_grid(axes: Axes, frame: Box) -> None:

@@ -14,10 +14,14 @@ from canned_procedure import stage_result
 from typer.testing import CliRunner
 
 from airrace.checkpoint import read_checkpoint
+from airrace.cli import clearance_tables
 from airrace.cli.main import app
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
 from airrace.documents import load_inputs
+from airrace.flights import Flight
+from airrace.flights.clearance import Clearance
+from airrace.flights.near_misses import NearMiss
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
 from airrace.runs.run_object import run_object, stage_object
@@ -143,6 +147,24 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
         assert "ways round: 3 tried in 4.5 s, 3 of 5 flights led to the best" in told
         assert "over the top to the right" in told
         assert "+0.125" in told
+
+
+def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missed(flight: Flight) -> tuple[NearMiss, ...]:
+        first, second, *_ = flight.crossings
+        away = Clearance("pylon", "g4", 0.25, 0.5, 0.02, 0.0, 0.0, 20.0)
+        return (NearMiss(away, first, first, second),)
+
+    monkeypatch.setattr(clearance_tables, "near_misses", missed)
+    told = [Ran("optimize", TRACK), Ran("resume", "rovinj_2014.h5"), Ran("show", "rovinj_2014.h5")]
+    assert [ran.code for ran in told] == [0, 0, 0]
+    blocks = [re.findall(r"near misses\n.*?as told above\.", ran.out, re.DOTALL) for ran in told]
+    assert len(blocks[0]) == 1
+    assert "0.02 s after" in blocks[0][0]
+    assert blocks[0] == blocks[1] == blocks[2]
+    assert "near misses" not in Ran("optimize", TRACK, "--quiet", "--force").out
 
 
 def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(

@@ -10,11 +10,15 @@ import pytest
 from flown import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
+from airrace.cli.compare_tables import comparison_texts
 from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.flights.comparison import Comparison, compared
 from airrace.flights.conditions import conditions
-from airrace.flights.flight import Crossing, Flight
+from airrace.flights.flight import Crossing, Flight, Source
+from airrace.procedure.result import State
+from airrace.report.flight_page import flight_page
+from airrace.runs.compared import compared_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
@@ -138,6 +142,28 @@ def test_conditions_that_differ_are_told() -> None:
     assert list(conditions(flight, other)) == [("safety lines", "none", "beach"), ("people", "none", "stands")]
     moved = replace(other, race=replace(other.race, course=replace(course, crowd=(replace(crowd, distance=40.0),))))
     assert list(conditions(other, moved)) == [("people", "stands", "stands otherwise")]
+
+
+@pytest.mark.parametrize(
+    ("state", "words"),
+    [
+        (None, ""),
+        (State.CERTIFIED, ""),
+        (State.SOLVED, "x is solved on one mesh"),
+        (State.GUESS, "x is a guess"),
+        (State.NOT_CERTIFIED, "x is not certified"),
+    ],
+)
+def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: State | None, words: str) -> None:
+    reference = circling(rovinj())
+    other = replace(reference, source=Source("x", state=state))
+    verdict, *_ = comparison_texts(compared(reference, other), every=False)
+    assert [line.strip() for line in verdict.splitlines()[1:]] == ([words] if words else [])
+    good = state not in (State.GUESS, State.NOT_CERTIFIED)
+    assert flight_page([other]).good == good
+    told = compared_object(other, [])["reference"]
+    assert isinstance(told, dict)
+    assert told["state"] == (None if state is None else state.value)
 
 
 @pytest.fixture
