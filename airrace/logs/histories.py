@@ -93,6 +93,31 @@ def measured_histories(recording: Recording, time: Array) -> dict[str, History]:
     return found
 
 
+def between_samples(recording: Recording, name: str, times: Array) -> Array:
+    """Return how far a recorded history may be from the straight lines between its samples, in its unit, shape (m,).
+
+    What a sample `v_k` differs by from the line between its neighbours is what sampling half as often would lose. The
+    error of interpolation goes with the square of the step, so a quarter of it is lost between samples; the greatest
+    such number of the samples around a time counts.
+
+    Args:
+        recording: with samples of the history.
+        name: of the history.
+        times: on the clock of the recording, s, shape (m,).
+    """
+    values = recording.columns[name]
+    known = np.isfinite(values)
+    t, v = recording.time[known], values[known]
+    if len(t) < 3:
+        return np.full(len(times), np.nan)
+    v = np.unwrap(v) if name in GLOSSARY and GLOSSARY[name].unit == "rad" else v
+    share = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
+    lost = np.pad(0.25 * np.abs(v[1:-1] - (1.0 - share) * v[:-2] - share * v[2:]), 1)
+    behind = np.searchsorted(t, times)
+    around = np.clip(behind[:, None] + np.arange(-2, 2), 0, len(t) - 1)
+    return lost[around].max(axis=1)
+
+
 def path_attitude(velocity: Array, right_wing: Array) -> list[Array]:
     """Return the quaternion of the flight-path frame whose y axis is the right wing, as far as it lies across the path.
 

@@ -11,7 +11,9 @@ from test_recovery import flown, imported
 from airrace.documents import load_inputs
 from airrace.documents.presets import preset_names
 from airrace.flights import Basis
+from airrace.logs.histories import between_samples
 from airrace.logs.penalties import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.logs.recording import Recording
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
 RULES = Penalties(pylon=3.0, missed=4.0, too_high=2.0, too_low=ENDS_RACE, bank=2.0, climb=2.0, start_speed=1.0)
@@ -76,6 +78,33 @@ def test_a_recorded_bank_is_judged_and_an_estimate_is_not_certain() -> None:
     estimated = [breach for breach in flown(20.0, 1).breaches if breach.rule == "bank"]
     assert estimated
     assert not any(breach.certain for breach in estimated)
+
+
+def test_an_optimum_that_is_recorded_without_noise_breaks_no_rule_with_certainty() -> None:
+    """What an optimum's exports hold: places to the centimetre, attitudes between whose samples it rolls."""
+    exact = fixes(20.0, noise=0.0, gap=(0.0, 0.0))
+    told = [np.degrees(known().at(name, exact.time)) for name in ("mu", "gamma", "chi")]
+    lines = csv_text(exact).splitlines()
+    columns = zip(lines[1:], *told, strict=True)
+    text = "\n".join(
+        [f"{lines[0]},roll [deg],pitch [deg],heading [deg]", *(f"{a},{b},{c},{d}" for a, b, c, d in columns)]
+    )
+    one = imported(text + "\n", penalties=RULES)
+    assert one.flight.basis("phi") is Basis.MEASURED
+    assert [breach for breach in one.breaches if breach.certain] == []
+    assert all(math.isfinite(breach.deviation) for breach in one.breaches if breach.rule == "bank")
+
+
+def test_the_deviation_between_samples_bounds_what_is_lost_there() -> None:
+    """A straight line loses nothing; a swing loses what it bends, about a quarter of what twice the step loses."""
+    time = np.arange(0.0, 10.0, 0.05)
+    between = np.linspace(1.0, 9.0, 301)
+    for values, exact in ((3.0 * time, 3.0 * between), (np.sin(4.0 * time), np.sin(4.0 * between))):
+        recording = Recording("log.csv", "csv", time, {"phi": values}, np.arange(len(time)))
+        off = np.abs(np.interp(between, time, values) - exact)
+        known_to = between_samples(recording, "phi", between)
+        assert np.all(off <= known_to + 1e-9)
+        assert known_to.max() <= 0.05**2 * 16.0 / 8.0 * 1.01
 
 
 def test_a_recorded_load_factor_is_kept_and_judged() -> None:
