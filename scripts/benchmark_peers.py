@@ -21,9 +21,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(variable, "1")
-
 from peers import asset, engine, rockit_meco
 from peers.measured import Answer, position_error
 from peers.race import Race, the_race
@@ -155,6 +152,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--markdown", action="store_true")
     parser.add_argument("--figure", type=Path, metavar="FILE.png", help="draw it; needs matplotlib")
     chosen = parser.parse_args(arguments)
+    for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # libraries read them when they are loaded, by `solve`
+        os.environ.setdefault(variable, "1")
     race, rows = the_race(chosen.laps), list[Row]()
     tools = [tool for tool in TOOLS if tool.name in chosen.tools]
     for tool in tools:
@@ -164,8 +163,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         engine.warm(race, scheme)
     compared = measure(race, Tool("reference", with_scheme(VERNER_7)), chosen.reference, 1, chosen.tolerance)
     print(f"compared with {compared.race_time:.4f} s on {chosen.reference} segments per phase", file=sys.stderr)
-    for segments in chosen.segments:
-        for tool in tools:
+    for tool in tools:
+        for segments in chosen.segments:
             if not tool.missing:
                 rows.append(measure(race, tool, segments, chosen.repeats, chosen.tolerance))
                 print(*rows[-1].cells(compared.race_time), sep="  ", file=sys.stderr, flush=True)

@@ -8,6 +8,7 @@ import time
 from typing import Any
 
 import numpy as np
+
 from peers.measured import Answer, Flight
 from peers.race import Gate, Race, crossing
 

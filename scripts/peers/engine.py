@@ -4,8 +4,6 @@ import time
 
 import casadi as ca
 import numpy as np
-from peers.measured import Answer, Flight
-from peers.race import Gate, Race, crossing
 
 from airrace.dynamics.flight_model import column, named_symbols
 from airrace.optimal_control import summation
@@ -17,6 +15,8 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation
+from peers.measured import Answer, Flight
+from peers.race import Gate, Race, crossing
 
 DURATION = Interval(0.1, 30.0)  # s, of a phase
 

@@ -1,12 +1,12 @@
-"""What a tool answers, and how exact that is: its controls flown again by an integrator that belongs to none of them."""
+"""What a tool answers, and how exact that is: its controls flown again by an integrator that is no tool's own."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from peers.race import Race
 
 from airrace.optimal_control.reference_integration import integrate
 from airrace.trajectory import Array
+from peers.race import Race
 
 TOLERANCE = 1e-12  # relative, and of a state's scale
 

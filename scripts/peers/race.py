@@ -6,6 +6,7 @@ control the rates of its commands; both come in this order everywhere. Numbers a
 course and aircraft, as airrace reads them.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,7 +123,7 @@ class Race:
     def guess(self, segments: int) -> Guess:
         """Cubics from gate to gate, flown level at one speed and banked as their turns need."""
         places = (START, *self.gates)
-        phases = [_cubic(*pair) for pair in zip(places, places[1:], strict=False)]
+        phases = [_cubic(*pair) for pair in itertools.pairwise(places)]
         durations = np.array([_length(curve(np.linspace(0, 1, SAMPLES))[0]) / SPEED_GUESS for curve in phases])
         course = np.nan
         states = []

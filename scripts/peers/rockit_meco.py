@@ -9,6 +9,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+
 from peers.measured import Answer, Flight
 from peers.race import Gate, Race, crossing
 
