@@ -38,7 +38,7 @@ def solve(race: Race, segments: int, tolerance: float) -> Answer:
             whole.subject_to(leg.at_t0(x) == race.start)
         legs.append((leg, x, u))
     ipopt = {"tol": tolerance, "max_iter": 1000, "print_level": 0, "sb": "yes"}
-    whole.solver("ipopt", {"expand": True, "print_time": False, "ipopt": ipopt})
+    whole.solver("ipopt", {"expand": True, "print_time": False, "record_time": True, "ipopt": ipopt})
     try:
         solution = whole.solve()
     except RuntimeError as failure:
@@ -93,7 +93,7 @@ def _flight(solution: Any, legs: list[tuple[Any, Any, Any]]) -> Flight:
     for leg, x, u in legs:
         times, sampled = solution(leg).sample(x, grid="control")
         states.append(np.array(sampled))
-        controls.append(np.array(solution(leg).sample(u, grid="control-")[1]))
+        controls.append(np.array(solution(leg).sample(u, grid="control")[1])[:-1])  # the last is told twice
         durations.append(float(times[-1] - times[0]))
     return Flight(
         durations=np.array(durations),
