@@ -187,8 +187,8 @@ def _following(
 ) -> tuple[Draft | None, Compared | None]:
     """Return the next mesh, and the optimum whose race time the next one is compared with.
 
-    The mesh is None if none would help. Where intervals may not be joined (`longest`, s, is finite), a first mesh that is
-    not wrong is halved at once: on the shipped courses that moved the race time by 2.6 ms at most.
+    The mesh is None if none would help. Where intervals may not be joined (`longest`, s, is finite), a first mesh that
+    is not wrong is halved at once: on the shipped courses that moved the race time by 2.6 ms at most.
     """
     if coarser is None:
         early = refinement < ADAPTATIONS_MAX and math.isinf(longest)
