@@ -77,7 +77,7 @@ class Row:
         if self.answers[-1].flight is None:
             errors: tuple[str, ...] = ("not converged", "", "")
         else:
-            errors = (f"{1e3 * self.position_error:.2g}", f"{self.race_time:.4f}")
+            errors = (f"{float(f'{1e3 * self.position_error:.2g}'):g}", f"{self.race_time:.4f}")
             errors += (f"{1e3 * (self.race_time - reference):+.1f}",)
         return (*first, *errors, *(f"{self.median(one):.2f}" for one in seconds))
 
