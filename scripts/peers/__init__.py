@@ -1,0 +1,1 @@
+"""The same race stated for several tools of optimal control; see `benchmark_peers.py`."""
