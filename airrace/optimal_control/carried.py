@@ -76,15 +76,23 @@ def limits_of(layout: Layout) -> Limits:
 def _row_limits(layout: Layout) -> Limits:
     """Return the limits that are constraints: path quantities and observations."""
     along, stretch, at_end = _along(layout), _stretch(layout), _at_end(layout)
-    found: dict[tuple[Kind, str], list[tuple[int, float, float]]] = {}
-    for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True):
-        source = "path" if row.source < 0 else layout.sightings[row.source].name
-        key = (Kind.END if at_end[row.node] else Kind.NODE, f"{source}: {row.quantity.name}")
-        found.setdefault(key, []).append((place, along[row.node], stretch[row.node] * row.quantity.scale))
-    return {
-        key: Limit(*(np.array(column) for column in zip(*sorted(rows, key=lambda one: one[1]), strict=True)))
-        for key, rows in found.items()
-    }
+    names = [one.name for one in layout.sightings] + ["path"]  # the source -1 is the last of them
+    keys = [(names[row.source], row.quantity.name) for row in layout.flat_rows]
+    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    number = np.array([numbers[key] for key in keys], dtype=np.int64)
+    node = np.array([row.node for row in layout.flat_rows], dtype=np.int64)
+    weight = stretch[node] * np.array([row.quantity.scale for row in layout.flat_rows])
+    order = np.lexsort((layout.row_index, along[node], at_end[node], number))
+    group = 2 * number[order] + at_end[node[order]]
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    found: dict[tuple[Kind, str], Limit] = {}
+    of_number = list(numbers)
+    for members in np.split(order, first[1:]) if len(order) else ():
+        kind = Kind.END if at_end[node[members[0]]] else Kind.NODE
+        source, name = of_number[number[members[0]]]
+        places = layout.row_index[members]
+        found[kind, f"{source}: {name}"] = Limit(places, along[node[members]], weight[members])
+    return found
 
 
 def _state_limits(layout: Layout) -> Limits:
@@ -143,16 +151,23 @@ def _stretch(layout: Layout) -> Array:
 
 def _same(along: Array, known_along: Array, density: Array) -> Array:
     """Return the densities known at the very same places, zero at others."""
-    known = dict(zip(known_along.tolist(), density.tolist(), strict=True))
-    return np.array([known.get(place, 0.0) for place in along.tolist()])
+    at = np.maximum(np.searchsorted(known_along, along, side="right") - 1, 0)
+    return np.where(known_along[at] == along, density[at], 0.0)
 
 
 def _between(along: Array, known_along: Array, density: Array) -> Array:
     """Return densities straight between the known ones of the same phase; zero in a phase without any."""
     result = np.zeros(len(along))
-    phases, known_phases = np.floor(along), np.floor(known_along)
-    for phase in np.unique(phases):
-        here, there = phases == phase, known_phases == phase
-        if there.any():
-            result[here] = np.interp(along[here], known_along[there], density[there])
+    ends, known_ends = (_ends_of_phases(one) for one in (along, known_along))
+    for phase, (first, last) in ends.items():
+        if phase in known_ends:
+            begin, end = known_ends[phase]
+            result[first:last] = np.interp(along[first:last], known_along[begin:end], density[begin:end])
     return result
+
+
+def _ends_of_phases(along: Array) -> dict[int, tuple[int, int]]:
+    """Return the first place in each phase, and the one behind its last, of places in ascending order."""
+    phases = np.floor(along).astype(np.int64)
+    first = np.flatnonzero(np.diff(phases, prepend=-1)).tolist()
+    return {int(phases[begin]): (begin, end) for begin, end in zip(first, [*first[1:], len(along)], strict=True)}

@@ -7,15 +7,16 @@ state with zero rate); the last interval of a phase has one more u, the duration
 Unknowns and constraints are scaled here, once, by their quantities' scales; everything above and below is in SI.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.sightings import Sighting, boundaries_of, sightings_of
+from airrace.optimal_control.sightings import Limited, Sighting, boundaries_of, limited, sightings_of
 from airrace.optimal_control.validity import require_valid
 from airrace.quantities import Interval, Quantity
 from airrace.trajectory import Array
@@ -23,8 +24,7 @@ from airrace.trajectory import Array
 Indices = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(NamedTuple):
     """A constraint that is not a gap: its node, what it limits, its range and scale (SI).
 
     `source` tells the path (-1) from the sighting with that number; `component` is the place within its quantities.
@@ -168,41 +168,36 @@ class Layout:
     @cached_property
     def rows(self) -> list[list[Row]]:
         """The constraints of each stage besides its gap, in order; shape (N + 1,)."""
-        rows: list[list[Row]] = [[] for _ in range(self.intervals + 1)]
-        for node, limits in enumerate(self._path_limits()):
-            for component, (quantity, bounds) in enumerate(limits):
-                if bounds.bounded:
-                    rows[node].append(Row(node, -1, component, quantity, bounds))
+        rows = [
+            [Row(node, -1, component, quantity, bounds) for component, quantity, bounds in limits]
+            for node, limits in enumerate(self._path_limits())
+        ]
+        known: dict[tuple[int, int], Sequence[Limited]] = {}  # what limits a watch is the same at all of its nodes
         for number, sighting in enumerate(self.sightings):
-            for component, quantity in enumerate(sighting.observation.quantities):
-                bounds = sighting.bounds.get(quantity.name, Interval())
-                if bounds.bounded:
-                    rows[sighting.node].append(Row(sighting.node, number, component, quantity, bounds))
+            shared = id(sighting.observation), id(sighting.bounds)
+            if shared not in known:
+                known[shared] = limited(sighting.observation.quantities, sighting.bounds)
+            rows[sighting.node] += [
+                Row(sighting.node, number, component, quantity, bounds) for component, quantity, bounds in known[shared]
+            ]
         return rows
 
-    def _path_limits(self) -> list[list[tuple[Quantity, Interval]]]:
-        """Return the ranges of the path quantities per node.
+    def _path_limits(self) -> list[Sequence[Limited]]:
+        """Return the path quantities that are limited at each node, and their ranges.
 
         Those that depend on u have none at the last node. Where phases meet, those of both hold; after a jump, those of
         the phase that begins.
         """
-        system = self.problem.system
-        per_phase = [
-            [(quantity, narrowed(quantity, phase.bounds)) for quantity in system.path] for phase in self.problem.phases
-        ]
-        phases: list[int] = self.phase_of_interval.tolist()
-        limits = [list(per_phase[phase]) for phase in phases]
-        for phase, node in enumerate(self.first_node[1:-1]):
-            if int(node) in self.jump_at:
-                continue
-            limits[node] = [
-                (quantity, before.intersect(after))
-                for (quantity, before), (_, after) in zip(per_phase[phase], per_phase[phase + 1], strict=True)
-            ]
-        last = list(per_phase[-1])
-        for component in self._components_with_control():
-            last[component] = (last[component][0], Interval())
-        return [*limits, last]
+        path, phases = self.problem.system.path, self.problem.phases
+        ranges = [{one.name: narrowed(one, phase.bounds) for one in path} for phase in phases]
+        per_phase = [limited(path, one) for one in ranges]
+        limits: list[Sequence[Limited]] = [per_phase[phase] for phase in self.phase_of_interval.tolist()]
+        for phase, node in enumerate(self.first_node[1:-1].tolist()):
+            if node not in self.jump_at:
+                before, after = ranges[phase : phase + 2]
+                limits[node] = limited(path, {name: one.intersect(after[name]) for name, one in before.items()})
+        with_control = self._components_with_control()
+        return [*limits, [one for one in per_phase[-1] if one.component not in with_control]]
 
     def _components_with_control(self) -> list[int]:
         values = self.problem.system.path_values
