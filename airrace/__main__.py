@@ -4,6 +4,7 @@ Signals and streams are seen to before anything else is imported, which takes up
 """
 
 import atexit
+import contextlib
 import os
 import sys
 from typing import NoReturn
@@ -29,25 +30,24 @@ def main() -> None:
         raise
     except BaseException as error:
         code = _ended_by(error)
-    if code == INTERRUPTED:
-        _leave_interrupted()
-    interrupts.close()
-    sys.exit(code)
-
-
-def _leave_interrupted() -> NoReturn:
-    """End the process with a code that Python respects; if no command has said why, say it.
-
-    After an interrupt within the text of an `exec`, such as that of a dataclass, Python would send itself the signal at
-    its very end, although it was heard.
-    """
-    if not interrupts.heard():
+    if code == INTERRUPTED and not interrupts.heard():  # no command has said why
         sys.stderr.write("airrace: interrupted\n")
+    _leave(code)
+
+
+def _leave(code: int) -> NoReturn:
+    """End the process at once, after all that is to be done at its end.
+
+    `sys.exit` would take what was loaded apart first, which lasts a tenth of a second. And after an interrupt within
+    the text of an `exec`, such as that of a dataclass, Python would send itself the signal at its very end, although it
+    was heard.
+    """
     interrupts.close()
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage] what sys.exit would do
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(INTERRUPTED)
+    with contextlib.suppress(OSError):  # stdout was flushed before, and nobody can be told of stderr
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 def _ended_by(error: BaseException) -> int:

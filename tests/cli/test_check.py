@@ -195,9 +195,10 @@ def test_without_matplotlib_the_remedy_is_told(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("arguments", [(), ("--json",)])
 def test_matplotlib_is_loaded_for_a_drawing_alone(arguments: Sequence[str]) -> None:
     program = (
-        "import sys\nfrom airrace.__main__ import main\n"
+        "import atexit, sys\nfrom airrace.__main__ import main\n"
+        "atexit.register(lambda: print('matplotlib' in sys.modules, file=sys.stderr))\n"
         f"sys.argv = ['airrace', 'check', {str(ROOT / 'tracks' / 'rovinj_2014.yaml')!r}, *{list(arguments)!r}]\n"
-        "try:\n    main()\nfinally:\n    print('matplotlib' in sys.modules, file=sys.stderr)\n"
+        "main()\n"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stderr == "False\n"

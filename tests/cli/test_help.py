@@ -26,11 +26,12 @@ HEAVY = ("casadi", "h5py", "matplotlib", "numpy", "pydantic", "rich", "scipy", "
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"]])
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
     program = (
-        "import sys\n"
+        "import atexit, sys\n"
         "from airrace.__main__ import main\n"
+        f"loaded = lambda: [name for name in {HEAVY!r} if name in sys.modules]\n"
+        "atexit.register(lambda: print(loaded(), file=sys.stderr))\n"
         f"sys.argv = ['airrace', *{arguments!r}]\n"
-        "try:\n    main()\n"
-        f"finally:\n    print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr)\n"
+        "main()\n"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout
