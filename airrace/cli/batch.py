@@ -110,7 +110,7 @@ def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "
     A cluster is given as long to have a worker as a job has to end.
     """
     from airrace.batch.process import JOB_COMMAND
-    from airrace.runs.flying import available_cores
+    from airrace.optimal_control.spawn import available_cores
     from airrace.runs.stored import library_versions
 
     if cluster is None:

@@ -72,10 +72,11 @@ def resume(
     the highest stage of this one that holds and written to --out; this file stays as it is.
     """
     with answering(unflown(None), as_json=as_json) as answer:
-        from airrace.optimal_control.spawn import start_early
+        from airrace.optimal_control.spawn import available_cores, start_early
 
+        threads = threads or available_cores()
         if not dry_run:
-            start_early()
+            start_early(1 if out is None else min(2, threads))  # the other one looks for a faster way round
         from airrace.cli.running import fly
         from airrace.runs.beginning import settings_texts
         from airrace.runs.resuming import changed_task, continued_task

@@ -7,23 +7,23 @@ from airrace.cli.ways_table import ways_table
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.flown_stage import FlownStage
-from airrace.runs.flying import available_cores, fly_stages
+from airrace.runs.flying import fly_stages
 from airrace.runs.task import Task
 from airrace.views.live import watching
 
 
-def fly(answer: Answer, task: Task, *, threads: int | None, timeout: float | None, quiet: bool) -> None:
+def fly(answer: Answer, task: Task, *, threads: int, timeout: float | None, quiet: bool) -> None:
     """Run the stages that are not kept, watched on stderr, and fill in the answer with its tables.
 
     Args:
         answer: what the command has to say.
         task: what is to be flown.
-        threads: threads; None for all cores.
+        threads: threads.
         timeout: the longest wall time, s; None for none.
         quiet: whether neither progress nor tables are shown.
     """
     with watching(task.run.race.course.name, task.stages, quiet=quiet) as progress:
-        results = fly_stages(answer, task, threads=threads or available_cores(), timeout=timeout, progress=progress)
+        results = fly_stages(answer, task, threads=threads, timeout=timeout, progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         climbed = [stages_table(results)] if any(result.holds for result in results) else []
         answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.holds and one.message)

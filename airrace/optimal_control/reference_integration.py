@@ -3,6 +3,7 @@
 import importlib
 import threading
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy as np
 from airrace.trajectory import Array
 
 
+@cache
 def load_in_background() -> None:
-    """Begin to load scipy while other work is done; it takes longer than many races take to solve."""
+    """Begin to load scipy, once, while a solver process works; it takes longer than many races take to solve."""
     threading.Thread(target=importlib.import_module, args=("scipy.integrate",), daemon=True).start()
 
 

@@ -10,7 +10,7 @@ import sys
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
-_spare: "WorkerProcess | None" = None
+_spares: "list[WorkerProcess]" = []
 
 
 @dataclass(frozen=True)
@@ -37,27 +37,34 @@ def start() -> WorkerProcess:
     return WorkerProcess(process, Connection(reading, writable=False))
 
 
-def start_early() -> None:
-    """Start a process for the next `take`, to load while the caller does something else.
+def available_cores() -> int:
+    """Return the number of cores that this process may use, which can be fewer than the machine has."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
-    If nobody takes it, it ends with this process.
+
+def start_early(count: int = 1) -> None:
+    """Start processes for the next calls of `take`, to load while the caller does something else.
+
+    Those that nobody takes end with this process.
     """
-    global _spare
-    if _spare is None:
-        _spare = start()
+    if not _spares:
         atexit.register(_discard)
+    while len(_spares) < count:
+        _spares.append(start())
 
 
 def take() -> WorkerProcess:
-    """Return the process that was started early, else a new one."""
-    global _spare
-    taken, _spare = _spare, None
-    return taken if taken is not None and taken.process.poll() is None else start()
+    """Return a process that was started early, else a new one."""
+    while _spares:
+        taken = _spares.pop(0)
+        if taken.process.poll() is None:
+            return taken
+    return start()
 
 
 def _discard() -> None:
-    """End the process that nobody took."""
-    if _spare is not None:
-        _spare.process.kill()
-        _spare.process.communicate()
-        _spare.replies.close()
+    """End the processes that nobody took."""
+    for spare in _spares:
+        spare.process.kill()
+        spare.process.communicate()
+        spare.replies.close()

@@ -45,6 +45,11 @@ class Aside(Generic[Found]):
         if self._pool is not None:
             self._pool.shutdown()
 
+    @property
+    def running(self) -> bool:
+        """Whether it is searched beside what else is done, and nothing is found yet."""
+        return self._future is not None and not self._future.done()
+
     def result(self) -> Found:
         """Return what was found.
 

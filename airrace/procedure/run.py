@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from airrace.dynamics import handling
-from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.continuous import continuous
@@ -100,7 +99,6 @@ def optimize(
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     ) as service:
-        load_in_background()
         bench = Workbench(service, settings, progress, threads, deadline)
         for stage in unproved:
             progress.stage_started(stage)

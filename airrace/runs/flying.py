@@ -1,7 +1,5 @@
 """The flying of a run: stage by stage, each kept as soon as it is finished."""
 
-import os
-import platform
 import time
 from collections.abc import Iterator, Sequence
 
@@ -109,11 +107,6 @@ def fly_stages(
         if task.start is not None:
             answer.fields["compared"] = comparison_object(task.start, results)
     return results
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use, which can be fewer than the machine has."""
-    return len(os.sched_getaffinity(0)) if os.name == "posix" and platform.system() == "Linux" else os.cpu_count() or 1
 
 
 def _keep(run: Run) -> None:

@@ -49,9 +49,9 @@ def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course:
     (base,) = crew.work([_draught(replace(point_mass, plan=way), source, optimum)], sketched)
     if base is None:
         return ""
-    thinker = Thinker(base, course, scaled(point_mass.plan.cruise, QUICK.thinking))
+    thinker = Thinker(base, course, scaled(point_mass.plan.cruise, QUICK.thinking), DEAREST)
     phases = set(range(len(base.problem.phases)))
-    thoughts = [one for one in thinker.thoughts(phases, shapes=False) if one.dearer <= DEAREST]
+    thoughts = list(thinker.thoughts(phases, shapes=False))
     found = crew.work([one.window for one in thoughts], priced)
     wins = [
         TriedWindow(thought, win)

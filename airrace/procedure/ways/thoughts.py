@@ -75,11 +75,12 @@ class Thinker:
         base: the flight.
         course: that it flies.
         pace: at which other ways are planned; a tight one leaves room for all of them.
+        dearest: the largest extra time of a way's plan with which it is thought of, s.
     """
 
-    def __init__(self, base: Sketch, course: Course, pace: Cruise) -> None:
+    def __init__(self, base: Sketch, course: Course, pace: Cruise, dearest: float = DEAREST) -> None:
         problem = base.problem
-        self.base, self.course, self.pace = base, course, pace
+        self.base, self.course, self.pace, self.dearest = base, course, pace, dearest
         self.stretches = stretches(course)
         self.choices = choices_as_flown(course, problem.system.states, base.iterate.state, problem.first_node)
         self.own = plan(course, pace, self.choices)
@@ -243,7 +244,7 @@ class Thinker:
         """Yield a thought from a plan of a stretch and those beside it, unless that is far too long."""
         planned = plan(self.course, self.pace, chosen)
         dearer = planned.seconds - self.own.seconds
-        if not dearer <= DEAREST:
+        if not dearer <= self.dearest:
             return
         first = self.stretches[max(0, stretch.number - 1)]
         last = self.stretches[min(len(self.stretches) - 1, stretch.number + 1)]
