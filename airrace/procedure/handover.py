@@ -14,8 +14,11 @@ import numpy as np
 from airrace.control.reference import Reference, from_optimum
 from airrace.control.settling import settle
 from airrace.control.simulation import follow
-from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.carried import carried
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks
+from airrace.optimal_control.solvers import Multipliers
 from airrace.procedure.flight import Flight, fractions_of, history, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start
 from airrace.procedure.result import Facts, StageResult
@@ -48,7 +51,9 @@ def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     if not simulated.finished or simulated.strayed > flight.fidelity.handover.farthest:
         return dataclasses.replace(settled(flight, source, optimum), facts=facts)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
-    return Start(flight, flight.problem(fractions_of(simulated.time, first_node)), guess, HANDOVER_BARRIER, facts)
+    problem = flight.problem(fractions_of(simulated.time, first_node))
+    known = known_multipliers(source, optimum, problem)
+    return Start(flight, problem, guess, HANDOVER_BARRIER, facts, known)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -57,13 +62,14 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
     state, control = settle(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
-    return Start(
-        flight,
-        flight.problem(fractions_of(nodes, first_node)),
-        guess,
-        HANDOVER_BARRIER,
-        Facts(source=source.stage.value),
-    )
+    problem, facts = flight.problem(fractions_of(nodes, first_node)), Facts(source=source.stage.value)
+    return Start(flight, problem, guess, HANDOVER_BARRIER, facts, known_multipliers(source, optimum, problem))
+
+
+def known_multipliers(source: Flight, optimum: StageResult, problem: Problem) -> Multipliers:
+    """Return the multipliers of an optimum for another stage's problem: those of the limits that both have."""
+    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+    return carried(known, Layout(source.problem(mesh_of(optimum.trajectory))), Layout(problem))
 
 
 def _reference(source: Flight, optimum: StageResult) -> Reference:
@@ -115,10 +121,5 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         np.vstack(list(states.values())),
         np.vstack([control(one) for one in flight.model.system.controls]),
     )
-    return Start(
-        flight,
-        flight.problem(fractions_of(nodes, first_node)),
-        guess,
-        HANDOVER_BARRIER,
-        Facts(source=source.stage.value),
-    )
+    problem, facts = flight.problem(fractions_of(nodes, first_node)), Facts(source=source.stage.value)
+    return Start(flight, problem, guess, HANDOVER_BARRIER, facts, known_multipliers(source, optimum, problem))

@@ -9,7 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+from airrace.optimal_control.carried import carried
 from airrace.optimal_control.certificate import Certificate, Item
+from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution
 from airrace.procedure.certification import certify, examine, failures
@@ -37,13 +39,16 @@ REFINED_BARRIER = 1e-6
 
 When it fell from 1e-3 to 1e-6 and `HANDOVER_BARRIER` from 1e-2 to 1e-4, the ladder took a third fewer iterations.
 """
+CARRIED_BARRIER = 1e-5
+"""The first value of the barrier parameter of a solve from an optimum on another mesh, with its multipliers."""
 
 
 @dataclass(frozen=True)
 class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
-    `flight` is planned as the start goes round; `facts` say where it comes from.
+    `flight` is planned as the start goes round; `facts` say where it comes from; `multipliers` are those of the limits
+    as far as they are known, None if nothing is.
     """
 
     flight: Flight
@@ -51,6 +56,7 @@ class Start:
     guess: Iterate
     barrier: float
     facts: Facts = NO_FACTS
+    multipliers: Multipliers | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +144,7 @@ def refined(bench: Workbench, start: Start, solver: str) -> StageResult | Failur
 
 def first_upcoming(start: Start, solver: str) -> Upcoming:
     """Return the mesh that a start is on, to be solved on first."""
-    return Upcoming(Draft.first(start.problem, start.guess), None, 0, start.barrier, (solver,))
+    return Upcoming(Draft.first(start.problem, start.guess), None, 0, start.barrier, (solver,), start.multipliers)
 
 
 def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult | Failure:
@@ -171,8 +177,14 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
         if following is None:
             certificate = certificate or certificate_of(optimum, solution, math.nan, limits)
             return finished(start, bench, optimum, solution, certificate)
-        draft, barrier, solvers, multipliers = following, REFINED_BARRIER, bench.solvers, None
+        draft, barrier, solvers = following, CARRIED_BARRIER, bench.solvers
+        multipliers = carried_over(solution.multipliers, problem, flight.problem(draft.mesh))
     raise AssertionError("the last refinement returns")
+
+
+def carried_over(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
+    """Return the multipliers of the limits of one problem for another one with as many phases."""
+    return carried(multipliers, Layout(there), Layout(here))
 
 
 def announced(bench: Workbench, problem: Problem, refinement: int) -> str:

@@ -12,10 +12,12 @@ import numpy as np
 from airrace.procedure.certification import examine
 from airrace.procedure.joint import (
     ADAPTATIONS_MAX,
+    CARRIED_BARRIER,
     REFINED_BARRIER,
     Failure,
     Start,
     announced,
+    carried_over,
     certificate_of,
     finished,
 )
@@ -40,12 +42,14 @@ def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Fa
     """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it."""
     limits, total = bench.settings.certificate, bench.settings.mesh.refinements_max
     flight, draft = start.flight, Draft.first(start.problem, start.guess)
-    barrier, solvers, rough = start.barrier, (solver,), ROUGH
+    barrier, solvers, rough, multipliers = start.barrier, (solver,), ROUGH, start.multipliers
     for refinement in range(total + 1):
         problem = flight.problem(draft.mesh)
         purpose = announced(bench, problem, refinement)
         rough = rough if refinement < total else 0.0
-        solution = bench.solve(problem, draft.guess, purpose, barrier=barrier, solvers=solvers, rough=rough)
+        solution = bench.solve(
+            problem, draft.guess, purpose, barrier=barrier, solvers=solvers, rough=rough, multipliers=multipliers
+        )
         if solution is None or not solution.success:
             return Failure(start, solution)
         evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
@@ -56,7 +60,8 @@ def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Fa
             return finished(start, bench, optimum, solution, certificate_of(optimum, solution, None, limits))
         rough = ROUGH if better else 0.0
         draft = good or replace(draft, guess=solution.iterate)  # the mesh was good already: solve closely on it
-        barrier, solvers = REFINED_BARRIER, bench.solvers
+        barrier, solvers = REFINED_BARRIER if rough else CARRIED_BARRIER, bench.solvers
+        multipliers = carried_over(solution.multipliers, problem, flight.problem(draft.mesh))
     raise AssertionError("the last refinement returns")
 
 

@@ -8,10 +8,11 @@ in common, so that the proof is the same as that of a stage which is proved at o
 from dataclasses import replace
 
 from airrace.optimal_control.refinement import restrict
+from airrace.optimal_control.solvers import Multipliers
 from airrace.procedure.certification import examine
 from airrace.procedure.flight import Flight, iterate_of, mesh_of
 from airrace.procedure.handover import coarser_nodes
-from airrace.procedure.joint import REFINED_BARRIER, Compared, Failure, Start, Upcoming, refined_from
+from airrace.procedure.joint import CARRIED_BARRIER, Compared, Failure, Start, Upcoming, carried_over, refined_from
 from airrace.procedure.meshing import Draft, Solved, doubled, halved
 from airrace.procedure.result import StageResult
 from airrace.procedure.solving import Workbench
@@ -28,32 +29,34 @@ def proved(flight: Flight, optimum: StageResult, bench: Workbench) -> StageResul
     limits = bench.settings.certificate
     mesh, iterate, kept = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), coarser_nodes(optimum)
     problem = flight.problem(mesh)
+    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     evidence = examine(problem, iterate, optimum.constraint_multipliers, limits)
     good = Solved(problem, iterate, Draft(mesh, iterate, optimum.mesh.why, kept), evidence)
     if kept.all():
-        upcoming = _upcoming(bench, halved(good, limits), Compared.measured(good))
+        draft, compared = halved(good, limits), Compared.measured(good)
     else:
-        coarser = _coarser(flight, good, bench)
+        coarser = _coarser(flight, good, known, bench)
         if coarser is None:
             return "no optimum was found on the coarser mesh"
-        upcoming = _upcoming(bench, doubled(good.draft, evidence.flown), Compared.measured(coarser))
-    found = refined_from(bench, Start(flight, problem, iterate, REFINED_BARRIER, optimum.facts), upcoming)
+        draft, compared = doubled(good.draft, evidence.flown), Compared.measured(coarser)
+    most = min(1, bench.settings.mesh.refinements_max)
+    multipliers = carried_over(known, problem, flight.problem(draft.mesh))
+    upcoming = Upcoming(draft, compared, most, CARRIED_BARRIER, bench.solvers, multipliers)
+    found = refined_from(bench, Start(flight, problem, iterate, CARRIED_BARRIER, optimum.facts), upcoming)
     if isinstance(found, Failure):
         return "no optimum was found on the finer mesh"
     return replace(found, explored=optimum.explored) if found.certified else found.message
 
 
-def _upcoming(bench: Workbench, finer: Draft, coarser: Compared) -> Upcoming:
-    return Upcoming(finer, coarser, min(1, bench.settings.mesh.refinements_max), REFINED_BARRIER, bench.solvers)
-
-
-def _coarser(flight: Flight, good: Solved, bench: Workbench) -> Solved | None:
+def _coarser(flight: Flight, good: Solved, known: Multipliers, bench: Workbench) -> Solved | None:
     """Return the optimum on the coarser mesh behind that of another one; None if there is none."""
     limits = bench.settings.certificate
     mesh, guess = restrict(good.problem.mesh, good.iterate, good.draft.coarser)
     problem = flight.problem(mesh)
+    multipliers = carried_over(known, good.problem, problem)
     bench.progress.activity(f"the coarser mesh, {problem.intervals} intervals", 0, 0)
-    solution = bench.solve(problem, guess, "the coarser mesh", barrier=REFINED_BARRIER, passing=True)
+    purpose = "the coarser mesh"
+    solution = bench.solve(problem, guess, purpose, barrier=CARRIED_BARRIER, passing=True, multipliers=multipliers)
     if solution is None or not solution.success:
         return None
     evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)

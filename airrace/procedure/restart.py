@@ -25,7 +25,7 @@ from airrace.procedure.certification import examine
 from airrace.procedure.flight import Flight, iterate_of, mesh_of
 from airrace.procedure.handover import coarser_nodes
 from airrace.procedure.joint import (
-    REFINED_BARRIER,
+    CARRIED_BARRIER,
     Compared,
     Failure,
     Start,
@@ -45,13 +45,6 @@ ITERATIONS_MAX = 150
 
 Starts that led to an optimum took 25 to 60, and 98 where the limit of the load factor was halved; one that takes many
 more is lost, and a lower stage is the better start.
-"""
-
-
-KNOWN_ITERATIONS_MAX = 60
-"""The largest number of iterations of a first solve that begins with the stored multipliers, too.
-
-They took it from 25 to 17 iterations on Rovinj in 5 kt of wind; where they mislead, it is solved without them.
 """
 
 
@@ -229,34 +222,22 @@ def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name
     start, finer = _start(flight, optimum, stored, name)
     primary = bench.solvers[0]
     bench.progress.activity(f"from {start.facts.source}, {start.problem.intervals} intervals", 0, 0)
-    solution = _first_solve(bench, start, _multipliers(flight, optimum, start), primary)
+    solution = bench.solve(
+        start.problem,
+        start.guess,
+        f"from {start.facts.source}",
+        barrier=start.barrier,
+        solvers=(primary,),
+        iterations_max=ITERATIONS_MAX,
+        passing=True,
+        multipliers=_multipliers(flight, optimum, start),
+    )
     if solution is None or not solution.success:
         return f"{primary} found no optimum ({'it stalled' if solution is None else solution.status})"
     found = refined_from(bench, start, _upcoming(bench, start, finer, solution, primary))
     if isinstance(found, Failure):
         return f"{primary} found no optimum on a finer mesh"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
-
-
-def _first_solve(bench: Workbench, start: Start, multipliers: Multipliers | None, solver: str) -> Solution | None:
-    """Solve from the stored flight with its multipliers and, where that leads nowhere, from the flight alone."""
-    solution = None
-    for known, most in ((multipliers, KNOWN_ITERATIONS_MAX), (None, ITERATIONS_MAX)):
-        if known is multipliers and multipliers is None:
-            continue
-        solution = bench.solve(
-            start.problem,
-            start.guess,
-            f"from {start.facts.source}",
-            barrier=start.barrier,
-            solvers=(solver,),
-            iterations_max=most,
-            passing=True,
-            multipliers=known,
-        )
-        if solution is not None and solution.success:
-            break
-    return solution
 
 
 def _multipliers(flight: Flight, optimum: StageResult, start: Start) -> Multipliers | None:
@@ -297,7 +278,8 @@ def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> 
 def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Solution, solver: str) -> Upcoming:
     """Return what follows the first solve: the finer of the stored meshes, or the usual refinement of the only one."""
     if finer is None:
-        return first_upcoming(replace(start, guess=solution.iterate, barrier=REFINED_BARRIER), solver)
+        again = replace(start, guess=solution.iterate, barrier=CARRIED_BARRIER, multipliers=solution.multipliers)
+        return first_upcoming(again, solver)
 
     def measured() -> Solved:
         limits = bench.settings.certificate
@@ -309,7 +291,7 @@ def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Sol
     multipliers = carried(solution.multipliers, Layout(start.problem), Layout(start.flight.problem(draft.mesh)))
     compared = Compared(float(solution.iterate.durations.sum()), measured)
     return Upcoming(
-        draft, compared, min(1, bench.settings.mesh.refinements_max), REFINED_BARRIER, (solver,), multipliers
+        draft, compared, min(1, bench.settings.mesh.refinements_max), CARRIED_BARRIER, (solver,), multipliers
     )
 
 

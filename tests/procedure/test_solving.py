@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from threading import Event
 
 import numpy as np
 import pytest
@@ -19,7 +20,8 @@ from airrace.procedure.pieces import phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import MEASURED, Workbench
+from airrace.procedure.solving import KNOWN_ITERATIONS_MAX, MEASURED, Workbench
+from airrace.procedure.ways.crew import Crew
 
 STALLED = "stalled"
 
@@ -30,6 +32,8 @@ class Canned(SolverService):
     def __init__(self, *verdicts: str) -> None:
         self.verdicts = list(verdicts)
         self.asked: list[tuple[str, SolverOptions, Problem]] = []
+        self.known: list[Multipliers | None] = []
+        self.threads: list[int | None] = []
 
     def solve(
         self,
@@ -40,8 +44,12 @@ class Canned(SolverService):
         options: SolverOptions,
         multipliers: Multipliers | None = None,
         on_iteration: Callable[[IterationReport], None] | None = None,
+        threads: int | None = None,
+        stall_seconds: float | None = None,
     ) -> Solution:
         self.asked.append((solver, options, problem))
+        self.known.append(multipliers)
+        self.threads.append(threads)
         verdict = self.verdicts.pop(0) if len(self.verdicts) > 1 else self.verdicts[0]
         if verdict == STALLED:
             raise Stalled("no iteration finished within 1 s")
@@ -131,6 +139,40 @@ def test_solvers_that_never_come_back_leave_no_solution_but_a_record() -> None:
     problem, made = small()
     assert used.solve(problem, made, "all phases", barrier=0.1) is None
     assert [one.status for one in used.attempts] == ["no iteration finished within 1 s"] * 2
+
+
+def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
+    problem, start = small()
+    layout = Layout(problem)
+    known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
+    told = bench("infeasible", "solved")
+    solution = told.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
+    assert solution is not None
+    assert solution.success
+    assert isinstance(told.service, Canned)
+    assert [one is known for one in told.service.known] == [True, False]
+    assert told.service.known[1] is None
+    assert [options.iterations_max for _, options, _ in asked(told)] == [KNOWN_ITERATIONS_MAX, 500]
+    assert [solver for solver, _, _ in asked(told)] == ["fatrop", "fatrop"]  # before the fallback is asked
+
+
+def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
+    problem, start = small()
+    told, searching, going_on = Workbench(Canned("solved"), Settings(), Silent(), threads=2), Event(), Event()
+
+    def search(_: Crew) -> str:
+        searching.set()
+        assert going_on.wait(10.0)
+        return "found"
+
+    with told.aside(search) as beside:
+        assert searching.wait(10.0)
+        told.solve(problem, start, "joint", barrier=0.1)
+        going_on.set()
+        assert beside.result() == "found"
+        told.solve(problem, start, "joint", barrier=0.1)
+    assert isinstance(told.service, Canned)
+    assert told.service.threads == [1, 2]
 
 
 def test_settings_reach_the_solver() -> None:
