@@ -6,7 +6,7 @@ problem alone and are made in time linear in its length. `evaluation.py` evaluat
 states them as casadi's expressions.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
-from airrace.optimal_control.layout import Indices, Layout, Row, Sighting
+from airrace.optimal_control.layout import Indices, Layout, Sighting
 from airrace.optimal_control.sums import Contributions, Sums
 from airrace.trajectory import Array
 
@@ -125,7 +125,8 @@ class Assembly:
         # The last node has no control of its own; no row there depends on it.
         controls = np.vstack([layout.control_index, layout.control_index[-1:]])
         inputs = np.hstack([layout.state_index, controls])
-        rows, weights = self._rows(kernel, len(inputs), lambda row: row.node if row.source < 0 else None)
+        given = self.layout.rows
+        rows, weights = self._rows(kernel, len(inputs), np.where(given.source < 0, given.node, -1))
         own = np.zeros((len(inputs), 0), dtype=np.int64)
         return [Calls(kernel, inputs, own, self._system_parameters, rows, weights)]
 
@@ -140,10 +141,11 @@ class Assembly:
         layout = self.layout
         sightings = [layout.sightings[number] for number in members]
         observation = sightings[0].observation
-        call_of = {number: call for call, number in enumerate(members)}
+        call_of = np.full(len(layout.sightings) + 1, -1)  # the last one stands for the path
+        call_of[members] = np.arange(len(members))
         kernel = observation_kernel(observation, layout.n_x)
         inputs = layout.state_index[[sighting.node for sighting in sightings]]
-        rows, weights = self._rows(kernel, len(members), lambda row: call_of.get(row.source))
+        rows, weights = self._rows(kernel, len(members), call_of[layout.rows.source])
         first = len(layout.problem.parameters) + layout.intervals
         offsets = np.array([first + sighting.offset for sighting in sightings])
         own = offsets[:, None] + np.arange(len(observation.parameters))
@@ -164,15 +166,13 @@ class Assembly:
                 places[row] = layout.jump_offset + sighting.jump * layout.n_x + np.arange(layout.n_x)
         return places
 
-    def _rows(self, kernel: Kernel, calls: int, call_of: Callable[[Row], int | None]) -> tuple[Indices, Array]:
-        """Return the places and weights of the outputs that are constrained."""
+    def _rows(self, kernel: Kernel, calls: int, call: Indices) -> tuple[Indices, Array]:
+        """Return the places and weights of the outputs that are constrained; `call` is that of each row, or -1."""
         rows = np.full((calls, kernel.value.size1_out(0)), self.layout.constraints)
         weights = np.zeros(rows.shape)
-        for row, place in zip(self.layout.flat_rows, self.layout.row_index, strict=True):
-            call = call_of(row)
-            if call is not None:
-                rows[call, row.component] = place
-                weights[call, row.component] = 1.0 / row.quantity.scale
+        own, given = call >= 0, self.layout.rows
+        rows[call[own], given.component[own]] = self.layout.row_index[own]
+        weights[call[own], given.component[own]] = 1.0 / given.scale[own]
         return rows, weights
 
     # the objective

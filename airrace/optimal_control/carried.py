@@ -5,7 +5,7 @@ for; its density is carried over. Conditions at the nodes between phases are car
 the dynamics are left at zero: a solver finds them from those of the limits.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -76,23 +76,25 @@ def limits_of(layout: Layout) -> Limits:
 def _row_limits(layout: Layout) -> Limits:
     """Return the limits that are constraints: path quantities and observations."""
     along, stretch, at_end = _along(layout), _stretch(layout), _at_end(layout)
-    names = [one.name for one in layout.sightings] + ["path"]  # the source -1 is the last of them
-    keys = [(names[row.source], row.quantity.name) for row in layout.flat_rows]
-    numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-    number = np.array([numbers[key] for key in keys], dtype=np.int64)
-    node = np.array([row.node for row in layout.flat_rows], dtype=np.int64)
-    weight = stretch[node] * np.array([row.quantity.scale for row in layout.flat_rows])
-    order = np.lexsort((layout.row_index, along[node], at_end[node], number))
-    group = 2 * number[order] + at_end[node[order]]
-    first = np.flatnonzero(np.diff(group, prepend=-1))
+    rows = layout.rows
+    sources, source = _numbered([*(one.name for one in layout.sightings), "path"])  # the path is the last, source -1
+    names, name = _numbered([one.quantity.name for one in rows.limits])
+    number = (source[rows.source] * len(names) + name[rows.number]) * 2 + at_end[rows.node]
+    order = np.argsort(number, kind="stable")  # rows are in the order of their nodes
+    weight = stretch[rows.node] * rows.scale
     found: dict[tuple[Kind, str], Limit] = {}
-    of_number = list(numbers)
-    for members in np.split(order, first[1:]) if len(order) else ():
-        kind = Kind.END if at_end[node[members[0]]] else Kind.NODE
-        source, name = of_number[number[members[0]]]
-        places = layout.row_index[members]
-        found[kind, f"{source}: {name}"] = Limit(places, along[node[members]], weight[members])
+    for members in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else ():
+        which, end = divmod(int(number[members[0]]), 2)
+        told = f"{sources[which // len(names)]}: {names[which % len(names)]}"
+        places = Limit(layout.row_index[members], along[rows.node[members]], weight[members])
+        found[Kind.END if end else Kind.NODE, told] = places
     return found
+
+
+def _numbered(names: Sequence[str]) -> tuple[list[str], Indices]:
+    """Return the different names, and the number of each one among them."""
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    return list(numbers), np.array([numbers[name] for name in names], dtype=np.int64)
 
 
 def _state_limits(layout: Layout) -> Limits:

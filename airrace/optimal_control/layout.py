@@ -7,34 +7,19 @@ state with zero rate); the last interval of a phase has one more u, the duration
 Unknowns and constraints are scaled here, once, by their quantities' scales; everything above and below is in SI.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.sightings import Limited, Sighting, boundaries_of, limited, sightings_of
+from airrace.optimal_control.rows import Block, Indices, Limit, Row, Rows, limits_on, rows_of
+from airrace.optimal_control.sightings import Sighting, boundaries_of, sightings_of
 from airrace.optimal_control.validity import require_valid
 from airrace.quantities import Interval, Quantity
 from airrace.trajectory import Array
-
-Indices = NDArray[np.int64]
-
-
-class Row(NamedTuple):
-    """A constraint that is not a gap: its node, what it limits, its range and scale (SI).
-
-    `source` tells the path (-1) from the sighting with that number; `component` is the place within its quantities.
-    """
-
-    node: int
-    source: int
-    component: int
-    quantity: Quantity
-    bounds: Interval
 
 
 @dataclass(frozen=True)
@@ -166,38 +151,35 @@ class Layout:
         return self._sightings[0]
 
     @cached_property
-    def rows(self) -> list[list[Row]]:
-        """The constraints of each stage besides its gap, in order; shape (N + 1,)."""
-        rows = [
-            [Row(node, -1, component, quantity, bounds) for component, quantity, bounds in limits]
-            for node, limits in enumerate(self._path_limits())
-        ]
-        known: dict[tuple[int, int], Sequence[Limited]] = {}  # what limits a watch is the same at all of its nodes
+    def rows(self) -> Rows:
+        """The constraints besides the gaps: at every node those of the path, then those of what is observed there."""
+        known: dict[tuple[int, int], Sequence[Limit]] = {}  # what limits a watch is the same at all of its nodes
+        blocks = self._path_blocks()
         for number, sighting in enumerate(self.sightings):
             shared = id(sighting.observation), id(sighting.bounds)
             if shared not in known:
-                known[shared] = limited(sighting.observation.quantities, sighting.bounds)
-            rows[sighting.node] += [
-                Row(sighting.node, number, component, quantity, bounds) for component, quantity, bounds in known[shared]
-            ]
-        return rows
+                known[shared] = limits_on(sighting.observation.quantities, sighting.bounds)
+            blocks.append(Block(np.array([sighting.node]), number, known[shared]))
+        return rows_of(blocks)
 
-    def _path_limits(self) -> list[Sequence[Limited]]:
-        """Return the path quantities that are limited at each node, and their ranges.
+    def _path_blocks(self) -> list[Block]:
+        """Return the limits on path quantities, and the nodes at which they hold.
 
         Those that depend on u have none at the last node. Where phases meet, those of both hold; after a jump, those of
         the phase that begins.
         """
-        path, phases = self.problem.system.path, self.problem.phases
-        ranges = [{one.name: narrowed(one, phase.bounds) for one in path} for phase in phases]
-        per_phase = [limited(path, one) for one in ranges]
-        limits: list[Sequence[Limited]] = [per_phase[phase] for phase in self.phase_of_interval.tolist()]
-        for phase, node in enumerate(self.first_node[1:-1].tolist()):
-            if node not in self.jump_at:
-                before, after = ranges[phase : phase + 2]
-                limits[node] = limited(path, {name: one.intersect(after[name]) for name, one in before.items()})
+        path = self.problem.system.path
+        ranges = [{one.name: narrowed(one, phase.bounds) for one in path} for phase in self.problem.phases]
+        blocks: list[Block] = []
+        for phase, (begin, end) in enumerate(itertools.pairwise(self.first_node.tolist())):
+            meeting = phase > 0 and begin not in self.jump_at
+            if meeting:
+                both = {name: one.intersect(ranges[phase][name]) for name, one in ranges[phase - 1].items()}
+                blocks.append(Block(np.array([begin]), -1, limits_on(path, both)))
+            blocks.append(Block(np.arange(begin + meeting, end), -1, limits_on(path, ranges[phase])))
         with_control = self._components_with_control()
-        return [*limits, [one for one in per_phase[-1] if one.component not in with_control]]
+        last = [one for one in limits_on(path, ranges[-1]) if one.component not in with_control]
+        return [*blocks, Block(self.first_node[-1:], -1, last)]
 
     def _components_with_control(self) -> list[int]:
         values = self.problem.system.path_values
@@ -209,7 +191,7 @@ class Layout:
     @cached_property
     def stage_rows(self) -> Indices:
         """The number of constraints besides the gap per stage, shape (N + 1,)."""
-        return np.array([len(rows) for rows in self.rows], dtype=np.int64)
+        return np.bincount(self.rows.node, minlength=self.intervals + 1)
 
     @cached_property
     def _constraint_offset(self) -> Indices:
@@ -229,16 +211,14 @@ class Layout:
 
     @cached_property
     def row_index(self) -> Indices:
-        """The places of all rows besides the gaps, in the order of `flat_rows`."""
-        ends: list[int] = self._constraint_offset[1:].tolist()
-        counts: list[int] = self.stage_rows.tolist()
-        places: list[Indices] = [np.arange(end - count, end) for end, count in zip(ends, counts, strict=True)]
-        return np.concatenate(places)
+        """The places of the rows among the constraints, in their order."""
+        before = np.cumsum(self.stage_rows)
+        return np.arange(len(self.rows.node)) + (self._constraint_offset[1:] - before)[self.rows.node]
 
     @cached_property
     def flat_rows(self) -> list[Row]:
-        """All rows besides the gaps, stage by stage."""
-        return [row for rows in self.rows for row in rows]
+        """The rows one by one."""
+        return self.rows.one_by_one()
 
     # values
 
@@ -313,9 +293,8 @@ class Layout:
         lower, upper = np.zeros(self.constraints), np.zeros(self.constraints)
         ends, states = self.gap_index[self.first_node[1:] - 1, :-1], self.problem.system.states
         lower[ends] = upper[ends] = (self.problem.jumps / np.array([[one.scale] for one in states])).T
-        scale = np.array([row.quantity.scale for row in self.flat_rows])
-        lower[self.row_index] = np.array([row.bounds.lower for row in self.flat_rows]) / scale
-        upper[self.row_index] = np.array([row.bounds.upper for row in self.flat_rows]) / scale
+        rows_lower, rows_upper = self.rows.bounds
+        lower[self.row_index], upper[self.row_index] = rows_lower / self.rows.scale, rows_upper / self.rows.scale
         return lower, upper
 
     def parameter_values(self) -> Array:
@@ -345,7 +324,7 @@ class Layout:
         gaps = self.n_x + 1 if stage < self.intervals else 0
         if within < gaps:
             return f"{phase.name}: continuity of the flight"
-        row = self.rows[stage][within - gaps]
+        row = self.rows.row(int(np.searchsorted(self.rows.node, stage)) + within - gaps)
         place = phase.name if row.source < 0 else self.sightings[row.source].name
         return f"{place}: {row.quantity.text or row.quantity.name}"
 

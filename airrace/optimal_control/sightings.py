@@ -1,11 +1,10 @@
 """The sightings of a problem: every look that it takes at an observation, at boundaries and along watched phases."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.quantities import Interval, Quantity
+from airrace.quantities import Interval
 from airrace.system import Observation
 
 
@@ -28,20 +27,6 @@ class Sighting:
     bounds: Mapping[str, Interval]
     offset: int
     jump: int | None = None
-
-
-class Limited(NamedTuple):
-    """A quantity with a range, `component` its place among those that are observed together."""
-
-    component: int
-    quantity: Quantity
-    bounds: Interval
-
-
-def limited(quantities: Sequence[Quantity], ranges: Mapping[str, Interval]) -> list[Limited]:
-    """Return those of the quantities that have a bounded range."""
-    known = [Limited(component, one, ranges.get(one.name, Interval())) for component, one in enumerate(quantities)]
-    return [one for one in known if one.bounds.bounded]
 
 
 def boundaries_of(problem: Problem) -> list[tuple[int, Boundary]]:

@@ -38,6 +38,10 @@ _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\
 _PR_SET_PDEATHSIG = 1
 
 
+Structure = tuple[str, bytes]
+"""All that the prepared functions of a problem depend on; `bytes` are of its rows."""
+
+
 class ProgressReader(io.TextIOBase):
     """A stand-in for standard output that turns iteration lines into reports and drops all else."""
 
@@ -72,8 +76,8 @@ class Workshop:
         self._notify = notify
         self._known: list[System | Observation] = []
         self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
-        self._prepared: dict[str, PreparedProblem] = {}
-        self._sizes: dict[str, int] = {}
+        self._prepared: dict[Structure, PreparedProblem] = {}
+        self._sizes: dict[Structure, int] = {}
 
     def solve(self, request: SolveRequest) -> Solution:
         """Solve a request, with what was prepared for an earlier one of the same structure."""
@@ -113,10 +117,9 @@ class Workshop:
             self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
         return self._kernels[key]
 
-    def _key(self, layout: Layout, request: SolveRequest) -> str:
+    def _key(self, layout: Layout, request: SolveRequest) -> Structure:
         """Return everything that the prepared functions depend on; two problems with equal keys share them."""
         problem = request.problem
-        rows = [(row.node, row.source, row.component) for row in layout.flat_rows]
         observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.sightings]
         observed_last = problem.objective.observation
         cost = (
@@ -125,7 +128,8 @@ class Workshop:
         )
         parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
         solving = (request.solver, request.options, request.compiled, request.threads)
-        return repr((parts, layout.first_node.tolist(), len(layout.jump_at), rows, observed, solving))
+        told = repr((parts, layout.first_node.tolist(), len(layout.jump_at), observed, solving))
+        return told, layout.rows.structure
 
 
 def die_with_parent() -> None:

@@ -45,7 +45,7 @@ def test_every_unknown_and_every_constraint_has_one_place(problem: Problem) -> N
     resets = layout.duration_source[layout.first_node[1:-1] - 1]
     places = [layout.state_index, layout.duration_index, layout.control_index, resets]
     assert sorted(np.concatenate([one.ravel() for one in places])) == list(range(layout.unknowns))
-    rows = np.concatenate([layout.gap_index.ravel(), layout.row_index])
+    rows: list[int] = np.concatenate([layout.gap_index.ravel(), layout.row_index]).tolist()
     assert sorted(rows) == list(range(layout.constraints))
 
 
@@ -138,3 +138,15 @@ def test_interpolation_meets_the_corners_and_is_straight_in_time() -> None:
     assert guess.state[:, problem.first_node] == pytest.approx(corners)
     assert guess.state[0, :4] == pytest.approx([0.0, 0.2, 0.7, 1.0])
     assert guess.control.shape == (2, problem.intervals)
+
+
+def test_structure_of_the_rows_tells_where_they_are_and_not_how_wide() -> None:
+    problem = rich_problem()
+    end = problem.phases[-1].end
+
+    def structure(bounds: dict[str, Interval]) -> bytes:
+        last = replace(problem.phases[-1], end=replace(end, bounds={**end.bounds, **bounds}))
+        return Layout(replace(problem, phases=(*problem.phases[:-1], last))).rows.structure
+
+    assert structure({"clearance": Interval(-1.0, 1.0)}) == structure({"clearance": Interval(upper=3.0)})
+    assert structure({"clearance": Interval(-1.0, 1.0)}) != structure({"clearance": Interval()})
