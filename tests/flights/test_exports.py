@@ -287,7 +287,8 @@ def test_the_table_of_any_stage_is_written_by_its_name(tmp_path: Path) -> None:
     assert run("csv", f"{stored}:point-mass", "--output", str(by_name)) == (0, "")
     assert run("csv", str(stored), "--stage", "point-mass", "--output", str(by_option)) == (0, "")
     assert by_name.read_bytes() == by_option.read_bytes()
-    assert run("csv", f"{stored}:six-dof") == (2, "airrace: this run has no stage 'six-dof'; it has: homotopy, point-mass\n")
+    code, said = run("csv", f"{stored}:six-dof")
+    assert (code, said) == (2, "airrace: this run has no stage 'six-dof'; it has: homotopy, point-mass\n")
 
 
 def test_a_hostile_name_is_one_printable_line_of_the_table(tmp_path: Path) -> None:
