@@ -38,7 +38,7 @@ from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
-from airrace.procedure import run as procedure
+from airrace.procedure import reading
 from airrace.runs.run import Run
 from airrace.runs.stored import stored_run
 
@@ -90,7 +90,7 @@ def along_optimum(run: Run, planet: Planet) -> Row:
         flown = flown_by_jsbsim(
             Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet
         )
-        at = procedure.sampler(race, result)
+        at = reading.sampler(race, result)
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)
     most_turned = max(misses, key=lambda miss: miss.angle)

@@ -21,10 +21,10 @@ from airrace.errors import InputError
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
-from airrace.prices import Activity, Price, prices
-from airrace.prices.pricing import STEP
+from airrace.prices.price import Activity, Price
+from airrace.prices.pricing import STEP, prices
 from airrace.prices.varied import VariedProblem
-from airrace.procedure.flight import iterate_of
+from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 
 import numpy as np
 
@@ -22,8 +23,16 @@ from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
-REPLACED = ("STAGES", "continuous", "derived_quantities", "ensure_declared", "optimize", "remeasured", "sampler")
-"""The names in `airrace.procedure.run` that this procedure takes the place of."""
+REPLACED = {
+    "STAGES": "airrace.procedure.run",
+    "optimize": "airrace.procedure.run",
+    "remeasured": "airrace.procedure.run",
+    "continuous": "airrace.procedure.reading",
+    "derived_quantities": "airrace.procedure.reading",
+    "ensure_declared": "airrace.procedure.reading",
+    "sampler": "airrace.procedure.reading",
+}
+"""The names that this procedure takes the place of, each with the module in which they are looked up."""
 
 
 def certificate(*, kkt_error: float = 1e-9) -> Certificate:
@@ -178,10 +187,9 @@ class Sampler:
 def main() -> None:
     """`airrace`, flown by this procedure."""
     from airrace.__main__ import main as airrace
-    from airrace.procedure import run
 
-    for name in REPLACED:
-        setattr(run, name, globals()[name])
+    for name, module in REPLACED.items():
+        setattr(import_module(module), name, globals()[name])
     airrace()
 
 

@@ -45,8 +45,11 @@ def tree_of(image: bytes) -> Group:
         CheckpointError: no HDF5 image, or one with anything but the plain kinds described above.
     """
     try:
-        with h5py.File(h5py.h5f.open_file_image(image)) as file:
-            return _group(h5py.h5g.open(file.id, b"/"), "", 0, Budget(len(image)))
+        file = h5py.h5f.open_file_image(image)
+        try:
+            return _group(h5py.h5g.open(file, b"/"), "", 0, Budget(len(image)))
+        finally:
+            file.close()
     except CheckpointError:
         raise
     except Exception as error:  # h5py's errors have no common root: OSError, KeyError, TypeError, ValueError, ...
@@ -106,9 +109,10 @@ def _dataset(dataset: Handle, path: str, budget: Budget) -> Series | Table | str
     budget.take(path, size=size)
     if dataset.get_storage_size() != size:
         raise CheckpointError(f"{path}: {size} bytes are declared, {dataset.get_storage_size()} are stored")
-    values: Any = h5py.Dataset(dataset)[()]  # Any: untyped, but of the dtype and shape just checked
+    values: NDArray[Any] = np.zeros(shape, dtype)  # Any: one of the types just checked
+    dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, values)
     if shape == ():
-        return _decoded(values, path)
+        return _decoded(values.item(), path)
     if dtype.names is None:
         return Series(values, _attributes(dataset, path))
     return Table({name: _column(values[name], f"{path}.{name}") for name in dtype.names})

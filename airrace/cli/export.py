@@ -6,9 +6,8 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli import completion
 from airrace.cli.answer import answering
-from airrace.cli.options import FlightNames, RunFile, StageOfFlights
+from airrace.cli.options import FlightNames, StageOfFlights
 
 export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True)
 
@@ -35,11 +34,10 @@ def formats() -> None:
 
 @export.command("csv")
 def csv_table(
-    run_file: RunFile,
-    stage: Annotated[
-        str | None,
-        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
-    ] = None,
+    name: Annotated[
+        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flown log.")
+    ],
+    stage: StageOfFlights = None,
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
     ] = None,
@@ -58,6 +56,7 @@ def csv_table(
         from airrace.errors import UsageError
         from airrace.runs.flight_sources import opened_file, source_of
         from airrace.runs.flown_log import FlownLog
+        from airrace.runs.named import Named
         from airrace.runs.output import ensure_free
         from airrace.runs.splits import Splits
 
@@ -65,8 +64,9 @@ def csv_table(
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
         beside = [] if splits or output is None else [output.with_suffix(f".splits{output.suffix}")]
         for path in [*([] if output is None else [output]), *beside]:
-            ensure_free(path, force=force)
-        flown = source_of(opened_file(run_file), stage)
+            ensure_free(path, force=force, sources=[name])
+        named = Named.of(name)
+        flown = source_of(opened_file(named.path), named.stage or stage)
         passings = flown.splits if isinstance(flown, FlownLog) else Splits(flown.result.splits)
         text = passings.to_csv(output) if splits else flown.to_csv(output, rate)
         answer.texts.extend([text] if output is None else [])

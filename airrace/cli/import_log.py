@@ -55,7 +55,7 @@ def import_log(
         from airrace.runs.output import beside, ensure_free
 
         path = output or beside(log, "h5")
-        ensure_free(path, force=force)
+        ensure_free(path, force=force, sources=[log])
         from airrace.cli.flown_tables import flown_texts
         from airrace.runs.flown_object import flown_object
         from airrace.runs.imported import import_log as imported

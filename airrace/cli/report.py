@@ -36,6 +36,7 @@ def report(
         from airrace.runs.reported import opened_report
 
         path = output or beside(run_file, "html")
-        ensure_free(path, force=force)
-        write_text(path, opened_report([str(run_file), *(flights or [])], stage=stage, priced=prices))
+        names = [str(run_file), *(flights or [])]
+        ensure_free(path, force=force, sources=names)
+        write_text(path, opened_report(names, stage=stage, priced=prices))
         answer.texts.append(f"{path} is written; any browser opens it")

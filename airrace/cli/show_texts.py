@@ -7,8 +7,7 @@ from airrace.cli.clearance_tables import near_misses_text
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.mesh_table import mesh_table
 from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
-from airrace.procedure.remeasured import HEARSAY
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import HEARSAY, StageResult
 from airrace.runs.shown import Shown
 
 UNVERIFIED = "\n".join(

@@ -30,7 +30,7 @@ def verify(
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
         from airrace.checkpoint import read_sealed
         from airrace.cli.tables import certificate_table, rendered
-        from airrace.procedure.remeasured import HEARSAY
+        from airrace.procedure.result import HEARSAY
         from airrace.runs.exit_codes import ExitCode
         from airrace.runs.signing import ensure_signed, signer_of
         from airrace.runs.stored import readable, stored_run

@@ -10,7 +10,6 @@ from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.replay import interval_durations, replay
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.trajectory import Array, Trajectory
 
@@ -162,6 +161,9 @@ def from_optimum(model: FlightModel, problem: Problem, flown: Trajectory) -> Ref
         problem: the problem on the mesh of `flown`.
         flown: its solution.
     """
+    # Imported here: models are read without whatever compiles them, and the guidance laws are part of their list.
+    from airrace.optimal_control.replay import interval_durations, replay
+
     sampled = replay(problem, Iterate(flown.durations, flown.state, flown.control)).state
     n_x, _, samples = sampled.shape
     steps = interval_durations(problem, flown.durations)

@@ -12,6 +12,7 @@ import numpy as np
 
 from airrace.export.columns import Column, Derived, displayed
 from airrace.export.flight_table import NO_DERIVED, flight_table, split_columns
+from airrace.export.globe import printable
 from airrace.export.sampling import Sampler
 from airrace.flights import Flight
 from airrace.procedure.result import GateSplit, StageResult
@@ -69,7 +70,7 @@ def export_flight_csv(flight: Flight, stream: TextIO) -> None:
     race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
     entries = {"track": flight.course.name, "aircraft": flight.aircraft.name, "flight": flight.label}
     for key, value in {**entries, "race time": race_time, "airrace version": flight.source.version}.items():
-        stream.write(f"# {key}: {' '.join(value.split())}\n")
+        stream.write(f"# {key}: {printable(value)}\n")
     columns = [Column("time_s", flight.time)]
     for one in flight.histories.values():
         columns.extend(displayed(one.quantity, one.values))
@@ -106,7 +107,7 @@ def _write_comments(result: StageResult, provenance: Provenance | None, stream: 
         names = {"track": provenance.track, "aircraft": provenance.aircraft}
         entries = {**names, **entries, "airrace version": provenance.version}
     for key, value in entries.items():
-        stream.write(f"# {key}: {' '.join(value.split())}\n")  # a name may hold line breaks, a comment may not
+        stream.write(f"# {key}: {printable(value)}\n")
 
 
 def _formatted(values: Array) -> list[str]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from datetime import datetime
 
 import numpy as np
-from scipy.io import savemat  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
 
 from airrace.export.globe import stamp
 from airrace.flights import Flight
@@ -24,6 +23,9 @@ def mat(flights: Sequence[Flight], begin: datetime) -> bytes:
         flights: any.
         begin: when their clocks start.
     """
+    # Imported here: no other format needs scipy. ignore: untyped in scipy.
+    from scipy.io import savemat  # pyright: ignore[reportUnknownVariableType]
+
     names = _names([flight.label for flight in flights])
     written = io.BytesIO()
     content = {name: _structure(flight, begin) for name, flight in zip(names, flights, strict=True)}

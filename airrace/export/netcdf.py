@@ -7,7 +7,6 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
-from scipy.io import netcdf_file  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
 
 from airrace.export.globe import stamp
 from airrace.flights import Flight
@@ -19,6 +18,9 @@ def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:
     `rowSize` says how many of them belong to each flight, `flight` what it is called. A history that a flight does not
     have is NaN. Units, meanings and where values come from are attributes.
     """
+    # Imported here: no other format but MATLAB's needs scipy. ignore: untyped in scipy.
+    from scipy.io import netcdf_file  # pyright: ignore[reportUnknownVariableType]
+
     written = io.BytesIO()
     file: Any = netcdf_file(written, "w", version=2)  # Any: untyped in scipy
     file.Conventions, file.featureType, file.source = "CF-1.11", "trajectory", "airrace"

@@ -21,7 +21,7 @@ from airrace.errors import UsageError
 from airrace.flights.differences import Difference, differences
 from airrace.flights.flight import Flight
 from airrace.flights.legs import Lap, Leg, laps_of, legs_of, way
-from airrace.procedure.restart import passings_of
+from airrace.procedure.passings import passings_of
 from airrace.trajectory import Array
 
 TIE = 0.005

@@ -6,7 +6,7 @@ from airrace.flights.derivation import completed
 from airrace.flights.flight import Crossing, Flight, Source
 from airrace.flights.history import Basis, History
 from airrace.planning.race import Race
-from airrace.procedure import run as procedure
+from airrace.procedure import reading
 from airrace.procedure.result import StageResult
 
 LONGEST_STEP = 0.02
@@ -25,7 +25,7 @@ def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: 
         source: what it is called.
         longest_step: between two times, s.
     """
-    read = procedure.continuous(race, result, longest_step)
+    read = reading.continuous(race, result, longest_step)
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
     histories = completed(race, given)

@@ -8,7 +8,6 @@ integrated does not depend on what the cache holds.
 
 import ctypes
 import logging
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +15,12 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import KernelError
+from airrace.optimal_control.interpreted_rates import AtPoints, interpreted
 from airrace.optimal_control.kernels import cached_rows
 from airrace.optimal_control.problem import Problem
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
-
-AtPoints = Callable[[Array], Array]
-"""A function from states (n_x, n) to values (n_v, n), a new array."""
 
 
 class PointFunctions:
@@ -94,41 +91,3 @@ def compiled_rows(library: ctypes.CDLL, name: str, values: int, control: Array, 
         return found
 
     return at
-
-
-def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
-    """Return a function (x, u, p) -> values in casadi's virtual machine; shapes as in `compiled_rows`.
-
-    Raises:
-        KernelError: on a call, if the function reports a failure.
-    """
-    count = control.shape[1]
-    mapped = _dense(function).map(count)
-    # one point after another, as casadi stores them
-    given = (
-        np.zeros((count, function.size1_in(0))),
-        np.ascontiguousarray(control.T, dtype=np.float64),
-        np.tile(p, (count, 1)),
-    )
-    found = np.zeros((count, function.size1_out(0)))
-    buffer, evaluate = mapped.buffer()
-    for place, array in enumerate(given):
-        if array.size:
-            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `evaluation.py`
-    buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
-
-    def at(states: Array, kept: tuple[Array, ...] = given) -> Array:  # the buffer does not keep its arrays alive
-        kept[0][:] = states.T
-        evaluate()
-        if buffer.ret():
-            raise KernelError(f"{function.name()} could not be evaluated")
-        return np.ascontiguousarray(found.T)
-
-    return at
-
-
-def _dense(function: ca.Function) -> ca.Function:
-    if function.sparsity_out(0).is_dense():
-        return function
-    symbols = [ca.SX.sym(f"i{place}", function.size1_in(place)) for place in range(function.n_in())]
-    return ca.Function("dense", symbols, [ca.densify(function(*symbols))])

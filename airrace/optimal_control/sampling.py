@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from airrace.optimal_control.compiled_rates import interpreted
+from airrace.optimal_control.interpreted_rates import interpreted
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.reference_integration import integrate
 from airrace.system import System

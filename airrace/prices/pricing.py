@@ -12,7 +12,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.prices.price import Activity, Group, Price, group_of, unit_of, usual_step
 from airrace.prices.varied import VariedProblem
 from airrace.prices.worth import OtherStructureError, Value, Worth
-from airrace.procedure.flight import iterate_of
+from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Outcome, StageResult
 
 STEP = 1e-3

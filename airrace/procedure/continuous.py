@@ -7,7 +7,7 @@ import numpy as np
 
 from airrace.planning.race import Race
 from airrace.procedure.derived import derived_histories
-from airrace.procedure.flight import stage_model
+from airrace.procedure.models import stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from airrace.errors import CheckpointError
 from airrace.planning.race import Race
-from airrace.procedure.flight import stage_model
+from airrace.procedure.models import stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
 

@@ -10,7 +10,7 @@ from airrace.environment.atmosphere import g0
 from airrace.planning.race import Race
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Histories
-from airrace.procedure.flight import stage_model
+from airrace.procedure.models import stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
 from airrace.trajectory import Array

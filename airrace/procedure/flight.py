@@ -17,6 +17,7 @@ from airrace.planning.race import Race
 from airrace.procedure.ends import Ends, course_ends
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Fidelity
+from airrace.procedure.models import stage_model
 from airrace.procedure.regularisation import regularised
 from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings
@@ -90,16 +91,6 @@ def stage_flight(stage: Stage, race: Race, settings: Settings, flown: Trajectory
     )
 
 
-def stage_model(stage: Stage, race: Race) -> FlightModel:
-    """Return the equations of a stage, with the numbers and limits of a race.
-
-    Raises:
-        InputError: aircraft and rules leave no allowed value of some quantity.
-    """
-    course = race.course
-    return fidelity_of(stage).build(race.aircraft, course.rules, race.air, counting=course.has_rolls)
-
-
 def trajectory(problem: Problem, iterate: Iterate) -> Trajectory:
     """Return the named histories of an iterate."""
     steps = interval_durations(problem, iterate.durations)
@@ -129,11 +120,6 @@ def fractions_of(time: Array, first_node: Sequence[int]) -> list[tuple[float, ..
     """
     steps = np.split(np.diff(time), first_node[1:-1])
     return [tuple((one / one.sum()).tolist()) for one in steps]
-
-
-def iterate_of(flown: Trajectory) -> Iterate:
-    """Return the unknowns of a stored flight."""
-    return Iterate(flown.durations, flown.state, flown.control)
 
 
 def gate_splits(flight: Flight, flown: Trajectory) -> tuple[GateSplit, ...]:

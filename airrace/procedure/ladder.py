@@ -14,11 +14,12 @@ from airrace.planning.choices import TWIN
 from airrace.planning.plan import Plan, plan
 from airrace.planning.race import Race
 from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.flight import Flight, iterate_of, mesh_of, stage_flight
+from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
 from airrace.procedure.homotopy import fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
+from airrace.procedure.models import iterate_of
 from airrace.procedure.one_mesh import on_one_mesh
 from airrace.procedure.proof import proved
 from airrace.procedure.restart import told

@@ -10,10 +10,11 @@ from dataclasses import replace
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers import Multipliers
 from airrace.procedure.certification import examine
-from airrace.procedure.flight import Flight, iterate_of, mesh_of
+from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.handover import coarser_nodes
 from airrace.procedure.joint import CARRIED_BARRIER, Compared, Failure, Start, Upcoming, carried_over, refined_from
 from airrace.procedure.meshing import Draft, Solved, doubled, halved
+from airrace.procedure.models import iterate_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.solving import Workbench
 

@@ -2,7 +2,7 @@
 
 All else that a stage tells follows from these and from the race, so it is computed anew and can be compared with what
 is stored. What was done to find the flight (solver calls, seconds, ways that were tried) leaves no trace in it; such
-records are taken over as they are, and `HEARSAY` names them.
+records are taken over as they are, and `HEARSAY` of `result.py` names them.
 """
 
 import math
@@ -24,23 +24,15 @@ from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.declared import ensure_declared
 from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.flight import Flight, gate_splits, iterate_of, mesh_of, stage_flight, trajectory
+from airrace.procedure.flight import Flight, gate_splits, mesh_of, stage_flight, trajectory
 from airrace.procedure.joint import REFINED_BARRIER
+from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Attempt, GateSplit, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
 from airrace.trajectory import Array, Trajectory
-
-HEARSAY = (
-    "messages",
-    "attempts and timings",
-    "ways that were tried",
-    "what intervals were last cut or joined for",
-    "how far a start strayed",
-)
-"""The records of a stage that nobody can measure again."""
 
 
 @dataclass(frozen=True)

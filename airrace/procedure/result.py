@@ -10,6 +10,15 @@ from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.stage import Stage
 from airrace.trajectory import Array, Trajectory
 
+HEARSAY = (
+    "messages",
+    "attempts and timings",
+    "ways that were tried",
+    "what intervals were last cut or joined for",
+    "how far a start strayed",
+)
+"""The records of a stage that nobody can measure again."""
+
 
 class Outcome(Enum):
     """The outcome of a stage."""

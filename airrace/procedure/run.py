@@ -12,9 +12,6 @@ from dataclasses import dataclass
 from airrace.dynamics import handling
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
-from airrace.procedure.continuous import continuous
-from airrace.procedure.declared import ensure_declared
-from airrace.procedure.derived import derived_quantities
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
@@ -24,20 +21,10 @@ from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
-from airrace.procedure.stored import sampler
 
 logger = logging.getLogger(__name__)
 
-__all__ = [
-    "STAGES",
-    "continuous",
-    "derived_quantities",
-    "ensure_declared",
-    "optimize",
-    "recertify",
-    "remeasured",
-    "sampler",
-]
+__all__ = ["STAGES", "optimize", "recertify", "remeasured"]
 
 
 def optimize(

@@ -6,7 +6,7 @@ import numpy as np
 
 from airrace.optimal_control.sampling import sample
 from airrace.planning.race import Race
-from airrace.procedure.flight import iterate_of, stage_model
+from airrace.procedure.models import iterate_of, stage_model
 from airrace.procedure.result import StageResult
 from airrace.trajectory import Array
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from airrace.documents import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.prices import Activity, Price
+from airrace.prices.price import Activity, Price
 from airrace.procedure.result import Explored, StageResult
 from airrace.quantities import KNOT
 from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus

@@ -41,13 +41,13 @@ def write_flights(
         force: whether an existing file is replaced.
 
     Raises:
-        UsageError: the file exists, an argument says nothing sensible, a course has no origin where the format needs
-            one, or a library that it needs is not installed.
+        UsageError: the file exists or is that of a flight, an argument says nothing sensible, a course has no origin
+            where the format needs one, or a library that it needs is not installed.
         StorageError: the system refused.
     """
     chosen, where = FORMATS[format_name], None if origin is None else origin_of(origin)
     path = output or beside(names[0], chosen.suffix or format_name)
-    ensure_free(path, force=force)
+    ensure_free(path, force=force, sources=names)
     begin = BEGIN if start is None else begin_of(start)
     if rate is not None and not RATES[0] <= rate <= RATES[1]:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {RATES[0]:g} and {RATES[1]:g}")

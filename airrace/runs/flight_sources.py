@@ -12,7 +12,6 @@ from airrace.flights import Flight
 from airrace.logs.reading import is_log
 from airrace.runs.flown_log import FlownLog, opened_log
 from airrace.runs.flown_stage import FlownStage
-from airrace.runs.imported import flown_through
 from airrace.runs.named import Named
 from airrace.runs.run import Run
 from airrace.runs.stored import readable, stored_run
@@ -77,6 +76,9 @@ def _source(name: Named, kept: Mapping[Path, Run | FlownLog], stage: str | None)
         raise UsageError(
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
         )
+    # Imported here: runs and imported logs are read without whatever makes a flight of a log.
+    from airrace.runs.imported import flown_through
+
     return flown_through(name.path, next(iter(kept.values())).inputs)
 
 

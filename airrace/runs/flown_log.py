@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +20,14 @@ from airrace.documents import Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.flights import Basis, Crossing, Flight, History, Source
-from airrace.logs import Flown
 from airrace.logs.breach import Breach
 from airrace.procedure.result import GateSplit
 from airrace.runs.output import write_text
 from airrace.runs.splits import Splits
 from airrace.runs.stored import document_of, library_versions, stored_inputs
+
+if TYPE_CHECKING:
+    from airrace.logs.flown import Flown
 
 RATES = 1e-3, 1e4
 """Rows per second that may be asked for, Hz."""
@@ -134,7 +137,7 @@ class FlownLog:
         write_recorded(Path(path), self.recorded)
 
 
-def new_flown_log(inputs: Inputs, flown: Flown) -> FlownLog:
+def new_flown_log(inputs: Inputs, flown: "Flown") -> FlownLog:
     """Return a flown log that is stored nowhere yet."""
     flight, log = flown.flight, flown.recording
     recorded = Recorded(

@@ -16,7 +16,7 @@ from airrace.export.sampling import Sampler
 from airrace.flights import Flight, Source, flight_of
 from airrace.flights.derivation import table_columns
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure import run as procedure
+from airrace.procedure import reading
 from airrace.procedure.result import Stage, StageResult
 from airrace.runs.output import write_text
 from airrace.runs.run_object import stage_object
@@ -205,13 +205,13 @@ class FlownStage:
     def _derived(self) -> Derived:
         race, states = self.inputs.race, [one.name for one in self.result.trajectory.states]
         return {
-            **procedure.derived_quantities(race, self.result),
+            **reading.derived_quantities(race, self.result),
             **table_columns(race, states),
         }
 
     def _sampler(self, rate: float | None) -> Sampler | None:
         """Return what integrates between the nodes; None without a rate, for on the mesh it is not needed."""
-        return None if rate is None else procedure.sampler(self.inputs.race, self.result)
+        return None if rate is None else reading.sampler(self.inputs.race, self.result)
 
     def _flight(self, rate: float | None) -> FlightTable:
         trajectory = self.result.trajectory

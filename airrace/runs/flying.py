@@ -12,6 +12,7 @@ from airrace.procedure.progress import Progress
 from airrace.procedure.result import StageResult, State
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
+from airrace.runs.leg_object import stages_object
 from airrace.runs.run import Run
 from airrace.runs.run_lock import flown_alone
 from airrace.runs.run_object import summarise, unproved
@@ -101,6 +102,7 @@ def fly_stages(
     finally:
         results = tuple(finished.values())
         summarise(answer, task.run.name, results, time.perf_counter() - started)
+        answer.fields["stages"] = stages_object(task.run.inputs, results)
         for result in results:
             if result.state is State.SOLVED and proves(task.run.inputs.settings, result.stage, task.until):
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {unproved(result)}")

@@ -1,13 +1,16 @@
-"""The legs and laps of a flight as an object for JSON."""
+"""The legs, laps and near misses of a flight as an object for JSON."""
 
 from collections.abc import Sequence
 
+from airrace.documents import Inputs
 from airrace.flights import Flight, laps_of
 from airrace.flights.clearance import Clearance
 from airrace.flights.leg_facts import LegFacts, Range, leg_facts
 from airrace.flights.legs import passings_around
 from airrace.flights.near_misses import NearMiss, near_misses
-from airrace.runs.run_object import finite
+from airrace.procedure.result import StageResult
+from airrace.runs.flown_stage import FlownStage
+from airrace.runs.run_object import finite, stage_object
 
 
 def legs_object(flight: Flight) -> dict[str, object]:
@@ -15,8 +18,28 @@ def legs_object(flight: Flight) -> dict[str, object]:
     return {
         "legs": [_leg(facts) for facts in leg_facts(flight)],
         "laps": [{"lap": lap.number, "time_s": finite(lap.time)} for lap in laps_of(flight)],
-        "near_misses": [_near_miss(one) for one in near_misses(flight)],
+        "near_misses": near_misses_object(flight),
     }
+
+
+def near_misses_object(flight: Flight) -> list[dict[str, object]]:
+    """Return `near_misses` of a stage: SI units."""
+    return [_near_miss(one) for one in near_misses(flight)]
+
+
+def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[str, object]]:
+    """Return `stages` of a run: the last one that found a flight has `near_misses`.
+
+    Args:
+        inputs: of the run.
+        results: its stages as they may be told, in order.
+    """
+    stages = [stage_object(result) for result in results]
+    for result, stage in zip(reversed(results), reversed(stages), strict=True):
+        if result.is_flight:
+            stage["near_misses"] = near_misses_object(FlownStage(inputs, result, {}).flight())
+            break
+    return stages
 
 
 def planned_object(planned: Flight, clearances: Sequence[Clearance]) -> dict[str, object]:

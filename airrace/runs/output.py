@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from airrace.checkpoint.atomic import replace_file
@@ -9,20 +10,24 @@ from airrace.errors import StorageError, UsageError
 from airrace.runs.named import Named
 
 
-def ensure_free(path: Path, *, force: bool, remedy: str = "") -> None:
+def ensure_free(path: Path, *, force: bool, remedy: str = "", sources: Sequence[str | Path] = ()) -> None:
     """Refuse an output that exists, and find out now whether its folder can be written to.
 
     Args:
         remedy: what to do besides `--force`, a clause.
+        sources: files that the command reads, or flights as `RUN.h5:STAGE`; not even `--force` overwrites one of them.
 
     Raises:
-        UsageError: the file exists and `force` is not given, or it is a folder.
+        UsageError: the file exists and `force` is not given, or it is a folder or one of the sources.
         StorageError: the folder does not exist or takes no files, or the path is a loop of links.
     """
     if Path(os.path.realpath(path)).is_symlink():
         raise StorageError(f"cannot write {path}: it is a link that leads in a circle")
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name a file in it")
+    files = (Named.of(str(source)).path for source in sources)
+    if path.exists() and any(file.exists() and file.samefile(path) for file in files):
+        raise UsageError(f"{path} is read by this command; write into another file")
     if path.exists() and not force:
         raise UsageError(f"{path} exists; {remedy}overwrite it with --force")
     try:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from airrace.documents import Inputs
 from airrace.errors import UsageError
 from airrace.export.extras import extra
-from airrace.prices import Activity, Group, Price, prices
+from airrace.prices.price import Activity, Group, Price
+from airrace.prices.pricing import prices
 from airrace.procedure.result import StageResult
 from airrace.views.tables import html_table, text_table
 

@@ -15,6 +15,7 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Proof
 from airrace.procedure.split_comparison import SplitComparison, compared, last_common
 from airrace.runs.flown_stage import FlownStage
+from airrace.runs.leg_object import stages_object
 from airrace.runs.run_object import is_certified, run_object, standing, verdict
 from airrace.runs.run_page import run_line, run_page
 from airrace.runs.splits import Splits
@@ -264,8 +265,9 @@ class Run:
         return Path(path)
 
     def as_object(self) -> dict[str, object]:
-        """Return the object that `airrace show --json` prints."""
-        return run_object(self.name, self.told, wall_of(self.results), certified=self.certified)
+        """Return the object that `airrace optimize --json` prints."""
+        told = run_object(self.name, self.told, wall_of(self.results), certified=self.certified)
+        return told | {"stages": stages_object(self.inputs, self.told)}
 
     def __repr__(self) -> str:
         return f"<Run {run_line(self.name, self.told)}>"

@@ -13,7 +13,8 @@ from airrace.documents.inputs import read_named
 from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
-from airrace.procedure.restart import Another, ensure_same_passings, passings_of, startable
+from airrace.procedure.passings import ensure_same_passings, passings_of
+from airrace.procedure.restart import Another, startable
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import Proof
 from airrace.runs.run import Run

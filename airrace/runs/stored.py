@@ -17,7 +17,7 @@ from airrace.checkpoint import (
 from airrace.documents import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError
 from airrace.extensions import extension_versions
-from airrace.procedure import run as procedure
+from airrace.procedure import reading
 from airrace.runs.run import Run
 
 
@@ -70,7 +70,7 @@ def readable(run: Run) -> Run:
         CheckpointError: a stage has other histories, or another number of legs.
     """
     for result in run.results:
-        procedure.ensure_declared(run.race, result)
+        reading.ensure_declared(run.race, result)
     return run
 
 

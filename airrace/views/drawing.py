@@ -1,8 +1,10 @@
 """Drawings in files. Needs matplotlib, which comes with the extra `plot`."""
 
+import contextlib
 import functools
 import io
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Generator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, ParamSpec
@@ -37,17 +39,27 @@ def ensure_drawable(path: Path) -> None:
 
 
 def names_as_they_are(make: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorate what makes a drawing, so that a name with dollar signs is no formula."""
+    """Decorate what makes a drawing, so that a name with dollar signs is no formula.
+
+    A sign that the font lacks is drawn as a box, without a word about it.
+    """
 
     @functools.wraps(make)
     def made(*args: P.args, **kwargs: P.kwargs) -> Figure:
         import matplotlib
 
         library: Any = matplotlib  # Any: its stubs leave paths untyped
-        with library.rc_context({"text.parse_math": False}):
+        with library.rc_context({"text.parse_math": False}), _boxes_for_unknown_signs():
             return make(*args, **kwargs)
 
     return made
+
+
+@contextlib.contextmanager
+def _boxes_for_unknown_signs() -> Generator[None]:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)
+        yield
 
 
 def new_figure(
@@ -69,5 +81,6 @@ def save_figure(figure: Figure, path: Path) -> None:
         StorageError: the system refused.
     """
     content = io.BytesIO()
-    figure.savefig(content, format=path.suffix.lower().removeprefix("."), dpi=DOTS_PER_INCH)
+    with _boxes_for_unknown_signs():
+        figure.savefig(content, format=path.suffix.lower().removeprefix("."), dpi=DOTS_PER_INCH)
     replace_file(path, content.getvalue())

@@ -20,7 +20,6 @@ from typer.testing import CliRunner
 from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.cli.main import app
 from airrace.documents import load_inputs
-from airrace.procedure import run as procedure
 
 ROOT = Path(__file__).parents[2]
 TRACK = ROOT / "tracks" / "rovinj_2014.yaml"
@@ -57,8 +56,8 @@ class Ran:
 @pytest.fixture
 def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
-    for name in canned_procedure.REPLACED:
-        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    for name, module in canned_procedure.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
     return Shell(tmp_path, monkeypatch)
 
 

@@ -13,6 +13,7 @@ import pytest
 from canned_procedure import stage_result
 from typer.testing import CliRunner
 
+import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import clearance_tables
 from airrace.cli.main import app
@@ -24,6 +25,7 @@ from airrace.flights.clearance import Clearance
 from airrace.flights.near_misses import NearMiss
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
+from airrace.runs import leg_object
 from airrace.runs.run_object import run_object, stage_object
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
@@ -71,8 +73,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         for result in canned_procedure.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,)), result) if result.stage is Stage.POINT_MASS else result
 
-    for name in canned_procedure.REPLACED:
-        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    for name, module in canned_procedure.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
     monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path
 
@@ -149,14 +151,16 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
         assert "+0.125" in told
 
 
+def missed(flight: Flight) -> tuple[NearMiss, ...]:
+    """A near miss behind the first passing."""
+    first, second, *_ = flight.crossings
+    away = Clearance("pylon", "g4", 0.25, 0.5, 0.02, 0.0, 0.0, 20.0)
+    return (NearMiss(away, first, first, second),)
+
+
 def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def missed(flight: Flight) -> tuple[NearMiss, ...]:
-        first, second, *_ = flight.crossings
-        away = Clearance("pylon", "g4", 0.25, 0.5, 0.02, 0.0, 0.0, 20.0)
-        return (NearMiss(away, first, first, second),)
-
     monkeypatch.setattr(clearance_tables, "near_misses", missed)
     told = [Ran("optimize", TRACK), Ran("resume", "rovinj_2014.h5"), Ran("show", "rovinj_2014.h5")]
     assert [ran.code for ran in told] == [0, 0, 0]
@@ -165,6 +169,22 @@ def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
     assert "0.02 s after" in blocks[0][0]
     assert blocks[0] == blocks[1] == blocks[2]
     assert "near misses" not in Ran("optimize", TRACK, "--quiet", "--force").out
+
+
+def test_json_of_optimize_resume_and_show_lists_the_same_near_misses(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(leg_object, "near_misses", missed)
+    answers = [
+        Ran("optimize", TRACK, "--json").answer,
+        Ran("resume", "rovinj_2014.h5", "--json").answer,
+        Ran("show", "rovinj_2014.h5", "--json").answer,
+        airrace.open("rovinj_2014.h5").as_object(),
+    ]
+    told = [[stage.get("near_misses") for stage in answer["stages"]] for answer in answers]
+    assert [one["name"] for one in told[0][-1]] == ["g4"]
+    assert told[0][:-1] == [None] * (len(told[0]) - 1)
+    assert told[0] == told[1] == told[2] == told[3]
 
 
 def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it(

@@ -40,8 +40,8 @@ def airrace(*arguments: str | Path) -> Ran:
 def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A finished run, with an override of its own."""
     monkeypatch.chdir(tmp_path)
-    for name in canned_procedure.REPLACED:
-        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    for name, module in canned_procedure.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
     assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--out", "RUN.h5", "--quiet").code == 0
     return tmp_path / "RUN.h5"
 

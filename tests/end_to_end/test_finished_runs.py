@@ -127,7 +127,7 @@ def test_show_tells_what_was_stored(optimised: Ran, run_file: Path, tmp_path: Pa
     assert ran.race_time == optimised.race_time
     stages = ran.answer["stages"]
     assert isinstance(stages, list)
-    shown_alone = ("legs", "laps", "near_misses")
+    shown_alone = ("legs", "laps")
     assert [{key: value for key, value in stage.items() if key not in shown_alone} for stage in stages] == (
         optimised.answer["stages"]
     )

@@ -2,10 +2,13 @@
 
 import io
 import math
+import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from flown import circling, half_cuban, rovinj
 from typer.testing import CliRunner
 
@@ -13,8 +16,8 @@ from airrace.cli.main import app
 from airrace.flights import Crossing
 from airrace.flights.comparison import compared
 from airrace.views.comparison_figure import comparison_figure
-from airrace.views.flight_figure import STRIPS, flight_figure
-from airrace.views.kneeboard import HEIGHT, WIDTH, kneeboard_figure
+from airrace.views.flight_figure import STRIPS, draw_flight, flight_figure
+from airrace.views.kneeboard import HEIGHT, WIDTH, draw_kneeboard, kneeboard_figure
 
 
 def test_plan_and_profile_show_the_line_that_was_flown() -> None:
@@ -53,6 +56,16 @@ def test_the_kneeboard_is_one_page_with_every_gate() -> None:
         assert f"{math.degrees(crossing.value('chi')) % 360.0:03.0f}" in told
     assert "north is up, grid 200 m" in told
     figure.savefig(io.BytesIO(), format="pdf")
+
+
+@pytest.mark.parametrize("draw", [draw_flight, draw_kneeboard])
+def test_signs_that_no_font_has_are_drawn_without_a_word(draw: Callable[..., None], tmp_path: Path) -> None:
+    one = circling(rovinj(), label="\u6771\u4eac \x01")
+    one = replace(one, race=replace(one.race, course=replace(one.course, name="\u6771\u4eac \x01")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw(one, tmp_path / "drawn.png")
+    assert (tmp_path / "drawn.png").stat().st_size > 0
 
 
 def test_a_missed_gate_is_a_dash_in_the_kneeboard() -> None:

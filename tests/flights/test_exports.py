@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.export import extras
+from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.formats import FORMATS
 from airrace.export.globe import BEGIN, on_globe
@@ -278,6 +279,25 @@ def test_the_table_of_a_stage_is_read_by_one_line_of_pandas(tmp_path: Path) -> N
     np.testing.assert_allclose(table["height_m"], one["height"], atol=0.02)
     assert "latitude_deg" not in table
     assert set(table["phase"]) == set(half_cuban()["point-mass"].trajectory.phases)
+
+
+def test_the_table_of_any_stage_is_written_by_its_name(tmp_path: Path) -> None:
+    stored = half_cuban().save(tmp_path / "run.h5")
+    by_name, by_option = tmp_path / "name.csv", tmp_path / "option.csv"
+    assert run("csv", f"{stored}:point-mass", "--output", str(by_name)) == (0, "")
+    assert run("csv", str(stored), "--stage", "point-mass", "--output", str(by_option)) == (0, "")
+    assert by_name.read_bytes() == by_option.read_bytes()
+    code, said = run("csv", f"{stored}:six-dof")
+    assert (code, said) == (2, "airrace: this run has no stage 'six-dof'; it has: homotopy, point-mass\n")
+
+
+def test_a_hostile_name_is_one_printable_line_of_the_table(tmp_path: Path) -> None:
+    one = flight(HOSTILE)
+    stream = io.StringIO(newline="")
+    export_flight_csv(replace(one, race=replace(one.race, course=replace(one.course, name=HOSTILE))), stream)
+    comments = [line for line in stream.getvalue().split("\n") if line.startswith("#")]
+    assert len(comments) == 5
+    assert all(line.isprintable() for line in comments)
 
 
 def test_a_history_that_is_missing_is_left_out() -> None:

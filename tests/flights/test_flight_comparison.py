@@ -10,6 +10,7 @@ import pytest
 from flown import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
+from airrace.cli import compare_tables
 from airrace.cli.compare_tables import comparison_texts
 from airrace.cli.main import app
 from airrace.errors import UsageError
@@ -204,6 +205,19 @@ def test_the_object_holds_the_same_numbers(files: tuple[str, str]) -> None:
     assert [leg["passing"] for leg in flight["legs"]] == [leg.name for leg in comparison.legs]
     assert flight["progress"]["difference_s"][-1] == pytest.approx(comparison.difference)
     assert not flight["tie"]
+
+
+def test_the_object_holds_every_word_of_the_table(files: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compare_tables, "PAGE", 300)  # so that no words are wrapped
+    (flight,) = json.loads(run(*files, "--json")[1])["flights"]
+    table = run(*files, "--all")[1].splitlines()
+    assert any(leg["differs"] for leg in flight["legs"])
+    for leg in flight["legs"]:
+        (row,) = [line for line in table if line.split()[:1] == [leg["passing"]]]
+        numbers, words = row.split()[1:5], " ".join(row.split()[5:])
+        assert words == "; ".join(one["text"] for one in leg["differs"])
+        named = ("flight_s", "difference_s", "by_longer_way_s", "by_lower_speed_s")
+        assert [float(one) for one in numbers] == pytest.approx([leg[name] for name in named], abs=5.1e-4)
 
 
 def test_the_drawing_is_written_and_not_overwritten(files: tuple[str, str], tmp_path: Path) -> None:

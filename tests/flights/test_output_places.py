@@ -42,6 +42,25 @@ def test_results_lie_beside_the_run_and_are_not_overwritten(
     assert (refused.exit_code, refused.stderr.count("--force")) == (2, 1)
 
 
+@pytest.mark.parametrize("words", [("report",), ("export", "kml", "--origin", "45,13"), ("export", "csv")])
+def test_no_command_overwrites_the_run_that_it_reads(folder: Path, words: tuple[str, ...]) -> None:
+    run = folder / "eight.h5"
+    before = run.read_bytes()
+    for name in (f"{run}", f"{run}:point-mass"):
+        output = folder / ".." / folder.name / run.name
+        refused = CliRunner().invoke(app, [*words, name, "--output", str(output), "--force"])
+        assert refused.exit_code == 2
+        assert "is read by this command; write into another file" in refused.stderr
+        assert run.read_bytes() == before
+
+
+def test_no_import_overwrites_its_log(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time,latitude,longitude,altitude\n")
+    refused = CliRunner().invoke(app, ["import", str(log), "--course", "rovinj_2014", "--output", str(log), "--force"])
+    assert (refused.exit_code, refused.stderr.count("is read by this command")) == (2, 1)
+
+
 def test_the_name_is_that_of_the_file_without_its_stage() -> None:
     assert beside("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
     assert beside(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")

@@ -9,8 +9,9 @@ import pytest
 from synthetic import GAP, LEAD, csv_text, fixes, known, race
 
 from airrace.flights import Basis, legs_of
-from airrace.logs import Flown, flown_flight, read_log
+from airrace.logs.flown import Flown, flown_flight
 from airrace.logs.penalties import Penalties
+from airrace.logs.reading import read_log
 from airrace.trajectory import Array
 
 RATES = (5.0, 20.0)

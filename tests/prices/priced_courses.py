@@ -7,7 +7,8 @@ from pathlib import Path
 from kept import kept
 
 from airrace.documents import Document, Inputs, inputs_from_documents
-from airrace.prices import Price, prices
+from airrace.prices.price import Price
+from airrace.prices.pricing import prices
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize

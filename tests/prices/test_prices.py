@@ -9,9 +9,10 @@ from priced_courses import COURSE, CROWDED, inputs, mirrored_text, optimum, pric
 from airrace.documents.variation import Variation
 from airrace.errors import CheckpointError, NotCertified
 from airrace.optimal_control.service import SolverService
-from airrace.prices import Activity, Group, prices
+from airrace.prices.price import Activity, Group
+from airrace.prices.pricing import prices
 from airrace.prices.varied import VariedProblem
-from airrace.procedure.flight import iterate_of
+from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.solving import Workbench

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from airrace.prices import Activity, Group, Price
+from airrace.prices.price import Activity, Group, Price
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "study_prices.py"
 

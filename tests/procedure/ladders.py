@@ -11,7 +11,8 @@ from airrace.environment.atmosphere import g0
 from airrace.frames import product, rotation
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
 from airrace.planning.race import Race
-from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.flight import mesh_of
+from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize

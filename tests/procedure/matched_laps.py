@@ -14,9 +14,10 @@ from airrace.optimal_control.service import SolverService
 from airrace.optimal_control.solvers import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import examine
-from airrace.procedure.flight import iterate_of, mesh_of, trajectory
+from airrace.procedure.flight import mesh_of, trajectory
 from airrace.procedure.homotopy import held
 from airrace.procedure.joint import PIECED_BARRIER
+from airrace.procedure.models import iterate_of
 from airrace.procedure.pieces import joined, phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.solving import Workbench

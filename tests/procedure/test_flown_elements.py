@@ -15,8 +15,8 @@ from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import product, rotation
 from airrace.planning.race import Race
+from airrace.procedure.reading import sampler
 from airrace.procedure.result import StageResult
-from airrace.procedure.run import sampler
 from airrace.procedure.settings import GuessKind
 from airrace.quantities import Interval
 from airrace.track.course import Rules

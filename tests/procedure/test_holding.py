@@ -9,9 +9,10 @@ from test_meshing import SYSTEM
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.service import SolverService
-from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.flight import mesh_of
 from airrace.procedure.holding import foreseen, measured
 from airrace.procedure.joint import REFINED_BARRIER
+from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Interval

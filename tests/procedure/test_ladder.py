@@ -18,8 +18,9 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.flight import history, mesh_of
 from airrace.procedure.handover import FEWEST, coarser_nodes, first_nodes, recorded, settled
 from airrace.procedure.progress import Silent
+from airrace.procedure.reading import derived_quantities
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.procedure.run import derived_quantities, optimize
+from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.trajectory import Array
 

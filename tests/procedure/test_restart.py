@@ -11,8 +11,8 @@ from airrace.documents import load_inputs
 from airrace.errors import UsageError
 from airrace.planning.race import Race
 from airrace.procedure import restart, solving
+from airrace.procedure.passings import ensure_same_passings, passings_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.restart import ensure_same_passings, passings_of
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.quantities import Interval

@@ -12,9 +12,10 @@ from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, I
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import joint
 from airrace.procedure.certification import Evidence
-from airrace.procedure.flight import iterate_of, mesh_of
+from airrace.procedure.flight import mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start, optimise_jointly
 from airrace.procedure.ladder import Ladder
+from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, StageResult
 from airrace.procedure.settings import MeshSettings

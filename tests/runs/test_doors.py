@@ -11,7 +11,6 @@ import pytest
 
 import airrace
 from airrace.errors import CheckpointError, InputError, UsageError
-from airrace.procedure import run as procedure
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.runs.run import Run
@@ -24,8 +23,8 @@ ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that computes nothing."""
     monkeypatch.chdir(tmp_path)
-    for name in canned_procedure.REPLACED:
-        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    for name, module in canned_procedure.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
     return tmp_path
 
 

@@ -16,7 +16,6 @@ from airrace.checkpoint import read_sealed
 from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unsealed
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, UsageError
-from airrace.procedure import run as procedure
 from airrace.runs import signing
 from airrace.runs.signing import ensure_signed, signer_of
 from airrace.runs.stored import opened_run
@@ -29,8 +28,8 @@ PLAIN = serialization.NoEncryption()
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with two pairs of keys, and a procedure that computes nothing."""
     monkeypatch.chdir(tmp_path)
-    for name in canned_procedure.REPLACED:
-        monkeypatch.setattr(procedure, name, getattr(canned_procedure, name))
+    for name, module in canned_procedure.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
     for number, owner in enumerate(("mine", "theirs")):
         key = Ed25519PrivateKey.from_private_bytes(bytes([number]) * 32)
         (tmp_path / owner).write_bytes(key.private_bytes(serialization.Encoding.PEM, SECRET.OpenSSH, PLAIN))

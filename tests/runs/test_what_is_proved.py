@@ -3,11 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import canned_procedure
 import pytest
 from canned_procedure import on_one_mesh, stage_result
 
 from airrace.documents import load_inputs
 from airrace.errors import InputError
+from airrace.procedure import reading
 from airrace.procedure import run as procedure
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
@@ -19,7 +21,9 @@ from airrace.runs.run import Run
 from airrace.runs.stored import new_run
 from airrace.runs.task import described
 
-SOLVED, CERTIFIED = on_one_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
+PASSINGS = [passage.name for passage in load_inputs("rovinj_2014").race.course.passages]
+SOLVED = on_one_mesh(stage_result(Stage.POINT_MASS, passings=PASSINGS))
+CERTIFIED = stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
 
 @pytest.fixture
@@ -72,13 +76,14 @@ def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -
         yield from results
 
     monkeypatch.setattr(procedure, "optimize", optimize)
+    monkeypatch.setattr(reading, "continuous", canned_procedure.continuous)
     answer = Answer()
     task = continued_task(run, until="transfer-function", proof="all")
     return answer, fly_stages(answer, task, threads=1, progress=Silent())
 
 
 def test_completed_proof_is_told_in_the_place_of_its_stage(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    proved = stage_result(Stage.POINT_MASS)
+    proved = stage_result(Stage.POINT_MASS, passings=PASSINGS)
     answer, results = flown_by(monkeypatch, run, proved)
     assert list(results) == [proved, CERTIFIED]
     assert answer.code == 0

@@ -1,0 +1,56 @@
+"""Reading of finished runs: the commands that show, compare or write them load nothing that only solving needs."""
+
+import subprocess
+import sys
+
+import pytest
+
+READERS = (
+    "airrace.runs.exported",
+    "airrace.runs.shown",
+    "airrace.cli.show_texts",
+    "airrace.runs.compared",
+    "airrace.cli.compare_tables",
+    "airrace.runs.reported",
+    "airrace.views.flight_figure",
+    "airrace.views.comparison_figure",
+)
+"""What the bodies of the commands import: export, show, compare, report and plot."""
+SOLVING = (
+    "airrace.procedure.run",
+    "airrace.procedure.flight",
+    "airrace.procedure.solving",
+    "airrace.procedure.remeasured",
+    "airrace.procedure.restart",
+    "airrace.optimal_control.fatrop.library",
+    "airrace.optimal_control.kernels",
+    "airrace.optimal_control.layout",
+    "airrace.optimal_control.service",
+    "airrace.optimal_control.solvers",
+    "airrace.optimal_control.transcription",
+    "airrace.logs.flown",
+    "airrace.prices.pricing",
+    "multiprocessing",
+    "scipy",
+)
+"""What only solving, measuring, pricing and the import of logs need."""
+
+
+def loaded(program: str) -> set[str]:
+    """Return the modules that a program of its own has loaded at its end."""
+    program = f"{program}\nimport sys\nprint(*sys.modules)"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    return set(ran.stdout.split())
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_readers_of_runs_load_nothing_that_only_solving_needs(reader: str) -> None:
+    modules = loaded(f"import {reader}")
+    assert reader in modules
+    assert modules.isdisjoint(SOLVING), sorted(modules & set(SOLVING))
+
+
+def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
+    program = "import airrace.runs.flying, airrace.runs.priced, airrace.runs.imported, scipy"
+    program += "\nimport airrace.optimal_control.worker, multiprocessing, airrace.prices.pricing"
+    assert set(SOLVING) <= loaded(program)
