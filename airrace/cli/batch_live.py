@@ -17,9 +17,9 @@ from airrace.batch.plan import Plan, Result, Step
 from airrace.batch.ranking import STATES
 from airrace.batch.supervision import Watcher
 from airrace.cli.batch_answer import plan_line
-from airrace.views.live import commands_cursor
 from airrace.views.plain_console import PlainConsole
 from airrace.views.streams import Watched
+from airrace.views.watching import commands_cursor
 
 REASONS_MAX = 20
 """The largest number of reasons that are told one by one before anything is flown."""

@@ -1,15 +1,13 @@
 """Runs flown at the terminal, watched on stderr and shown in tables: what `optimize` and `resume` share."""
 
-from airrace.cli.clearance_tables import near_misses_text
-from airrace.cli.split_comparison import comparison_table
-from airrace.cli.tables import PAGE, rendered, result_tables, stages_table
-from airrace.cli.ways_table import ways_table
+from collections.abc import Sequence
+
+from airrace.procedure.result import StageResult
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
-from airrace.runs.flown_stage import FlownStage
 from airrace.runs.flying import fly_stages
 from airrace.runs.task import Task
-from airrace.views.live import watching
+from airrace.views.watching import watching
 
 
 def fly(answer: Answer, task: Task, *, threads: int, timeout: float | None, quiet: bool) -> None:
@@ -25,13 +23,25 @@ def fly(answer: Answer, task: Task, *, threads: int, timeout: float | None, quie
     with watching(task.run.race.course.name, task.stages, quiet=quiet) as progress:
         results = fly_stages(answer, task, threads=threads, timeout=timeout, progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
-        climbed = [stages_table(results)] if any(result.holds for result in results) else []
-        answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.holds and one.message)
-        ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
-        tables = (*climbed, *ways, *result_tables(results[-1]))
-        answer.texts.extend(rendered(table, columns=PAGE) for table in tables)
-        last = FlownStage(task.run.inputs, results[-1], {})
-        misses = near_misses_text(last.flight()) if results[-1].is_flight else ""
-        answer.texts.extend([misses] if misses else [])
-        difference = None if task.start is None else comparison_table(task.start, results)
-        answer.texts.extend(() if difference is None else [rendered(difference, columns=PAGE)])
+        _tell(answer, task, results)
+
+
+def _tell(answer: Answer, task: Task, results: Sequence[StageResult]) -> None:
+    """Fill in an answer with the tables of what was flown."""
+    # Imported here: what draws tables is not needed before there is something to show.
+    from airrace.cli.clearance_tables import near_misses_text
+    from airrace.cli.split_comparison import comparison_table
+    from airrace.cli.tables import PAGE, rendered, result_tables, stages_table
+    from airrace.cli.ways_table import ways_table
+    from airrace.runs.flown_stage import FlownStage
+
+    climbed = [stages_table(results)] if any(result.holds for result in results) else []
+    answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.holds and one.message)
+    ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
+    tables = (*climbed, *ways, *result_tables(results[-1]))
+    answer.texts.extend(rendered(table, columns=PAGE) for table in tables)
+    last = FlownStage(task.run.inputs, results[-1], {})
+    misses = near_misses_text(last.flight()) if results[-1].is_flight else ""
+    answer.texts.extend([misses] if misses else [])
+    difference = None if task.start is None else comparison_table(task.start, results)
+    answer.texts.extend(() if difference is None else [rendered(difference, columns=PAGE)])

@@ -33,7 +33,7 @@ from airrace.runs.shipped import ShippedTrack, shipped
 from airrace.runs.starting import Changes, ensure_other_file, other_run
 from airrace.runs.stored import opened_run
 from airrace.runs.task import Task
-from airrace.views.live import watching
+from airrace.views.watching import watching
 
 # Without a handler Python itself prints the warnings of a library.
 logging.getLogger("airrace").addHandler(logging.NullHandler())

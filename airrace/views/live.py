@@ -1,12 +1,8 @@
-"""Views of a run: a live one on a terminal, plain lines without one, nothing when quiet. All of it is on stderr."""
+"""A live view of a run on a terminal: a panel that is drawn anew, finished stages above it."""
 
-import logging
-import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TextIO, cast
 
 from rich.console import Console, RenderableType
 from rich.live import Live
@@ -15,91 +11,15 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from airrace.errors import debugging
-from airrace.procedure.progress import Iteration, Progress, Silent
-from airrace.procedure.result import Outcome, Stage, StageResult, State
-from airrace.views.plain_console import PlainConsole
-from airrace.views.streams import Watched
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import Stage, StageResult
+from airrace.views.lines import outcome_line, place
 
 BOX_WIDTH = 76
 """The width of the live view, columns, as long as the terminal has them."""
 NAME_WIDTH = 13
 """The width of the names in the live view, columns."""
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
-# Seconds between two plain lines about iterations: often enough to show progress, rare enough for a log.
-LINE_INTERVAL = 2.0
-
-
-@contextmanager
-def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Generator[Progress, None, None]:
-    """Provide the observer that suits stderr, for the duration of a run.
-
-    Args:
-        title: the title of the run.
-        stages: all stages of the run in their order, those that are kept as well.
-        quiet: whether nothing is shown at all.
-    """
-    if quiet:
-        with _logged_by(logging.NullHandler()):
-            yield Silent()
-    elif commands_cursor(sys.stderr):
-        view = LiveView(title, PlainConsole(file=cast(TextIO, Watched(sys.stderr, commanded=True))), stages)
-        with view.live, _logged_by(_Lines(view.live.console.print)):
-            yield view
-    else:
-        stream = cast(TextIO, Watched(sys.stderr))
-        with _logged_by(_Lines(lambda text: print(text, file=stream, flush=True))):
-            yield PlainLines(stream, stages)
-
-
-_VERDICTS = {
-    State.CERTIFIED: "certified",
-    State.SOLVED: "checked on one mesh",
-    State.GUESS: "a guess",
-}
-
-
-def outcome_line(result: StageResult) -> str:
-    """Return a finished stage in one line."""
-    seconds = f"{result.timings.wall:.1f} s"
-    certified = _VERDICTS.get(result.state, "NOT certified")
-    verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
-    race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
-    return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
-
-
-class PlainLines(Progress):
-    """An observer that prints one line per event, without control codes; iterations are thinned out."""
-
-    def __init__(
-        self, stream: TextIO, stages: Sequence[Stage] = (), clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._stream = stream
-        self._stages = stages
-        self._clock = clock
-        self._started = clock()
-        self._last_line = -LINE_INTERVAL
-
-    def stage_started(self, stage: Stage) -> None:
-        number = place(stage, self._stages)
-        self._line(f"{stage.value}: started{number and f' ({number})'}")
-
-    def activity(self, text: str, done: int, total: int) -> None:
-        self._line(f"  {text}")
-
-    def iteration(self, iteration: Iteration) -> None:
-        if self._clock() - self._last_line >= LINE_INTERVAL:
-            self._line(
-                f"  iteration {iteration.number}: objective {iteration.objective:.3f} s, "
-                f"infeasibility {iteration.infeasibility:.1e}"
-            )
-
-    def stage_finished(self, result: StageResult) -> None:
-        self._line(outcome_line(result))
-
-    def _line(self, text: str) -> None:
-        self._last_line = self._clock()
-        print(f"[{self._last_line - self._started:7.1f} s] {text}", file=self._stream, flush=True)
 
 
 @dataclass(frozen=True)
@@ -167,11 +87,6 @@ class LiveView(Progress):
         return Panel(rows, title=Text(self._title), title_align="left", width=width, padding=(0, 1))
 
 
-def place(stage: Stage, stages: Sequence[Stage]) -> str:
-    """Return the number of a stage in a run as `stage 3 of 6`; empty if that is not known."""
-    return f"stage {stages.index(stage) + 1} of {len(stages)}" if stage in stages else ""
-
-
 def _rows(seen: _Seen | None, now: float) -> Iterator[tuple[str, RenderableType]]:
     """Yield always the same rows; without a stage they are empty."""
     if seen is None:
@@ -195,34 +110,3 @@ def _rows(seen: _Seen | None, now: float) -> Iterator[tuple[str, RenderableType]
 def _duration(seconds: float) -> str:
     """Return seconds as a text, from a minute on as minutes and seconds."""
     return f"{seconds:.1f} s" if seconds < 60.0 else f"{int(seconds) // 60}:{int(seconds) % 60:02d} min"
-
-
-class _Lines(logging.Handler):
-    """A handler that sends the library's log where the progress goes, so that neither spoils the other."""
-
-    def __init__(self, write: Callable[[str], object]) -> None:
-        super().__init__(logging.DEBUG if debugging() else logging.WARNING)
-        self._write = write
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._write(f"{record.levelname.lower()}: {record.getMessage()}")
-
-
-@contextmanager
-def _logged_by(handler: logging.Handler) -> Generator[None, None, None]:
-    logger = logging.getLogger("airrace")
-    level, propagate = logger.level, logger.propagate
-    logger.addHandler(handler)
-    logger.setLevel(handler.level or logging.WARNING)
-    logger.propagate = False
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-        logger.propagate = propagate
-
-
-def commands_cursor(stream: TextIO) -> bool:
-    """Return whether the stream is a terminal that understands control codes, whatever FORCE_COLOR says."""
-    return stream.isatty() and not Console(file=stream, force_terminal=True).is_dumb_terminal

@@ -9,7 +9,9 @@ from rich.console import Console
 
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Outcome, Stage
-from airrace.views.live import LINE_INTERVAL, LiveView, PlainLines, outcome_line, watching
+from airrace.views.lines import LINE_INTERVAL, PlainLines, outcome_line
+from airrace.views.live import LiveView
+from airrace.views.watching import watching
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 

@@ -1,0 +1,65 @@
+"""A run as plain lines, one per event: for logs and whatever is no terminal."""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TextIO
+
+from airrace.procedure.progress import Iteration, Progress
+from airrace.procedure.result import Outcome, Stage, StageResult, State
+
+# Seconds between two plain lines about iterations: often enough to show progress, rare enough for a log.
+LINE_INTERVAL = 2.0
+
+_VERDICTS = {
+    State.CERTIFIED: "certified",
+    State.SOLVED: "checked on one mesh",
+    State.GUESS: "a guess",
+}
+
+
+def outcome_line(result: StageResult) -> str:
+    """Return a finished stage in one line."""
+    seconds = f"{result.timings.wall:.1f} s"
+    certified = _VERDICTS.get(result.state, "NOT certified")
+    verdict = certified if result.outcome is Outcome.NOT_CERTIFIED else f"{result.outcome.value}, {certified}"
+    race_time = f"race time {result.trajectory.race_time:.3f} s, " if result.is_flight else ""
+    return f"{result.stage.value}: {verdict}, {race_time}{result.iterations} iterations, {seconds}"
+
+
+class PlainLines(Progress):
+    """An observer that prints one line per event, without control codes; iterations are thinned out."""
+
+    def __init__(
+        self, stream: TextIO, stages: Sequence[Stage] = (), clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._stream = stream
+        self._stages = stages
+        self._clock = clock
+        self._started = clock()
+        self._last_line = -LINE_INTERVAL
+
+    def stage_started(self, stage: Stage) -> None:
+        number = place(stage, self._stages)
+        self._line(f"{stage.value}: started{number and f' ({number})'}")
+
+    def activity(self, text: str, done: int, total: int) -> None:
+        self._line(f"  {text}")
+
+    def iteration(self, iteration: Iteration) -> None:
+        if self._clock() - self._last_line >= LINE_INTERVAL:
+            self._line(
+                f"  iteration {iteration.number}: objective {iteration.objective:.3f} s, "
+                f"infeasibility {iteration.infeasibility:.1e}"
+            )
+
+    def stage_finished(self, result: StageResult) -> None:
+        self._line(outcome_line(result))
+
+    def _line(self, text: str) -> None:
+        self._last_line = self._clock()
+        print(f"[{self._last_line - self._started:7.1f} s] {text}", file=self._stream, flush=True)
+
+
+def place(stage: Stage, stages: Sequence[Stage]) -> str:
+    """Return the number of a stage in a run as `stage 3 of 6`; empty if that is not known."""
+    return f"stage {stages.index(stage) + 1} of {len(stages)}" if stage in stages else ""
