@@ -51,7 +51,8 @@ def faster_way(point_mass: Flight, source: Flight, optimum: StageResult, course:
         return ""
     thinker = Thinker(base, course, scaled(point_mass.plan.cruise, QUICK.thinking), DEAREST)
     phases = set(range(len(base.problem.phases)))
-    thoughts = list(thinker.thoughts(phases, shapes=False))
+    # What wins at a place in one lap wins there in the others, too, as far as they are flown alike.
+    thoughts = list(thinker.thoughts(phases, shapes=False, places=thinker.places()))
     found = crew.work([one.window for one in thoughts], priced)
     wins = [
         TriedWindow(thought, win)

@@ -85,14 +85,17 @@ class Thinker:
         self.choices = choices_as_flown(course, problem.system.states, base.iterate.state, problem.first_node)
         self.own = plan(course, pace, self.choices)
 
-    def thoughts(self, changed: Set[int], *, shapes: bool = True) -> Iterator[Thought]:
+    def thoughts(
+        self, changed: Set[int], *, shapes: bool = True, places: Sequence[Stretch] | None = None
+    ) -> Iterator[Thought]:
         """Yield the thoughts whose window holds a phase that has changed, in the order of the course.
 
         Args:
             changed: numbers of the phases.
             shapes: whether other shapes of the same turn are thought of, too.
+            places: stretches of which is thought; None for all.
         """
-        for stretch in self.stretches:
+        for stretch in self.stretches if places is None else places:
             if changed.isdisjoint(range(*self._window(stretch, stretch))):
                 continue
             flown = shape(self.base, stretch)
@@ -128,6 +131,15 @@ class Thinker:
                 places = range(min(numbers, default=0), max(numbers, default=-1) + 1)
                 if not all(self._flies(won, own[number], self.stretches[number + later]) for number in places):
                     yield self._again(won, places, later, f"{kind} in another lap")
+
+    def places(self) -> list[Stretch]:
+        """Return the stretches; of those that are the same place in several laps, flown alike, the first."""
+        found: list[Stretch] = []
+        for stretch in self.stretches:
+            again = (one for one in found if self._same_place(one, stretch))
+            if not any(same_way(self.base, one, self.base, stretch) for one in again):
+                found.append(stretch)
+        return found
 
     def _flies(self, won: Priced, one: Stretch, place: Stretch) -> bool:
         """Return whether the flight itself takes a stretch as a window takes one of its own."""
