@@ -9,6 +9,7 @@ from dataclasses import asdict
 
 import typer
 
+from airrace import interrupts
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error, worst
 from airrace.views.plain_text import styled
@@ -66,6 +67,8 @@ def _say(answer: Answer, *, as_json: bool) -> None:
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
         abandon_stdout()
+    if answer.code is ExitCode.INTERRUPTED:
+        interrupts.hear()  # who listens to signals in another way, as a batch does, has told it by now
     for finding in answer.findings:
         print(finding, file=sys.stderr)
     if answer.error:
