@@ -12,7 +12,7 @@ import typer
 from airrace import interrupts
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error, worst
-from airrace.views.plain_text import styled
+from airrace.views.plain_text import one_line, styled
 from airrace.views.streams import abandon_stdout
 
 
@@ -70,6 +70,6 @@ def _say(answer: Answer, *, as_json: bool) -> None:
     if answer.code is ExitCode.INTERRUPTED:
         interrupts.hear()  # who listens to signals in another way, as a batch does, has told it by now
     for finding in answer.findings:
-        print(finding, file=sys.stderr)
+        print(one_line(str(finding)), file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)

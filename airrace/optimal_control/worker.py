@@ -1,7 +1,7 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `spawn.py` as `python -m airrace.memory airrace.optimal_control.worker FD` and answers on the file descriptor FD.
-The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, with the number of the file
+descriptor on which it answers. The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers
 are kept ready per problem structure, so that a homotopy pays for its set-up once.
 """
 

@@ -23,6 +23,7 @@ from airrace.runs.run_object import stage_object
 from airrace.runs.run_page import run_line, stage_page
 from airrace.runs.splits import Splits
 from airrace.trajectory import Trajectory
+from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -111,7 +112,7 @@ class FlownStage:
         if not self.result.is_flight:
             raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
         source = Source(
-            label or f"{Path(self.inputs.track.path).stem}:{self.name}",
+            label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}",
             stage=self.name,
             state=self.result.state,
             version=self.versions.get("airrace", ""),
@@ -191,7 +192,7 @@ class FlownStage:
         return stage_object(self.result)
 
     def __repr__(self) -> str:
-        return f"<FlownStage {run_line(Path(self.inputs.track.path).stem, [self.result])}>"
+        return f"<FlownStage {run_line(one_line(Path(self.inputs.track.path).stem), [self.result])}>"
 
     def _repr_html_(self) -> str:
         return stage_page(self.inputs.race, self.result)
