@@ -1,8 +1,9 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, with the number of the file
-descriptor on which it answers. The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers
-are kept ready per problem structure, so that a homotopy pays for its set-up once.
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, and answers on the file
+descriptor whose number is its argument. The solvers print their progress to standard output only; here it is read line
+by line and turned into reports. Solvers are kept ready per problem structure, so that a homotopy pays for its set-up
+once.
 """
 
 import ctypes
