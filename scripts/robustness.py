@@ -42,6 +42,8 @@ class Ran:
             found.append("traceback: " + self.err.strip().splitlines()[-1][:200])
         if "this is a bug" in self.err or self.code == 1:
             found.append(f"code {self.code}: {self.err.strip()[-200:]}")
+        if "No such option" in self.err:
+            found.append("the study calls the command wrongly")
         if self.seconds > longest:
             found.append(f"took {self.seconds:.1f} s")
         return found

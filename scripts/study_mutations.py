@@ -40,7 +40,7 @@ NUMBERS = (
     "999999",
 )
 VALUES = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e29, 1e31, 1e200, 1e-300)
-BATCH = "schema: airrace/batch/1\njobs:\n  - courses: [half_cuban_eight]\n    sweep: {rules.n_z_max: [10, 11]}\n"
+BATCH = "schema: airrace/batch/1\ncourses: [a.yaml]\nsweep:\n  rules.n_z_max: [10, 11]\nuntil: point-mass\n"
 SETTINGS = "schema: airrace/settings/1\nexplore: off\nguess: plan\n"
 
 
@@ -156,7 +156,7 @@ def checkpoint(rng: random.Random, folder: Path) -> tuple[str, Ran]:
         path.write_bytes(bytes(content[: rng.choice((len(content), rng.randrange(len(content))))]))
     kind = "checkpoint, resealed" if resealed else "checkpoint, bytes"
     readers = [("show", path, "--legs")]
-    readers += [("export", suffix, path, "--out", folder / f"out.{suffix}") for suffix in ("csv", "acmi", "kml")]
+    readers += [("export", suffix, path, "--output", folder / f"out.{suffix}") for suffix in ("csv", "acmi", "kml")]
     worst = inside("show", path)
     if worst.code != 0:
         return kind, worst

@@ -27,7 +27,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "optimize, ladder": ("optimize", *LADDER, "--out", "run.h5"),
     "resume": ("resume", "old.h5"),
     "verify": ("verify", "old.h5"),
-    "export": ("export", "csv", "old.h5", "--out", "out.csv"),
+    "export": ("export", "csv", "old.h5", "--output", "out.csv"),
     "batch": ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--out-dir", "b"),
 }
 ANNOUNCED = re.compile(r"([a-z-]+): (?:solved|certified)")
