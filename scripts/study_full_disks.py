@@ -19,12 +19,13 @@ from pathlib import Path
 from robustness import COMMAND, SMALL, Ran, Record, Study, choice_of, environment, options, outcome
 
 LONGEST = 60.0  # s
+ORIGIN = ("--origin", "45,15,0")
 COMMANDS: dict[str, tuple[str, ...]] = {
     "checkpoint": ("optimize", *SMALL, "--out", "old.h5", "--force"),
     "resume": ("resume", "old.h5", "--until", "transfer-function"),
     "csv": ("export", "csv", "old.h5", "--output", "old.out", "--force"),
-    "kml": ("export", "kml", "old.h5", "--output", "old.out", "--force"),
-    "acmi": ("export", "acmi", "old.h5", "--output", "old.out", "--force"),
+    "kml": ("export", "kml", "old.h5", *ORIGIN, "--output", "old.out", "--force"),
+    "acmi": ("export", "acmi", "old.h5", *ORIGIN, "--output", "old.out", "--force"),
     "report": ("report", "old.h5", "--output", "old.out", "--force"),
     "cache": ("optimize", *SMALL, "--out", "new.h5"),
     "batch": ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--out-dir", "b"),

@@ -156,14 +156,18 @@ def checkpoint(rng: random.Random, folder: Path) -> tuple[str, Ran]:
         path.write_bytes(bytes(content[: rng.choice((len(content), rng.randrange(len(content))))]))
     kind = "checkpoint, resealed" if resealed else "checkpoint, bytes"
     readers = [("show", path, "--legs")]
-    readers += [("export", suffix, path, "--output", folder / f"out.{suffix}") for suffix in ("csv", "acmi", "kml")]
+    readers.append(("export", "csv", path, "--output", folder / "out.csv"))
+    readers += [
+        ("export", suffix, path, "--origin", "45,15,0", "--output", folder / f"out.{suffix}")
+        for suffix in ("acmi", "kml")
+    ]
     worst = inside("show", path)
     if worst.code != 0:
         return kind, worst
     for reader in readers:
         ran = inside(*reader)
-        if ran.faults(LONGEST):
-            return f"{kind}, {reader[0]}", ran
+        if ran.faults(LONGEST) or ran.code == 2:
+            return f"{kind}, {' '.join(map(str, reader[:2]))}", ran
     if rng.randrange(VERIFIED_EVERY) == 0:
         ran = inside("verify", path)
         if ran.faults(3.0 * verified_in):
