@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from airrace.documents import Inputs
-from airrace.errors import NotCertified, UsageError
+from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export import Provenance, export_csv
 from airrace.export.columns import Derived
 from airrace.export.flight_table import FlightTable, flight_table
@@ -108,6 +110,7 @@ class FlownStage:
 
         Raises:
             UsageError: the stage found no flight.
+            CheckpointError: what follows from its histories has no bounds, so nobody can have flown it.
         """
         if not self.result.is_flight:
             raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
@@ -118,7 +121,12 @@ class FlownStage:
             version=self.versions.get("airrace", ""),
             remark=self.message,
         )
-        return flight_of(self.inputs.race, self.result, source)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            flight = flight_of(self.inputs.race, self.result, source)
+        for name, one in flight.histories.items():
+            if np.isinf(one.values).any():
+                raise CheckpointError(f"{self.name}: its histories are of no flight: {name} becomes infinite")
+        return flight
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
