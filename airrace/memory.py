@@ -36,7 +36,7 @@ def ensure_enough() -> None:
 
 
 def tell_no_traceback() -> None:
-    """From now on, threads that end for lack of memory print nothing: whoever needs their work finds that out."""
+    """Keep threads that end for lack of memory from printing tracebacks; whoever needs their work finds that out."""
     before = threading.excepthook
 
     def hook(ended: threading.ExceptHookArgs) -> None:
