@@ -9,7 +9,7 @@ import os
 import sys
 from typing import NoReturn
 
-from airrace import interrupts
+from airrace import interrupts, memory
 
 INTERRUPTED = 130
 """The exit code of a command that was asked to stop, as `ExitCode` has it; that is not imported yet."""
@@ -18,7 +18,9 @@ INTERRUPTED = 130
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     interrupts.listen()
+    memory.tell_no_traceback()
     try:
+        memory.ensure_enough()
         from airrace.views.streams import secure
 
         secure()

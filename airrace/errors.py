@@ -1,5 +1,6 @@
 """The tree of errors: everything that airrace raises on purpose derives from `AirraceError`."""
 
+import errno
 import os
 from dataclasses import dataclass
 
@@ -72,9 +73,11 @@ class KernelError(AirraceError):
 
 def is_lack_of_memory(error: BaseException) -> bool:
     """Tell whether an error says that there is not enough memory: for an object, or for a library to be loaded."""
-    unmapped = ("failed to map segment", "cannot allocate memory")
+    lacking = ("failed to map segment", "cannot allocate memory", "bad_alloc", "can't start new thread")
+    if isinstance(error, OSError):
+        return error.errno == errno.ENOMEM
     return isinstance(error, MemoryError) or (
-        isinstance(error, ImportError) and any(text in str(error).lower() for text in unmapped)
+        isinstance(error, ImportError | RuntimeError) and any(text in str(error).lower() for text in lacking)
     )
 
 

@@ -50,7 +50,7 @@ def caused(error: BaseException) -> bool:
 
 def hear() -> None:
     """Say that the request is heard: it is not repeated, and the next one is not needed."""
-    if _Request.made:
+    if _Request.made or _Request.listening:
         _Request.heard = True
         _remind_in(0.0)
 

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from airrace import interrupts
+from airrace import interrupts, memory
 from airrace.optimal_control.spawn import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
@@ -58,6 +58,7 @@ class Told(Progress):
 def main() -> None:
     """Run the job; whatever happens in it becomes its answer."""
     interrupts.listen()
+    memory.tell_no_traceback()
     order = json.load(sys.stdin)
     _die_with(order["parent"])
     start_early()

@@ -1,5 +1,7 @@
 """The numbers that a stored flight cannot have, whoever wrote the file."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from airrace.errors import CheckpointError
@@ -9,6 +11,15 @@ from airrace.trajectory import Array, Trajectory
 ROUNDED = 1e-9
 """The largest difference between the durations of the phases and the times of their nodes, as a fraction of the race
 time: both are sums of the same numbers in another order."""
+
+LARGEST = 1e30
+"""The largest magnitude of a number of a flight, in SI units.
+
+No quantity of a flight comes near it, and products of a few such numbers still are finite.
+"""
+QUATERNION = ("q0", "q1", "q2", "q3")
+LENGTH_ERROR = 0.1
+"""The largest distance of the length of an attitude's quaternion from 1; a flight keeps it at 1 but for rounding."""
 
 
 def ensure_possible(result: StageResult, path: str) -> None:
@@ -21,8 +32,9 @@ def ensure_possible(result: StageResult, path: str) -> None:
         path: its place in the file.
 
     Raises:
-        CheckpointError: histories, times or multipliers are not finite; time runs backwards, does not begin at 0, or
-            does not pass as the durations of the phases have it.
+        CheckpointError: histories, times or multipliers are not finite or larger than `LARGEST`; time runs
+            backwards, does not begin at 0, or does not pass as the durations of the phases have it; a quaternion is
+            no attitude.
     """
     if not result.is_flight:
         return
@@ -35,9 +47,43 @@ def ensure_possible(result: StageResult, path: str) -> None:
         ("constraint_multipliers", result.constraint_multipliers),
         ("bound_multipliers", result.bound_multipliers),
     ):
-        if not np.isfinite(values).all():
-            raise CheckpointError(f"{path}/{name}: holds numbers that are not finite")
+        ensure_sizes(values, f"{path}/{name}")
     _ensure_time_passes(flown, path)
+    rows = {one.name: values for one, values in zip(flown.states, flown.state, strict=True)}
+    ensure_attitudes(rows, f"{path}/states")
+
+
+def ensure_sizes(values: Array, path: str) -> None:
+    """Refuse numbers that nothing can be calculated with.
+
+    Args:
+        values: of any shape and any unit of SI.
+        path: their place in the file.
+
+    Raises:
+        CheckpointError: one of them is not finite, or larger than `LARGEST`.
+    """
+    if not np.isfinite(values).all():
+        raise CheckpointError(f"{path}: holds numbers that are not finite")
+    if (np.abs(values) > LARGEST).any():
+        raise CheckpointError(f"{path}: holds numbers larger than {LARGEST:g}")
+
+
+def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
+    """Refuse quaternions that are no attitudes; nothing is asked where there are none.
+
+    Args:
+        histories: by their names, each of shape (n,).
+        path: their place in the file.
+
+    Raises:
+        CheckpointError: the length of a quaternion is not within `LENGTH_ERROR` of 1.
+    """
+    if not all(name in histories for name in QUATERNION):
+        return
+    length: Array = np.sqrt(sum(histories[name] ** 2 for name in QUATERNION))
+    if not (np.abs(length - 1.0) <= LENGTH_ERROR).all():
+        raise CheckpointError(f"{path}: the quaternion {', '.join(QUATERNION)} is not of length 1")
 
 
 def _ensure_time_passes(flown: Trajectory, path: str) -> None:

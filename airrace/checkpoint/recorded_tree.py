@@ -22,6 +22,7 @@ import numpy as np
 from airrace.checkpoint.decode import declaration_of, inputs_of
 from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, Version, declaration, inputs_group, integers, series
 from airrace.checkpoint.place import Place
+from airrace.checkpoint.possible import ensure_attitudes, ensure_sizes
 from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredHistory, StoredPassing
 from airrace.checkpoint.tree import Group, Node, Series, Table, rows_of, table_of
 from airrace.errors import CheckpointError
@@ -90,7 +91,8 @@ def decode_recorded(root: Group) -> Recorded:
     place = Place("", root).expecting("inputs", "versions", "log", "flight")
     flight = place.group("flight").expecting("label", "time", "histories", "passings", "breaches")
     time = flight.floats("time")
-    if len(time) < 2 or not np.isfinite(time).all() or not (np.diff(time) > 0.0).all():
+    ensure_sizes(time, f"{flight.path}/time")
+    if len(time) < 2 or not (np.diff(time) > 0.0).all():
         raise CheckpointError(f"{flight.path}/time: does not run forwards")
     histories = _histories(flight.group("histories"), len(time))
     passings = rows_of(StoredPassing, flight.table("passings"), f"{flight.path}/passings")
@@ -126,6 +128,8 @@ def _log(place: Place) -> RecordedLog:
     values = {name: columns.floats(name) for name in columns.node.members}
     if len(offset) != 1 or {len(lines), *(len(one) for one in values.values())} != {len(time)}:
         raise CheckpointError(f"{place.path}: its columns are not equally long")
+    for name, recorded in {**values, "time": time, "offset": offset}.items():
+        ensure_sizes(recorded[~np.isnan(recorded)], f"{place.path}/{name}")
     path, log_format, begins = (place.text(name) for name in ("path", "format", "begins"))
     return RecordedLog(
         path, log_format, begins, float(offset[0]), time, lines, values, place.texts("remarks", "remark")
@@ -137,8 +141,9 @@ def _histories(place: Place, length: int) -> tuple[StoredHistory, ...]:
     for name in place.node.members:
         path, attributes = f"{place.path}/{name}", dict(place.series(name).attributes)
         basis, values = attributes.pop("basis", ""), place.floats(name)
-        if len(values) != length or not np.isfinite(values).all():
-            raise CheckpointError(f"{path}: is not finite over the {length} times of the flight")
+        if len(values) != length:
+            raise CheckpointError(f"{path}: {len(values)} values instead of {length}")
+        ensure_sizes(values, path)
         if basis not in BASES:
             raise CheckpointError(f"{path}: is neither {' nor '.join(BASES)}")
         quantity, row = declaration_of(name, attributes, path)
@@ -146,6 +151,7 @@ def _histories(place: Place, length: int) -> tuple[StoredHistory, ...]:
     if sorted(rows) != list(range(len(place.node.members))):
         raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
     _ensure_positions(rows, place.path)
+    ensure_attitudes({one.quantity.name: one.values for one in rows.values()}, place.path)
     return tuple(rows[row] for row in sorted(rows))
 
 

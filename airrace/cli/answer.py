@@ -9,9 +9,10 @@ from dataclasses import asdict
 
 import typer
 
+from airrace import interrupts
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error, worst
-from airrace.views.plain_text import styled
+from airrace.views.plain_text import one_line, styled
 from airrace.views.streams import abandon_stdout
 
 
@@ -66,7 +67,9 @@ def _say(answer: Answer, *, as_json: bool) -> None:
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")
         abandon_stdout()
+    if answer.code is ExitCode.INTERRUPTED:
+        interrupts.hear()  # who listens to signals in another way, as a batch does, has told it by now
     for finding in answer.findings:
-        print(finding, file=sys.stderr)
+        print(one_line(str(finding)), file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)

@@ -124,23 +124,32 @@ def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "
     return ClusterExecutor(cluster, JOB_COMMAND[1:], library_versions(), jobs, timeout or WORKERS_WAIT)
 
 
+ONE_REQUEST = 0.3
+"""The time within which two signals are one request, s.
+
+Whoever ends a process and its group, as `timeout` does, signals it twice within a millisecond; nobody presses Ctrl-C
+twice as fast as this.
+"""
+
+
 @contextmanager
 def stopping() -> Generator[Callable[[], bool], None, None]:
     """Provide a function that tells whether the user asked to stop.
 
     Ctrl-C (or SIGTERM) asks; the second time, everything is dropped at once.
     """
-    asked = False
+    asked: float | None = None
 
     def ask(number: int, frame: FrameType | None) -> None:
         nonlocal asked
-        if asked:
+        if asked is None:
+            asked = time.monotonic()
+        elif time.monotonic() - asked > ONE_REQUEST:
             raise KeyboardInterrupt
-        asked = True
 
     before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield lambda: asked
+        yield lambda: asked is not None
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Generator
 from types import TracebackType
 from typing import Self
 
+from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import kernels
 from airrace.optimal_control.messages import (
@@ -49,6 +50,10 @@ class SolverEnded(SolverCrash):
 
     def __init__(self) -> None:
         super().__init__("the solver process was ended")
+
+
+LAST_WORDS = 0.5
+"""The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
 
 
 class SolverService:
@@ -117,6 +122,7 @@ class SolverService:
             Stalled: no iteration was finished for `stall_seconds`; the process was restarted.
             OutOfTime: the deadline has passed; the process was stopped.
             SolverEnded: `end` was called, before the solve or meanwhile.
+            MemoryError: the process ended for lack of memory.
             SolverCrash: the process died, or could not work on the request.
         """
         if self._process is None:
@@ -153,10 +159,14 @@ class SolverService:
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             process = self._process
             if process is not None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(LAST_WORDS)
                 process.kill()  # whatever lives without its pipes is of no use
             status = None if process is None else process.wait()
             if self._ended:
                 raise SolverEnded from error
+            if status == memory.CODE:
+                raise MemoryError from error
             raise SolverCrash(f"the solver process died (status {status})") from error
 
     def _finish_preparing(self, system: System, scheme: RungeKutta) -> None:

@@ -28,7 +28,7 @@ def start() -> WorkerProcess:
     """
     reading, writing = os.pipe()
     process = subprocess.Popen(
-        [sys.executable, "-m", "airrace.optimal_control.worker", str(writing)],
+        [sys.executable, "-m", "airrace.memory", "airrace.optimal_control.worker", str(writing)],
         stdin=subprocess.PIPE,
         pass_fds=(writing,),
         start_new_session=True,

@@ -1,8 +1,9 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `service.py` as `python -m airrace.optimal_control.worker FD` and answers on the file descriptor FD.
-The solvers print their progress to standard output only; here it is read line by line and turned into reports. Solvers
-are kept ready per problem structure, so that a homotopy pays for its set-up once.
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, and answers on the file
+descriptor whose number is its argument. The solvers print their progress to standard output only; here it is read line
+by line and turned into reports. Solvers are kept ready per problem structure, so that a homotopy pays for its set-up
+once.
 """
 
 import ctypes
@@ -16,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
+from airrace.errors import is_lack_of_memory
 from airrace.optimal_control import summation
 from airrace.optimal_control.fatrop import products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
@@ -151,7 +153,9 @@ def main() -> None:
             replies.send(workshop.solve(request))
         except BrokenPipeError:
             return
-        except Exception:  # whatever it is, the other side must hear of it
+        except Exception as error:  # whatever it is, the other side must hear of it
+            if is_lack_of_memory(error):
+                raise
             replies.send(WorkerFailure(traceback.format_exc()))
 
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from airrace.documents import Inputs
-from airrace.errors import NotCertified, UsageError
+from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export import Provenance, export_csv
 from airrace.export.columns import Derived
 from airrace.export.flight_table import FlightTable, flight_table
@@ -23,6 +25,7 @@ from airrace.runs.run_object import stage_object
 from airrace.runs.run_page import run_line, stage_page
 from airrace.runs.splits import Splits
 from airrace.trajectory import Trajectory
+from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -107,17 +110,23 @@ class FlownStage:
 
         Raises:
             UsageError: the stage found no flight.
+            CheckpointError: what follows from its histories has no bounds, so nobody can have flown it.
         """
         if not self.result.is_flight:
             raise UsageError(f"{self.name} found no flight: it ended {self.result.outcome.value}")
         source = Source(
-            label or f"{Path(self.inputs.track.path).stem}:{self.name}",
+            label or f"{one_line(Path(self.inputs.track.path).stem)}:{self.name}",
             stage=self.name,
             state=self.result.state,
             version=self.versions.get("airrace", ""),
             remark=self.message,
         )
-        return flight_of(self.inputs.race, self.result, source)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            flight = flight_of(self.inputs.race, self.result, source)
+        for name, one in flight.histories.items():
+            if np.isinf(one.values).any():
+                raise CheckpointError(f"{self.name}: its histories are of no flight: {name} becomes infinite")
+        return flight
 
     def to_dataframe(self, rate: float | None = None) -> "DataFrame":
         """Return the flight as a data frame of pandas: the columns of `airrace export csv`, over the time in seconds.
@@ -191,7 +200,7 @@ class FlownStage:
         return stage_object(self.result)
 
     def __repr__(self) -> str:
-        return f"<FlownStage {run_line(Path(self.inputs.track.path).stem, [self.result])}>"
+        return f"<FlownStage {run_line(one_line(Path(self.inputs.track.path).stem), [self.result])}>"
 
     def _repr_html_(self) -> str:
         return stage_page(self.inputs.race, self.result)

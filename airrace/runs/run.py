@@ -19,6 +19,7 @@ from airrace.runs.leg_object import stages_object
 from airrace.runs.run_object import is_certified, run_object, standing, verdict
 from airrace.runs.run_page import run_line, run_page
 from airrace.runs.splits import Splits
+from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
     from airrace.flights import Flight
@@ -57,7 +58,7 @@ class Run:
     @property
     def name(self) -> str:
         """The name of the track: that of its file."""
-        return Path(self.inputs.track.path).stem
+        return one_line(Path(self.inputs.track.path).stem)
 
     @property
     def label(self) -> str:

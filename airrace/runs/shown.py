@@ -12,6 +12,7 @@ from airrace.runs.leg_object import legs_object
 from airrace.runs.run import Run
 from airrace.runs.run_object import is_certified, run_object, stage_object, standing
 from airrace.runs.stored import readable, stored_run
+from airrace.views.plain_text import one_line
 
 logger = logging.getLogger(__name__)
 
@@ -86,7 +87,7 @@ def shown_object(shown: Shown) -> dict[str, object]:
     """
     checkpoint, results, every = shown.checkpoint, shown.results, shown.every
     wall = sum(result.timings.wall for result in every)
-    track = Path(checkpoint.inputs.track.path).stem
+    track = one_line(Path(checkpoint.inputs.track.path).stem)
     legs = {} if shown.flight is None else {shown.stage: legs_object(shown.flight)}
     stages = [stage_object(result) | legs.get(result.stage.value, {}) for result in results]
     return run_object(track, results, wall, certified=is_certified(every)) | {"stages": stages, "unverified": True}

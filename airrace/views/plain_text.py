@@ -19,6 +19,11 @@ def plain(text: str) -> str:
     return text.translate(_SHOWN)
 
 
+def one_line(text: str) -> str:
+    """Return a text in which line breaks and tabs are shown as well, so that it cannot pass for two messages."""
+    return plain(text).translate({0x09: 0x2409, 0x0A: 0x240A, 0x2028: 0xFFFD, 0x2029: 0xFFFD})
+
+
 def styled(text: str) -> str:
     """Return a text in which only colours and weights are obeyed, as of a table that was rendered for a terminal."""
     return _COMMAND.sub(chr(_SHOWN[0x1B]), text).translate(_SHOWN_STYLED)

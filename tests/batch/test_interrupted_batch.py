@@ -48,6 +48,24 @@ def test_a_second_interrupt_ends_everything_at_once(airrace: Shell) -> None:
         wait_until(lambda process=process: is_gone(process))
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_batch_and_its_group_is_one_request_and_told_once(
+    number: signal.Signals, airrace: Shell
+) -> None:
+    """`timeout` and others signal a process and then its group; the job hears the signal as well."""
+    with airrace.start("oval.yaml", "--set", "notes=hang-once", "--csv", "a.csv") as running:
+        wait_for(running, "point-mass started")
+        os.kill(int((airrace.out / "oval.starts").read_text().split()[0]), number)
+        for _ in range(2):
+            running.send_signal(number)
+            time.sleep(0.02)
+        _, err = running.communicate(timeout=30.0)
+    assert running.returncode == 130
+    told = [line for line in err.splitlines() if line.startswith("airrace: ")]
+    assert told == ["airrace: not all jobs are certified: 1 interrupted; the same command goes on"]
+    assert (airrace.folder / "a.csv").exists()
+
+
 def test_what_was_under_way_when_the_parent_was_killed_is_flown_again(airrace: Shell) -> None:
     arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once", "--jobs", "1")
     with airrace.start(*arguments) as running:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
+from airrace.checkpoint.possible import LARGEST
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
 from airrace.procedure.stage import STAGES
@@ -129,11 +130,15 @@ def with_possible_numbers(result: StageResult) -> StageResult:
         flown,
         durations=durations,
         time=np.concatenate(([0.0], np.cumsum(parts))),
-        state=np.nan_to_num(flown.state),
-        control=np.nan_to_num(flown.control),
+        state=_possible(flown.state),
+        control=_possible(flown.control),
     )
-    multipliers = np.nan_to_num(result.constraint_multipliers)
+    multipliers = _possible(result.constraint_multipliers)
     return dataclasses.replace(result, trajectory=possible, constraint_multipliers=multipliers)
+
+
+def _possible(values: np.ndarray) -> np.ndarray:
+    return np.clip(np.nan_to_num(values), -LARGEST, LARGEST)
 
 
 @st.composite

@@ -1,7 +1,7 @@
 """Damaged and forged files: every one ends in a `CheckpointError`, none in another exception, a hang or a crash."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import h5py
@@ -149,6 +149,17 @@ def many_attributes(file: h5py.File) -> None:
         file["stages"].attrs[f"a{number}"] = 1.0
 
 
+def add_states(file: h5py.File, values: Mapping[str, float]) -> None:
+    like = file[f"{STAGE}/states/V_K"]
+    for row, (name, value) in enumerate(values.items(), 2):
+        added = file.create_dataset(f"{STAGE}/states/{name}", data=np.full(like.shape, value))
+        for key in ("units", "long_name"):
+            added.attrs.create(key, like.attrs[key], dtype=utf8(len(like.attrs[key])))
+        for key in ("scale", "lower", "upper"):
+            added.attrs[key] = like.attrs[key]
+        added.attrs["row"] = np.int64(row)
+
+
 def set_time(file: h5py.File, time: Sequence[float]) -> None:
     file[f"{STAGE}/time"][:] = time
     file[f"{STAGE}/interval_time"][:] = time[:-1]
@@ -215,6 +226,18 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "a price that is no number": (
         lambda f: f[f"{STAGE}/constraint_multipliers"].__setitem__(1, np.nan),
         "constraint_multipliers: holds numbers",
+    ),
+    "a state that is too large": (
+        lambda f: f[f"{STAGE}/states/z"].__setitem__(3, -1.1e30),
+        "states: holds numbers larger than 1e",
+    ),
+    "a control that is too large": (
+        lambda f: f[f"{STAGE}/controls/sink"].__setitem__(2, 1e200),
+        "controls: holds numbers larger than 1e",
+    ),
+    "a quaternion that is no attitude": (
+        lambda f: add_states(f, {"q0": 0.8, "q1": 0.0, "q2": 0.0, "q3": 0.0}),
+        "states: the quaternion q0, q1, q2, q3 is not of length 1",
     ),
     "time that runs backwards": (lambda f: set_time(f, [0.0, 1.0, 0.5, 1.5, 2.0, 2.5, 3.0]), "run forwards from 0"),
     "time that begins later": (lambda f: set_time(f, np.linspace(0.5, 3.5, 7)), "run forwards from 0"),

@@ -34,6 +34,14 @@ def test_findings_reach_both_people_and_scripts(capsys: pytest.CaptureFixture[st
     assert "t.yaml:3:5: gates.g1.heading_deg: missing" in printed.err
 
 
+def test_a_finding_cannot_pass_for_another_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit), answering(as_json=False):
+        raise InputError([Finding("t.yaml\nairrace: all is well\x1b[2J", 1, 1, "", "unknown")])
+    assert capsys.readouterr().err == (
+        "t.yaml\u240aairrace: all is well\u241b[2J:1:1: unknown\nairrace: the input is not valid: 1 finding\n"
+    )
+
+
 def test_without_json_nothing_but_data_is_on_stdout(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(typer.Exit), answering(as_json=False):
         raise CheckpointError("run.h5: truncated")

@@ -54,3 +54,39 @@ def test_too_little_memory_for_the_libraries_is_told_in_a_sentence() -> None:
     assert ran.returncode == ExitCode.SYSTEM, ran.stderr
     assert "out of memory" in ran.stderr
     assert "Traceback" not in ran.stderr
+
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))
+sys.argv = ["airrace", *{arguments!r}]
+from airrace.__main__ import main
+main()
+"""
+COMMANDS = (
+    ("check", "half_cuban_eight"),
+    ("optimize", "half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--explore", "off"),
+    ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--retries", "0"),
+)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the address space")
+@pytest.mark.parametrize("mebibytes", [100, 240, 300])
+@pytest.mark.parametrize("arguments", COMMANDS, ids=lambda arguments: arguments[0])
+def test_too_little_address_space_is_no_bug_and_no_traceback(
+    arguments: tuple[str, ...], mebibytes: int, tmp_path: Path
+) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", LIMITED.format(limit=mebibytes * 2**20, arguments=arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        cwd=tmp_path,
+    )
+    assert ran.returncode == ExitCode.SYSTEM or (ran.returncode, arguments[0]) == (0, "check"), ran.stderr
+    assert "Traceback" not in ran.stderr
+    assert "Error" not in ran.stderr
+    assert "bug" not in ran.stderr
+    if ran.returncode:
+        assert "out of memory" in ran.stderr

@@ -2,12 +2,13 @@
 
 import contextlib
 import json
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from forgeries import FOUND, HEARSAY, TRANSFER, last, resealed, splits, versions
+from forgeries import FOUND, HEARSAY, TRANSFER, flown, last, resealed, splits, versions
 from kept import kept
 from typer.testing import CliRunner
 
@@ -22,6 +23,7 @@ from airrace.procedure.remeasured import Believed, Measured
 from airrace.procedure.result import Stage
 from airrace.runs.stored import opened_run
 from airrace.runs.verification import verified
+from airrace.trajectory import Trajectory
 
 measure = remeasured.measured
 MEASURED: dict[str, Measured] = {}
@@ -159,3 +161,17 @@ def test_start_from_a_run_of_other_equations_is_still_possible(path: Path) -> No
 def ran(*arguments: str | Path):
     with contextlib.chdir(Path(str(next(one for one in arguments if isinstance(one, Path)))).parent):
         return CliRunner().invoke(app, [str(one) for one in arguments])
+
+
+def test_histories_from_which_infinite_speeds_follow_are_refused_in_a_sentence(path: Path) -> None:
+    def loaded(one: Trajectory) -> Trajectory:
+        state = one.state.copy()
+        state[[each.name for each in one.states].index("n_z"), 3] = 1e29
+        return replace(one, state=state)
+
+    write_checkpoint(path, last(flown(loaded))(genuine()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        refused = ran("show", "--legs", path)
+    assert refused.exit_code == 7, refused.output
+    assert "its histories are of no flight" in refused.stderr

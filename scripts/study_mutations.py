@@ -1,0 +1,219 @@
+"""Mutated documents, checkpoints and kernel caches: read with one sentence or not at all, never with a traceback.
+
+    python scripts/study_mutations.py [--count N] [--seed SEED] [--log FILE]
+
+Everything runs in this process. A checkpoint that is accepted is shown and exported, too; few of them are verified.
+"""
+
+import contextlib
+import os
+import random
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import h5py
+import numpy as np
+from robustness import ROOT, SMALL, Ran, Record, Study, choice_of, inside, options, outcome, peak_memory
+
+from airrace.checkpoint.envelope import seal, unseal
+
+LONGEST = 5.0  # s
+MEMORY = 1024.0  # MB
+VERIFIED_EVERY = 40
+NUMBERS = (
+    "nan",
+    ".inf",
+    "-1",
+    "0",
+    "1e308",
+    "1e-308",
+    "true",
+    "null",
+    "''",
+    "[]",
+    "{}",
+    "0x1f",
+    "2026-01-01",
+    "999999",
+)
+VALUES = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e29, 1e31, 1e200, 1e-300)
+BATCH = "schema: airrace/batch/1\ncourses: [a.yaml]\nsweep:\n  rules.n_z_max: [10, 11]\nuntil: point-mass\n"
+SETTINGS = "schema: airrace/settings/1\nexplore: off\nguess: plan\n"
+
+
+def characters(rng: random.Random, text: str) -> str:
+    for _ in range(rng.randint(1, 5)):
+        place = rng.randrange(len(text))
+        text = text[:place] + rng.choice("\t\0\n :-#{}[]&*!|>'\"%@`é\x1b\u202e" + text[place]) + text[place + 1 :]
+    return text
+
+
+def lines(rng: random.Random, text: str) -> str:
+    every = text.splitlines(keepends=True)
+    for _ in range(rng.randint(1, 3)):
+        one, other = rng.randrange(len(every)), rng.randrange(len(every))
+        match rng.randrange(4):
+            case 0:
+                every[one], every[other] = every[other], every[one]
+            case 1:
+                every.insert(one, every[other])
+            case 2 if len(every) > 1:
+                del every[one]
+            case _:
+                every[one] = " " * rng.randint(1, 4) + every[one]
+    return "".join(every)
+
+
+def values(rng: random.Random, text: str) -> str:
+    every = text.splitlines()
+    with_value = [row for row, line in enumerate(every) if ": " in line]
+    for row in rng.sample(with_value, min(len(with_value), rng.randint(1, 3))):
+        every[row] = f"{every[row].split(': ')[0]}: {rng.choice(NUMBERS)}"
+    return "\n".join(every) + "\n"
+
+
+def nested(rng: random.Random, text: str) -> str:
+    depth = rng.choice((10, 100, 5000))
+    return text + rng.choice(
+        (f"more: {'[' * depth}\n", f"more: {'{a: ' * depth}\n", "gates: &a [*a]\n", "x: 1\n" * 999)
+    )
+
+
+TEXTS: dict[str, Callable[[random.Random, str], str]] = {
+    "characters": characters,
+    "lines": lines,
+    "values": values,
+    "nested": nested,
+}
+
+
+@cache
+def sound() -> tuple[bytes, float]:
+    """A checkpoint of the small course, and the seconds that it takes to verify it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.h5"
+        ran = inside("optimize", *SMALL, "--out", path, "--quiet")
+        assert ran.code == 0, ran.err
+        return path.read_bytes(), max(inside("verify", path).seconds for _ in range(2))
+
+
+def document(rng: random.Random, folder: Path) -> tuple[str, Ran]:
+    name, mutate = choice_of(rng, TEXTS)
+    track, aircraft = folder / "a.yaml", folder / "edge540.yaml"
+    track.write_bytes((ROOT / "tracks" / "half_cuban_eight.yaml").read_bytes())
+    aircraft.write_bytes((ROOT / "configs" / "edge540.yaml").read_bytes())
+    kind = rng.choice(("track", "aircraft", "settings", "batch"))
+    target = {"track": track, "aircraft": aircraft}.get(kind, folder / f"{kind}.yaml")
+    text = {"settings": SETTINGS, "batch": BATCH}.get(kind) or target.read_text(encoding="utf-8")
+    target.write_bytes(mutate(rng, text).encode("utf-8", "surrogateescape"))
+    dry = ("--dry-run", "--out-dir", folder / "batch")
+    commands = {
+        "track": ("check", track),
+        "aircraft": ("batch", track, "--aircraft", aircraft, *dry),
+        "settings": ("batch", track, "--settings", target, *dry),
+        "batch": ("batch", target, *dry),
+    }
+    return f"{kind}, {name}", inside(*commands[kind])
+
+
+def spoilt_numbers(rng: random.Random, image: Path) -> None:
+    """Change numbers and rows of datasets as someone would who knows HDF5."""
+    with h5py.File(image, "r+") as file:
+        names: list[str] = []
+        file.visititems(lambda name, node: names.append(name) if isinstance(node, h5py.Dataset) and node.size else None)
+        for name in rng.sample(names, rng.randint(1, 3)):
+            node = file[name]
+            if node.dtype.kind == "f":
+                content = node[...]
+                content.flat[rng.randrange(content.size)] = rng.choice(VALUES)
+                content *= rng.choice((1.0, 1.0, 1e3, -1.0))
+                node[...] = content
+            elif node.dtype.names:
+                row = rng.randrange(len(node))
+                column = rng.choice(node.dtype.names)
+                if node.dtype[column].kind == "f":
+                    node[row, column] = rng.choice(VALUES)
+            elif node.dtype.kind == "i":
+                node[...] = np.roll(node[...], 1)
+
+
+def checkpoint(rng: random.Random, folder: Path) -> tuple[str, Ran]:
+    """Half of the files are sealed again; what is accepted goes through all readers."""
+    whole, verified_in = sound()
+    path = folder / "run.h5"
+    resealed = rng.random() < 0.5
+    if resealed:
+        path.write_bytes(unseal(whole))
+        spoilt_numbers(rng, path)
+        path.write_bytes(seal(path.read_bytes()))
+    else:
+        content = bytearray(whole)
+        for _ in range(rng.randint(1, 8)):
+            content[rng.randrange(len(content))] = rng.randrange(256)
+        path.write_bytes(bytes(content[: rng.choice((len(content), rng.randrange(len(content))))]))
+    kind = "checkpoint, resealed" if resealed else "checkpoint, bytes"
+    readers = [("show", path, "--legs")]
+    readers.append(("export", "csv", path, "--output", folder / "out.csv"))
+    readers += [
+        ("export", suffix, path, "--origin", "45,15,0", "--output", folder / f"out.{suffix}")
+        for suffix in ("acmi", "kml")
+    ]
+    worst = inside("show", path)
+    if worst.code != 0:
+        return kind, worst
+    for reader in readers:
+        ran = inside(*reader)
+        if ran.faults(LONGEST) or ran.code == 2:
+            return f"{kind}, {' '.join(map(str, reader[:2]))}", ran
+    if rng.randrange(VERIFIED_EVERY) == 0:
+        ran = inside("verify", path)
+        if ran.faults(3.0 * verified_in):
+            return f"{kind}, verify", ran
+    return kind, worst
+
+
+def cached(rng: random.Random, folder: Path) -> tuple[str, Ran]:
+    """A file of the cache of kernels is spoilt between two runs; the second one may not care."""
+    before = os.environ.get("AIRRACE_CACHE_DIR")
+    os.environ["AIRRACE_CACHE_DIR"] = str(folder / "cache")
+    try:
+        inside("optimize", *SMALL, "--out", folder / "a.h5", "--quiet")
+        for file in (one for one in (folder / "cache").rglob("*") if one.is_file()):
+            content = bytearray(file.read_bytes())
+            for _ in range(20):
+                content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+            with contextlib.suppress(PermissionError):
+                file.write_bytes(bytes(content[: rng.choice((len(content), len(content) // 2, 1))]))
+        return "kernel cache", inside("optimize", *SMALL, "--out", folder / "b.h5", "--quiet")
+    finally:
+        os.environ.pop("AIRRACE_CACHE_DIR")
+        if before is not None:
+            os.environ["AIRRACE_CACHE_DIR"] = before
+
+
+def trial(rng: random.Random, number: int) -> Record:
+    """Every 200th trial takes the cache; of the others half are documents, half checkpoints."""
+    play = cached if number % 200 == 199 else rng.choice((document, checkpoint))
+    with tempfile.TemporaryDirectory() as folder:
+        kind, ran = play(rng, Path(folder))
+    faults = ran.faults(60.0 if play is cached else LONGEST)
+    if play is cached and ran.code != 0:
+        faults.append(f"a spoilt cache ends a run: {ran.err.strip()[-160:]}")
+    if (peak := peak_memory()) > MEMORY:
+        faults.append(f"{peak:.0f} MB of memory")
+    return {"kind": kind, "outcome": outcome(ran.code), "seconds": ran.seconds, "faults": faults}
+
+
+def main() -> int:
+    arguments = options(__doc__ or "", 400)
+    study = Study(arguments.seed, arguments.log)
+    study.play(arguments.count, trial)
+    print(f"peak memory {peak_memory():.0f} MB")
+    return study.report()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
