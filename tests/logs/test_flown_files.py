@@ -184,7 +184,7 @@ def test_forged_files_are_refused(recorded: Recorded, tmp_path: Path) -> None:
     forgeries = {
         "does not run forwards": replace(recorded, time=time[::-1].copy()),
         "do not follow one another": replace(recorded, passings=tuple(reversed(recorded.passings))),
-        "is not finite over": replace(
+        "holds numbers that are not finite": replace(
             recorded, histories=(replace(one, values=np.full_like(time, math.nan)), *recorded.histories[1:])
         ),
         "is neither measured nor derived": replace(

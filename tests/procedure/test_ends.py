@@ -71,7 +71,9 @@ def test_course_chooses_both_ends(stage: Stage) -> None:
 def test_all_limits_along_the_path_hold_at_the_finish(stage: Stage) -> None:
     problem = problem_of(SMALL, stage)
     limited = {one.name for one in problem.system.path if np.isfinite([one.lower, one.upper]).any()}
-    assert {row.quantity.name for row in Layout(problem).rows[-1] if row.source < 0} == limited
+    rows = Layout(problem).rows.one_by_one()
+    last = [row for row in rows if row.node == problem.intervals and row.source < 0]
+    assert {row.quantity.name for row in last} == limited
     assert "beta_A" in limited
 
 
