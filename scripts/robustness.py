@@ -125,6 +125,14 @@ def options(description: str, count: int) -> argparse.Namespace:
     return parser.parse_args()
 
 
+def play_study(description: str, count: int, trial: Callable[[random.Random, int], Record]) -> int:
+    """Play a study as its arguments ask; `count` is that of trials by default. Return the exit code."""
+    arguments = options(description, count)
+    study = Study(arguments.seed, arguments.log)
+    study.play(arguments.count, trial)
+    return study.report()
+
+
 def environment(**changed: str) -> dict[str, str]:
     """The environment of a command: one thread, and this source tree."""
     return {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT), **changed}

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from robustness import COMMAND, Ran, Record, Study, choice_of, environment, options, outcome
+from robustness import COMMAND, Ran, Record, choice_of, environment, outcome, play_study
 
 WAIT = 30.0  # s, which any course may take
 TIMES = 1.5  # as many seconds as this times the race time may be taken as well
@@ -110,12 +110,5 @@ def race_time_of(out: str) -> float:
         return 0.0
 
 
-def main() -> int:
-    arguments = options(__doc__ or "", 60)
-    study = Study(arguments.seed, arguments.log)
-    study.play(arguments.count, trial)
-    return study.report()
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(play_study(__doc__ or "", 60, trial))

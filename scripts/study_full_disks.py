@@ -16,7 +16,7 @@ import time
 from functools import cache
 from pathlib import Path
 
-from robustness import COMMAND, SMALL, Ran, Record, Study, choice_of, environment, options, outcome
+from robustness import COMMAND, SMALL, Ran, Record, choice_of, environment, outcome, play_study
 
 LONGEST = 60.0  # s
 ORIGIN = ("--origin", "45,15,0")
@@ -91,12 +91,5 @@ def digests(folder: Path) -> dict[str, str]:
     return {one.name: hashlib.sha256(one.read_bytes()).hexdigest() if one.exists() else "" for one in files}
 
 
-def main() -> int:
-    arguments = options(__doc__ or "", 60)
-    study = Study(arguments.seed, arguments.log)
-    study.play(arguments.count, trial)
-    return study.report()
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(play_study(__doc__ or "", 60, trial))

@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from robustness import COMMAND, SMALL, Ran, Record, Study, choice_of, environment, options, outcome
+from robustness import COMMAND, SMALL, Ran, Record, choice_of, environment, outcome, play_study
 
 PROMPT = 2.0  # s from a signal to the end
 HANGS = 60.0  # s after which a command that nobody stopped counts as hanging
@@ -135,12 +135,5 @@ def kept(folder: Path, kind: str, err: str) -> list[str]:
     return [f"announced and not stored: {one}" for one in sorted(lost)] + (["cannot be read"] if unread else [])
 
 
-def main() -> int:
-    arguments = options(__doc__ or "", 60)
-    study = Study(arguments.seed, arguments.log)
-    study.play(arguments.count, trial)
-    return study.report()
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(play_study(__doc__ or "", 60, trial))
