@@ -25,7 +25,7 @@ from airrace.trajectory import Array
 LONGEST_STEP = 0.02
 """The longest time between two samples, s: two metres of way."""
 COARSE_STEP = 0.2
-"""The same of a course that is too long to be planned, s: twenty metres of a straight line."""
+"""The longest time between two samples of a course too long to be planned, s: twenty metres of a straight line."""
 PLANNED = "planned, not optimised"
 """The remark of the source of a planned flight."""
 

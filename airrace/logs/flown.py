@@ -68,7 +68,7 @@ Smoothing rounds the beginning of a pull. Root mean squares over all passings we
 noise at 5 to 20 Hz.
 """
 SPEED_TIME = 0.6
-"""The same time of the speed, s, which changes more slowly than the direction."""
+"""The time by whose change the speed is uncertain, s; it changes more slowly than the direction."""
 TOLD = 5
 """The greatest number of gaps that are told one by one."""
 

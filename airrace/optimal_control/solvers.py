@@ -103,9 +103,15 @@ class ReadySolver(Protocol):
 
 
 class Solver(ABC):
-    """A solver for nonlinear programs, set up once per structure."""
+    """A solver for nonlinear programs, set up once per structure.
+
+    Attributes:
+        name: that settings know.
+        begins_with_multipliers: whether a guess of the multipliers changes where it begins.
+    """
 
     name: str
+    begins_with_multipliers = False
 
     @abstractmethod
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
@@ -120,6 +126,7 @@ class Fatrop(Solver):
     """The Riccati-structured interior point method fatrop (Vanroye et al.)."""
 
     name = "fatrop"
+    begins_with_multipliers = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
         return _ReadyFatrop(FatropSolver(functions, fatrop_options(options)))

@@ -1,9 +1,8 @@
 """The workbench of a stage: the primary solver, then the fallback, with every attempt on record."""
 
-import itertools
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,7 +10,7 @@ from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers import SOLVERS, Multipliers, Solution, SolverOptions
 from airrace.procedure.aside import Aside, Found
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
@@ -116,7 +115,8 @@ class Workbench:
                 0 for that of the settings.
             passing: whether the optimum is only compared with and never certified itself, so that it need not be solved
                 closer.
-            multipliers: a guess of them, with which each solver is asked first; None if nothing is known.
+            multipliers: a guess of them, with which a solver that begins with them is asked first; None if nothing is
+                known.
 
         Returns:
             The first solution that claims success, else the last one; None if no solver came back at all.
@@ -147,9 +147,7 @@ class Workbench:
         multipliers: Multipliers | None,
     ) -> Solution | None:
         solution: Solution | None = None
-        sooner = replace(options, iterations_max=min(options.iterations_max, KNOWN_ITERATIONS_MAX))
-        ways = [(multipliers, sooner), (None, options)] if multipliers is not None else [(None, options)]
-        for solver, (known, allowed) in itertools.product(solvers, ways):
+        for solver, known, allowed in _tries(solvers, options, multipliers):
             attempted = self.attempt(problem, guess, purpose, solver, allowed, known)
             solution = attempted or solution
             if attempted is not None and attempted.success:
@@ -201,3 +199,14 @@ class Workbench:
         """Return where the time of the current stage went, s."""
         solve = sum(attempt.seconds for attempt in self.attempts)
         return Timings(solve, self.derivative_seconds, time.perf_counter() - self.started)
+
+
+def _tries(
+    solvers: Sequence[str], options: SolverOptions, multipliers: Multipliers | None
+) -> Iterator[tuple[str, Multipliers | None, SolverOptions]]:
+    """Yield what is tried in turn: each solver with the multipliers, if it begins with any, then without them."""
+    sooner = replace(options, iterations_max=min(options.iterations_max, KNOWN_ITERATIONS_MAX))
+    for solver in solvers:
+        if multipliers is not None and SOLVERS[solver].begins_with_multipliers:
+            yield solver, multipliers, sooner
+        yield solver, None, options

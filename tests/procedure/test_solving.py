@@ -156,6 +156,17 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     assert [solver for solver, _, _ in asked(told)] == ["fatrop", "fatrop"]  # before the fallback is asked
 
 
+def test_a_solver_that_begins_without_multipliers_is_asked_once() -> None:
+    problem, start = small()
+    layout = Layout(problem)
+    known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
+    told = bench("infeasible")
+    told.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
+    assert isinstance(told.service, Canned)
+    assert [solver for solver, _, _ in asked(told)] == ["fatrop", "fatrop", "ipopt"]
+    assert [one is known for one in told.service.known] == [True, False, False]
+
+
 def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
     problem, start = small()
     told, searching, going_on = Workbench(Canned("solved"), Settings(), Silent(), threads=2), Event(), Event()
