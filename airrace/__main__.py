@@ -9,7 +9,7 @@ import os
 import sys
 from typing import NoReturn
 
-from airrace import interrupts, memory
+from airrace import interrupts, memory, process
 
 INTERRUPTED = 130
 """The exit code of a command that was asked to stop, as `ExitCode` has it; that is not imported yet."""
@@ -19,6 +19,7 @@ def main() -> None:
     """Run the command line and end the process with its exit code."""
     interrupts.listen()
     memory.tell_no_traceback()
+    process.settle()
     try:
         memory.ensure_enough()
         from airrace.views.streams import secure

@@ -12,6 +12,7 @@ import runpy
 import sys
 import threading
 
+from airrace import process
 from airrace.errors import is_lack_of_memory
 
 LEAST = 256 * 2**20
@@ -49,6 +50,7 @@ def tell_no_traceback() -> None:
 def main() -> None:
     """Run the module that is named by the first argument, with the others."""
     tell_no_traceback()
+    process.settle()
     name = sys.argv[1]
     del sys.argv[1]
     try:

@@ -26,6 +26,7 @@ from typing import IO, Any
 
 from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted
 from airrace.errors import Finding
+from airrace.process import ONE_THREAD
 from airrace.runs.exit_codes import ExitCode
 
 GRACE = 5.0
@@ -36,8 +37,6 @@ ANSWER_MAX = 64 * 1024 * 1024
 """The size up to which an answer is read, bytes; a larger one counts as none."""
 JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
 """The command that runs a job in a process of its own, without the number of the file descriptor."""
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment variables that keep libraries for linear algebra to one thread."""
 
 
 @dataclass(frozen=True)
