@@ -1,12 +1,20 @@
-/* The product of small matrices in which fatrop's factorisation spends its time, four rows at once.
+/* The products of small matrices and vectors in which fatrop's factorisation and solves spend their time, four rows at
+ * once.
  *
- * blasfeo keeps a matrix in panels of four rows, column after column. Its own function for D = beta C + alpha A B', with
- * panels A and B of kmax columns and 4 x 4 matrices C and D, is written for single numbers in the library that casadi
- * brings along. This one holds a column of the result in a vector. It adds in the same order, and no product is fused
- * with a sum, so it has the same bits.
+ * blasfeo keeps a matrix in panels of four rows, column after column. Its own functions are written for single numbers
+ * in the library that casadi brings along. These hold four results in a vector. They add in the same order, and no
+ * product is fused with a sum, so they have the same bits.
  */
 
 typedef double column __attribute__((vector_size(32), aligned(8)));
+
+/* four of the numbers 0 to 3 of a and 4 to 7 of b */
+#ifdef __clang__
+#define PICKED(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+typedef long long order __attribute__((vector_size(32)));
+#define PICKED(a, b, ...) __builtin_shuffle(a, b, (order){__VA_ARGS__})
+#endif
 
 static inline column all(double number)
 {
@@ -18,6 +26,7 @@ static inline column at(const double *place)
     return *(const column *)place;
 }
 
+/* D = beta C + alpha A B', with panels A and B of kmax columns and 4 x 4 matrices C and D */
 void kernel_dgemm_nt_4x4_lib4(int kmax, const double *alpha, const double *A, const double *B, const double *beta,
                               const double *C, double *D)
 {
@@ -25,4 +34,44 @@ void kernel_dgemm_nt_4x4_lib4(int kmax, const double *alpha, const double *A, co
     for (int k = 0; k < kmax; k++)
         for (int j = 0; j < 4; j++) sums[j] += at(A + 4 * k) * all(B[4 * k + j]);
     for (int j = 0; j < 4; j++) *(column *)(D + 4 * j) = all(*beta) * at(C + 4 * j) + all(*alpha) * sums[j];
+}
+
+static inline void finish(const double *alpha, column sums, const double *beta, const double *y, double *z)
+{
+    const column scaled = all(*alpha) * sums;
+    *(column *)z = *beta == 0.0 ? scaled : scaled + all(*beta) * at(y);
+}
+
+/* z = beta y + alpha A x, with a panel A of kmax columns */
+void kernel_dgemv_n_4_lib4(int kmax, const double *alpha, const double *A, const double *x, const double *beta,
+                           const double *y, double *z)
+{
+    column sums = all(0.0);
+    for (int k = 0; k < kmax; k++) sums += at(A + 4 * k) * all(x[k]);
+    finish(alpha, sums, beta, y, z);
+}
+
+/* z = beta y + alpha A' x, with four columns and kmax rows of A, the first of which is row `offset` of its panel; a
+ * panel has `width` columns */
+void kernel_dgemv_t_4_lib4(int kmax, const double *alpha, int offset, const double *A, int width, const double *x,
+                           const double *beta, const double *y, double *z)
+{
+    column sums = all(0.0);
+    int k = 0;
+    if (offset != 0) {
+        const int end = 4 - offset < kmax ? 4 - offset : kmax;
+        for (; k < end; k++, A++) sums += (column){A[0], A[4], A[8], A[12]} * all(x[k]);
+        A += 4 * (width - 1);
+    }
+    for (; k + 4 <= kmax; k += 4, A += 4 * width) {
+        const column a = at(A), b = at(A + 4), c = at(A + 8), d = at(A + 12);
+        const column even_ab = PICKED(a, b, 0, 4, 2, 6), odd_ab = PICKED(a, b, 1, 5, 3, 7);
+        const column even_cd = PICKED(c, d, 0, 4, 2, 6), odd_cd = PICKED(c, d, 1, 5, 3, 7);
+        sums += PICKED(even_ab, even_cd, 0, 1, 4, 5) * all(x[k]); /* a row of the panel */
+        sums += PICKED(odd_ab, odd_cd, 0, 1, 4, 5) * all(x[k + 1]);
+        sums += PICKED(even_ab, even_cd, 2, 3, 6, 7) * all(x[k + 2]);
+        sums += PICKED(odd_ab, odd_cd, 2, 3, 6, 7) * all(x[k + 3]);
+    }
+    for (; k < kmax; k++, A++) sums += (column){A[0], A[4], A[8], A[12]} * all(x[k]);
+    finish(alpha, sums, beta, y, z);
 }

@@ -1,8 +1,8 @@
 """Faster products of small matrices for fatrop, in the place of those in blasfeo.
 
-The blasfeo that casadi brings along is built for any processor, and fatrop spends a third of its own time in one of its
-functions. `products.c` is that function for vector registers. It is compiled once per machine like the kernels,
-compared with blasfeo's bit by bit, and loaded so that the dynamic linker finds it first. Without a compiler, on other
+The blasfeo that casadi brings along is built for any processor, and fatrop spends half of its own time in three of its
+functions. `products.c` has them for vector registers. They are compiled once per machine like the kernels, compared
+with blasfeo's bit by bit, and loaded so that the dynamic linker finds them first. Without a compiler, on other
 systems than Linux, or with a blasfeo that computes otherwise, everything stays as it is.
 """
 
@@ -10,6 +10,7 @@ import ctypes
 import logging
 import os
 import sys
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from airrace.trajectory import Array
 logger = logging.getLogger(__name__)
 
 FILE = Path(__file__).with_name("products.c")
-FUNCTION = "kernel_dgemm_nt_4x4_lib4"
+MATRICES, COLUMNS, ROWS = "kernel_dgemm_nt_4x4_lib4", "kernel_dgemv_n_4_lib4", "kernel_dgemv_t_4_lib4"
 _FLAGS = ("-O3",)
 _LONGEST = 24  # columns of the panels with which both functions are compared
 
@@ -58,24 +59,31 @@ def compiled(instructions: InstructionSet) -> Path:
 
 
 def same_bits(one: ctypes.CDLL, other: ctypes.CDLL) -> bool:
-    """Return whether the function of two libraries gives the same bits, for panels of all lengths."""
+    """Return whether the functions of two libraries give the same bits, for panels of all lengths."""
     random = np.random.default_rng(1)
     for kmax in range(_LONGEST + 1):
-        A, B, C = (random.normal(size=4 * max(4, kmax)) for _ in range(3))
+        panels = max(4, kmax) // 4 + 2  # of four rows each, as many as rows from any offset need
+        A, B = (random.normal(size=16 * panels) for _ in range(2))
+        C, x = random.normal(size=16), random.normal(size=max(4, kmax))
         for alpha, beta in ((1.0, 1.0), (-1.0, 1.0), (1.0, 0.0), (0.3, -0.7)):
-            here, there = (_product(library, kmax, alpha, A, B, beta, C) for library in (one, other))
-            if not np.array_equal(here, there):
+            factors = np.array([alpha, beta])
+            calls: list[tuple[str, list[int | Array]]] = [
+                (MATRICES, [kmax, factors[:1], A, B, factors[1:], C]),
+                (COLUMNS, [kmax, factors[:1], A, x, factors[1:], C]),
+                *((ROWS, [kmax, factors[:1], offset, A[offset:], 4, x, factors[1:], C]) for offset in range(4)),
+            ]
+            if not all(np.array_equal(_result(one, *call), _result(other, *call)) for call in calls):
                 return False
     return True
 
 
-def _product(library: ctypes.CDLL, kmax: int, alpha: float, A: Array, B: Array, beta: float, C: Array) -> Array:
-    function = library[FUNCTION]
-    function.argtypes, function.restype = (ctypes.c_int, *[ctypes.c_void_p] * 6), None
-    factors, D = np.array([alpha, beta]), np.empty(16)
-    places = (factors.ctypes.data, A.ctypes.data, B.ctypes.data, factors.ctypes.data + 8, C.ctypes.data, D.ctypes.data)
-    function(kmax, *places)
-    return D
+def _result(library: ctypes.CDLL, name: str, given: Sequence[int | Array]) -> Array:
+    """Return the last argument of a function, which it writes; the others are given, arrays by their addresses."""
+    function, result = library[name], np.zeros(16)
+    types = [ctypes.c_int if isinstance(one, int) else ctypes.c_void_p for one in given]
+    function.argtypes, function.restype = (*types, ctypes.c_void_p), None
+    function(*(one if isinstance(one, int) else one.ctypes.data for one in given), result.ctypes.data)
+    return result
 
 
 def _blasfeo() -> ctypes.CDLL:
