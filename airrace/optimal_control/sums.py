@@ -98,7 +98,10 @@ class Sums:
     @cached_property
     def _flat(self) -> "Flat":
         """The summands of every nonzero one behind the other."""
-        counts = sum(np.bincount(one.nonzeros, minlength=len(self.rows)) for one in self.turns)
+        first, *others = self.turns
+        counts = np.ones(len(first.nonzeros), dtype=np.int64)
+        for one in others:
+            counts[one.nonzeros] += 1
         begins = np.concatenate([[0], np.cumsum(counts)])
         weights, sources = np.empty(int(begins[-1])), np.empty(int(begins[-1]), dtype=np.int32)
         for turn, one in enumerate(self.turns):
@@ -159,12 +162,16 @@ class Contributions:
         rows, columns, weights, sources = (np.concatenate(parts) for parts in zip(*self._entries, strict=True))
         places = columns * self._shape[0] + rows
         order = np.argsort(places, kind="stable")
-        first = np.concatenate([[True], np.diff(places[order]) > 0])
-        nonzero = np.cumsum(first) - 1
-        turn = np.arange(len(order)) - np.flatnonzero(first)[nonzero]  # how many come before it at the same place
-        column_of, row_of = np.divmod(places[order[first]], self._shape[0])
-        turns: list[Summands] = []
-        for number in range(int(turn.max()) + 1):
+        places = places[order]
+        begins = np.concatenate([[True], places[1:] != places[:-1]])
+        first = np.flatnonzero(begins)
+        leading = order[first]
+        turns = [Summands(np.arange(len(first)), weights[leading], sources[leading])]
+        again = np.flatnonzero(~begins)
+        nonzero = np.searchsorted(first, again) - 1
+        turn = again - first[nonzero]  # how many come before it at the same place
+        for number in range(1, int(turn.max(initial=0)) + 1):
             taken = turn == number
-            turns.append(Summands(nonzero[taken], weights[order[taken]], sources[order[taken]]))
-        return Sums(self._shape, row_of, column_of, tuple(turns))
+            behind = order[again[taken]]
+            turns.append(Summands(nonzero[taken], weights[behind], sources[behind]))
+        return Sums(self._shape, rows[leading], columns[leading], tuple(turns))
