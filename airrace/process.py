@@ -1,4 +1,4 @@
-"""What every process of airrace settles before it loads a library."""
+"""The settings of a process of airrace, made before it loads a library."""
 
 import gc
 import os

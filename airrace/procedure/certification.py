@@ -118,8 +118,9 @@ def variations(problem: Problem, iterate: Iterate, limits: CertificateLimits) ->
 def _race_time_change(iterate: Iterate, coarser: float | None, limits: CertificateLimits) -> Iterator[Item]:
     """Return what the mesh still does to the race time; nothing where that was not looked for."""
     if coarser is not None:
-        change = abs(float(iterate.durations.sum()) - coarser)
-        yield Item(RACE_TIME_CHANGE, change, limits.race_time, "s", "against a mesh of half the intervals")
+        race_time = float(iterate.durations.sum())
+        limit = limits.race_time_of(race_time)
+        yield Item(RACE_TIME_CHANGE, abs(race_time - coarser), limit, "s", "against a mesh of half the intervals")
 
 
 def _missed_gates(problem: Problem, iterate: Iterate, limits: CertificateLimits) -> Item:

@@ -206,7 +206,7 @@ def _following(
         early = refinement < ADAPTATIONS_MAX and math.isinf(longest)
         better = adapted(optimum, limits, early=early, joining=early)
         return (halved(optimum, limits), Compared.measured(optimum)) if better is None else (better, None)
-    if abs(optimum.race_time - coarser.race_time) > limits.race_time:
+    if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
         return reconsidered(optimum, coarser.solved(), limits), None
     return mended(optimum, limits), coarser
 

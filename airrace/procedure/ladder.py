@@ -154,7 +154,7 @@ class Ladder:
         Of those, only optima whose proof succeeds still hold, unless none does.
         """
         times = [one.trajectory.race_time if one.holds else math.inf for one in results]
-        closest = min(times) + CLOSE * self._settings.certificate.race_time
+        closest = min(times) + CLOSE * self._settings.certificate.race_time_of(min(times))
         close = [time <= closest < math.inf for time in times]
         if sum(close) < 2:
             return results

@@ -145,7 +145,7 @@ def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining:
         joining: whether nodes may be dropped.
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
-    held = UNDERRATED * foreseen(optimum.problem, optimum.iterate)
+    held, change = UNDERRATED * foreseen(optimum.problem, optimum.iterate), limits.race_time_of(optimum.race_time)
     untrue = ~(optimum.evidence.audit.defect <= UNTRUE)
     wanted = [
         (Why.INTEGRATION, np.where(widened(untrue), 4.0, 1.0)),
@@ -154,9 +154,7 @@ def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining:
     ]
     parts, why = _most(optimum, wanted)
     joined = _calm_pairs(optimum, parts, limits) if joining else np.zeros(len(parts), dtype=np.bool_)
-    far_off = (
-        bool((drift > FAR_OFF * limits.hamiltonian).any()) or held.sum() + abs(integration.sum()) > limits.race_time
-    )
+    far_off = bool((drift > FAR_OFF * limits.hamiltonian).any()) or held.sum() + abs(integration.sum()) > change
     worthwhile = parts.sum() - joined.sum() < WORTHWHILE * len(parts)
     if not untrue.any() and not (early and far_off) and not worthwhile:
         return None
@@ -230,7 +228,7 @@ def reconsidered(optimum: Solved, before: Solved, limits: CertificateLimits) -> 
 
     The intervals that are taken to have changed it most stay as fine as they are, all others become what they were.
     """
-    dearest = widened(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time))
+    dearest = widened(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time_of(optimum.race_time)))
     fine = dearest[np.cumsum(optimum.draft.coarser[:-1]) - 1]
     kept = optimum.draft.coarser.copy()
     kept[:-1] |= fine

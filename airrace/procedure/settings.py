@@ -59,12 +59,17 @@ class SolverSettings:
     compile_kernels: bool = True
 
 
+LONG_RACE = 120.0
+"""The duration from which on the change of a race time may grow with it, s; races of the series take 50 to 80."""
+
+
 @dataclass(frozen=True)
 class CertificateLimits:
     """The largest values that a certified result may show; lengths in m, angles in rad, load factors in g.
 
     `replay` is of each interval, scaled, `replay_gate` of each leg at the gate that it ends in. `hamiltonian` is how
-    far the Hamiltonian may be from -1, `race_time` how much the race time may change when all intervals are halved, s.
+    far the Hamiltonian may be from -1, `race_time` how much the time of a race of up to two minutes may change when all
+    intervals are halved, s.
     `variation` is what the controls may be moved on average, as a share of their fastest rate.
     """
 
@@ -80,6 +85,14 @@ class CertificateLimits:
     hamiltonian: float = 0.02
     race_time: float = 0.005
     variation: float = 0.5
+
+    def race_time_of(self, duration: float) -> float:
+        """Return how much the race time of a race of this duration (s) may change when all intervals are halved, s.
+
+        Beyond two minutes it grows with the duration: every part of a long race is solved as exactly as that of a
+        short one, no more.
+        """
+        return self.race_time * max(1.0, duration / LONG_RACE)
 
 
 @dataclass(frozen=True)
