@@ -43,7 +43,7 @@ def compile_quickly(patch: pytest.MonkeyPatch) -> None:
     """
     patch.setattr(kernel_library, "GENERATED_FLAGS", ("-O0",))
     patch.setattr(kernel_library, "HIDDEN_FLAGS", ("-O0", *kernel_library.HIDDEN_FLAGS[1:]))
-    for flags in ("DRIVER_FLAGS", "INTERFACE_FLAGS"):
+    for flags in ("DRIVER_FLAGS", "LANE_FLAGS"):
         patch.setattr(kernels, flags, ("-O0",))
 
 

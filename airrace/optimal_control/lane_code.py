@@ -6,6 +6,7 @@ Operations, their order and the functions of the C library are those of casadi's
 """
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import casadi as ca
@@ -79,28 +80,34 @@ def header(lanes: int) -> str:
     return f"#define LANES {lanes}\n{Path(__file__).with_name('lanes.h').read_text(encoding='utf-8')}\n"
 
 
-def lane_function(function: ca.Function, name: str) -> str:
-    """Return an SX function as the C function `name(arg, res, iw, w, mem)` on vectors, to follow the header.
+def lane_functions(functions: Mapping[str, ca.Function]) -> str:
+    """Return SX functions as C functions `name(arg, res, iw, w, mem)` on vectors, to follow the header.
+
+    Args:
+        functions: by the names that they have in C.
 
     Raises:
-        KernelError: it contains an operation that is not known here.
+        KernelError: one contains an operation that is not known here.
     """
-    numbers = range(function.n_instructions())
-    operations = {function.instruction_id(number) for number in numbers}
+    operations = {one.instruction_id(number) for one in functions.values() for number in range(one.n_instructions())}
     loops = dict(LANE_BY_LANE[one] for one in sorted(operations & LANE_BY_LANE.keys()))
+    lines = [f"LANE_BY_LANE({loop}, {expression})" for loop, expression in loops.items()]
+    for name, function in functions.items():
+        lines += _function(function, name)
+    return "\n".join(lines)
+
+
+def _function(function: ca.Function, name: str) -> list[str]:
     variables = ", ".join(f"w{number}" for number in range(max(1, function.sz_w())))
-    return "\n".join(
-        [
-            *(f"LANE_BY_LANE({loop}, {expression})" for loop, expression in loops.items()),
-            f"int {name}(const real **arg, real **res, integer *iw, real *w, int mem)",
-            "{",
-            f"    real {variables};",
-            *(f"    {_line(function, number)}" for number in numbers),
-            "    return 0;",
-            "}",
-            "",
-        ]
-    )
+    return [
+        f"int {name}(const real **arg, real **res, integer *iw, real *w, int mem)",
+        "{",
+        f"    real {variables};",
+        *(f"    {_line(function, number)}" for number in range(function.n_instructions())),
+        "    return 0;",
+        "}",
+        "",
+    ]
 
 
 def _line(function: ca.Function, number: int) -> str:

@@ -40,6 +40,16 @@ typedef long long int integer;
 #define NZ (NX + NU)
 #define NY (NX + NU + 1)
 
+/* A loop over a whole row. Where every number is a vector it is written out, so that a row stays in registers, which
+ * compilers do by themselves for the shortest rows only. */
+#if defined(LANES) && defined(__clang__)
+#define EVERY_COLUMN(c) _Pragma("clang loop unroll(full)") for (int c = 0; c < PADDED; c++)
+#elif defined(LANES) && defined(__GNUC__)
+#define EVERY_COLUMN(c) _Pragma("GCC unroll 32") for (int c = 0; c < PADDED; c++)
+#else
+#define EVERY_COLUMN(c) for (int c = 0; c < PADDED; c++)
+#endif
+
 /* Row-compressed pattern: entry e of row r is nonzero[source[e]] in column[e], start[r] <= e < start[r + 1]. */
 struct sparse {
     int rows;
@@ -96,12 +106,12 @@ INLINE int call(generated *function, const real *x, const real *u, const real *p
 
 INLINE void add_row(real *to, real factor, const real *from)
 {
-    for (int c = 0; c < PADDED; c++) to[c] += factor * from[c];
+    EVERY_COLUMN(c) to[c] += factor * from[c];
 }
 
 INLINE void clear_row(real *row)
 {
-    for (int c = 0; c < PADDED; c++) row[c] = all(0.0);
+    EVERY_COLUMN(c) row[c] = all(0.0);
 }
 
 /* out = matrix S */
@@ -112,7 +122,7 @@ INLINE void multiply(const struct sparse *matrix, const real *nonzero, real (*S)
         clear_row(sum);
         for (int e = matrix->start[r]; e < matrix->start[r + 1]; e++)
             add_row(sum, nonzero[matrix->source[e]], S[matrix->column[e]]);
-        for (int c = 0; c < PADDED; c++) out[r][c] = sum[c];
+        EVERY_COLUMN(c) out[r][c] = sum[c];
     }
 }
 
@@ -129,7 +139,7 @@ INLINE void add_curvature(const struct curvature *of, const real *nonzero, real 
 {
     real product[NZ][PADDED], picked[NZ][PADDED];
     for (int m = 0; m < of->hessian.rows; m++)
-        for (int c = 0; c < PADDED; c++) picked[m][c] = S[of->variable[m]][c];
+        EVERY_COLUMN(c) picked[m][c] = S[of->variable[m]][c];
     multiply(&of->hessian, nonzero, picked, product);
     for (int c = 0; c < COLUMNS; c++) {
         const int first = c / GROUP * GROUP;
@@ -163,7 +173,7 @@ INLINE void stage_sensitivity(
     for (int s = 0; s < ACTING_STATES; s++) {
         const int r = ACTING_STATE[s];
         real *row = stage->S[r];
-        for (int c = 0; c < PADDED; c++) row[c] = flight->dx[r][c];
+        EVERY_COLUMN(c) row[c] = flight->dx[r][c];
         for (int j = 0; j < i; j++)
             if (A[i][j] != 0.0) add_row(row, flight->h * A[i][j], dK[j][r]);
         row[COLUMNS - 1] += flight->g * V[r];
@@ -257,7 +267,7 @@ static int project(struct flight *flight, real *value, real (*jacobian)[PADDED])
     return 0;
 #else
     for (int r = 0; r < NX; r++)
-        for (int c = 0; c < PADDED; c++) jacobian[r][c] = flight->dx[r][c];
+        EVERY_COLUMN(c) jacobian[r][c] = flight->dx[r][c];
     for (int r = 0; r < NX; r++) value[r] = flight->x[r];
     return 0;
 #endif

@@ -14,6 +14,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
@@ -113,10 +114,11 @@ class Workshop:
         if key not in self._kernels:
             if request.compiled and needs_compiling(problem.system, problem.scheme):
                 self._notify(COMPILING)
-            if request.compiled:
-                products.install()
-                summation.install()
-            self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
+            with ThreadPoolExecutor(1) as beside:  # all of them may have to be compiled
+                installed = beside.submit(_install) if request.compiled else None
+                self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
+                if installed is not None:
+                    installed.result()
         return self._kernels[key]
 
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
@@ -132,6 +134,11 @@ class Workshop:
         solving = (request.solver, request.options, request.compiled, request.threads)
         told = repr((parts, layout.first_node.tolist(), len(layout.jump_at), observed, solving))
         return told, layout.rows.structure
+
+
+def _install() -> None:
+    products.install()
+    summation.install()
 
 
 def die_with_parent() -> None:
