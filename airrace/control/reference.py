@@ -10,6 +10,7 @@ from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.points import at_points
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.trajectory import Array, Trajectory
 
@@ -104,17 +105,16 @@ def from_histories(model: FlightModel, s: Array, state: Array, control: Array, b
         control: held at these instants, shape (n_u, M).
         boundaries: see `Reference`.
     """
-    system, points = model.system, len(s)
-    p = np.repeat(model.parameter_values[:, None], points, axis=1)
-    rates = np.asarray(system.rates.map(points)(state, control, p))
-    load = LoadFactors[Array].split(np.asarray(load_factors(system).map(points)(state, control, p)))
+    system, p = model.system, model.parameter_values
+    rates = at_points(system.rates, state, control, p)
+    load = LoadFactors[Array].split(at_points(load_factors(system), state, control, p))
     own = {one.name: row for one, row in zip((*system.states, *system.controls), [*state, *control], strict=True)}
     rate_of = {one.name: row for one, row in zip(system.states, rates, strict=True)}
     R: list[list[Array]] = rotation([own[name] for name in ("q0", "q1", "q2", "q3")])
     specific = (load.n_x, load.n_y, -load.n_z)
     a_N, a_E, a_D = (g0 * sum_of_products(row, specific) for row in R)
     soft_n_z, soft_p = softened(s, load.n_z), softened(s, load.p_Kbar)
-    nothing = np.zeros(points)
+    nothing = np.zeros(len(s))
     counted = {name: own.get(name, nothing) for name in ("Phi", "gain", "Phi_reset", "gain_reset")}
     histories = ReferencePoint[Array](
         **{name: own[name] for name in ("x", "y", "z", "q0", "q1", "q2", "q3", "delta_T")},

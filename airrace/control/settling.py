@@ -13,6 +13,7 @@ from airrace.dynamics.flight_model import ATTITUDE, FlightModel
 from airrace.dynamics.outer_loop import PoweredState
 from airrace.dynamics.roll_counter import RollCounter
 from airrace.frames import normalised
+from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.system import System
 from airrace.trajectory import Array
@@ -75,7 +76,6 @@ def settled_states(system: System, inner: InnerController, here: ReferencePoint[
         p_dot=here.soft_p_dot,
     )
     wanted = np.stack(list(commands.join()))
-    step = inner.settled.map(count)
     for _ in range(SETTLING):
-        x = np.asarray(step(x, wanted))
+        x = at_points(inner.settled, x, wanted)
     return x

@@ -20,6 +20,7 @@ from airrace.control.reference import Reference, ReferencePoint
 from airrace.control.settling import at, settled_states
 from airrace.dynamics.flight_model import FlightModel, column, named_symbols
 from airrace.dynamics.outer_loop import FlightPathState
+from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.system import System
 from airrace.trajectory import Array
@@ -200,7 +201,7 @@ def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown)
     time = _at(nodes, flown.clock, flown.time)
     state = np.stack([_at(nodes, flown.clock, row) for row in flown.state])
     if system.projection is not None:
-        state = np.asarray(system.projection.map(len(nodes))(state))
+        state = at_points(system.projection, state)
     end = min(reference.duration, float(flown.clock[-1]))
     inside = flown.clock < end
     clock = np.append(flown.clock[inside], end)

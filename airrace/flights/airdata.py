@@ -16,6 +16,7 @@ from airrace.environment.atmosphere import (
     pressure,
 )
 from airrace.environment.wind import WindField
+from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
@@ -28,8 +29,7 @@ def wind(air: Air, x: Array, y: Array, z: Array) -> Array:
     field = WindField.of(air)
     if not field.present:
         return np.zeros((3, len(x)))
-    p = np.repeat(np.array(field.values(air))[:, None], len(x), axis=1)
-    return np.asarray(_wind_function(field).map(len(x))(np.stack([x, y, z]), p))
+    return at_points(_wind_function(field), np.stack([x, y, z]), np.array(field.values(air)))
 
 
 def indicated_airspeed(V_A: Array, z: Array, air: Air) -> Array:

@@ -12,6 +12,7 @@ from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.layout import narrowed
 from airrace.optimal_control.problem import Boundary, Iterate, Problem, Watch
 from airrace.optimal_control.replay import Replay
+from airrace.points import at_points
 from airrace.quantities import Interval, Quantity
 from airrace.trajectory import Array
 
@@ -124,8 +125,7 @@ def _watched(watch: Watch, state: Array) -> Array:
     """
     observation = watch.exact or watch.observation
     n_x, intervals, samples = state.shape
-    parameters = np.repeat(np.asarray(watch.values)[:, None], intervals * samples, axis=1)
-    seen = np.asarray(observation.values.map(intervals * samples)(state.reshape(n_x, -1), parameters))
+    seen = at_points(observation.values, state.reshape(n_x, -1), np.asarray(watch.values, dtype=np.float64))
     return seen.reshape(-1, intervals, samples)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.points import at_points
 from airrace.trajectory import Array
 
 
@@ -44,10 +45,8 @@ def hamiltonian(problem: Problem, iterate: Iterate, constraint_multipliers: Arra
     Returns:
         In the objective's unit per second, shape (N,).
     """
-    system, intervals = problem.system, problem.intervals
-    parameters = np.repeat(np.asarray(problem.parameters)[:, None], intervals, axis=1)
-    ends = problem.arrivals(iterate.state)
-    slopes = np.asarray(system.rates.map(intervals)(ends, iterate.control, parameters))
+    system = problem.system
+    slopes = at_points(system.rates, problem.arrivals(iterate.state), iterate.control, np.asarray(problem.parameters))
     scale = np.array([quantity.scale for quantity in system.controls])[:, None]
     weight = np.array([problem.objective.regularisation.get(quantity.name, 0.0) for quantity in system.controls])
     regularisation = weight @ (iterate.control / scale) ** 2

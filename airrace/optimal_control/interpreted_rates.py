@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.errors import KernelError
+from airrace.points import dense
 from airrace.trajectory import Array
 
 AtPoints = Callable[[Array], Array]
@@ -19,7 +20,7 @@ def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
         KernelError: on a call, if the function reports a failure.
     """
     count = control.shape[1]
-    mapped = _dense(function).map(count)
+    mapped = dense(function).map(count)
     # one point after another, as casadi stores them
     given = (
         np.zeros((count, function.size1_in(0))),
@@ -30,7 +31,7 @@ def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
     buffer, evaluate = mapped.buffer()
     for place, array in enumerate(given):
         if array.size:
-            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `evaluation.py`
+            buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue] as in `points.py`
     buffer.set_res(0, found.data)  # pyright: ignore[reportCallIssue]
 
     def at(states: Array, kept: tuple[Array, ...] = given) -> Array:  # the buffer does not keep its arrays alive
@@ -41,10 +42,3 @@ def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
         return np.ascontiguousarray(found.T)
 
     return at
-
-
-def _dense(function: ca.Function) -> ca.Function:
-    if function.sparsity_out(0).is_dense():
-        return function
-    symbols = [ca.SX.sym(f"i{place}", function.size1_in(place)) for place in range(function.n_in())]
-    return ca.Function("dense", symbols, [ca.densify(function(*symbols))])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from airrace.planning.race import Race
+from airrace.points import at_points
 from airrace.procedure.derived import derived_histories
 from airrace.procedure.models import stage_model
 from airrace.procedure.result import StageResult
@@ -43,11 +44,10 @@ def continuous(race: Race, result: StageResult, longest_step: float) -> Continuo
     """
     flown, model = result.trajectory, stage_model(result.stage, race)
     time, interval = _times(flown, longest_step)
-    system, p = model.system, model.parameter_values
+    system = model.system
 
     def rates(state: Array) -> Array:
-        columns = state.shape[1]
-        return np.asarray(system.rates.map(columns)(state, flown.control, np.repeat(p[:, None], columns, axis=1)))
+        return at_points(system.rates, state, flown.control, model.parameter_values)
 
     states = _cubic(flown, rates(flown.state[:, :-1]), rates(flown.state[:, 1:]), time, interval)
     solved = dict(zip(flown.states, states, strict=True))

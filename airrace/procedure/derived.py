@@ -3,11 +3,13 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.planning.race import Race
+from airrace.points import at_points
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Histories
 from airrace.procedure.models import stage_model
@@ -58,18 +60,18 @@ def _groups(race: Race, result: StageResult) -> tuple[_Group, ...]:
     path = [one for one in system.path if one.name not in known]
     load = [one for one in LoadFactors.quantities() if one.name not in known | {other.name for other in path}]
 
-    def rows(function: Callable[..., object], histories: Histories) -> Array:
+    def rows(function: ca.Function, histories: Histories) -> Array:
         x = np.stack([histories[one.name] for one in system.states])
         u = np.stack([histories[one.name] for one in system.controls])
-        return np.asarray(function(x, u, np.repeat(numbers[:, None], x.shape[1], axis=1)))
+        return at_points(function, x, u, numbers)
 
     def along_path(histories: Histories) -> Histories:
         assert system.path_values is not None  # asked for its quantities alone
-        values = rows(system.path_values.map(len(histories["V_K"])), histories)
+        values = rows(system.path_values, histories)
         return dict(zip((one.name for one in system.path), values, strict=True))
 
     def loads(histories: Histories) -> Histories:
-        values = rows(load_factors(system).map(len(histories["V_K"])), histories)
+        values = rows(load_factors(system), histories)
         n = LoadFactors[Array].split(values)
         weight = race.aircraft.airframe.m * g0
         return vars(n) | {"F_x": weight * n.n_x, "F_y": weight * n.n_y, "F_z": -weight * n.n_z}

@@ -14,6 +14,7 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.planning.as_flown import plan_as_flown
 from airrace.planning.plan import Plan
 from airrace.planning.race import Race
+from airrace.points import at_points
 from airrace.procedure.ends import Ends, course_ends
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Fidelity
@@ -155,6 +156,5 @@ def history(flight: Flight, flown: Trajectory, name: str) -> Array:
         return flown.of(name)
     assert system.path_values is not None  # it has path quantities
     control = np.hstack([flown.control, flown.control[:, -1:]])
-    p = np.repeat(flight.model.parameter_values[:, None], control.shape[1], axis=1)
-    values = system.path_values.map(control.shape[1])(flown.state, control, p)
-    return np.asarray(values)[names.index(name)]
+    values = at_points(system.path_values, flown.state, control, flight.model.parameter_values)
+    return values[names.index(name)]

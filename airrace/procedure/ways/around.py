@@ -8,6 +8,7 @@ from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import resampled
 from airrace.planning.as_flown import plan_as_flown
+from airrace.points import at_points
 from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.result import StageResult
 from airrace.procedure.ways.crew import Crew
@@ -79,10 +80,9 @@ def _draught(point_mass: Flight, source: Flight, optimum: StageResult) -> Draugh
 def _as_point_mass(point_mass: Flight, source: Flight, optimum: StageResult) -> Iterate:
     """Return the states and controls of the point mass that flies as an optimum does."""
     flown, system = optimum.trajectory, source.model.system
-    points = flown.state.shape[1]
     held = np.hstack([flown.control, flown.control[:, -1:]])
-    p = np.repeat(source.model.parameter_values[:, None], points, axis=1)
-    load = LoadFactors[Array].split(np.asarray(load_factors(system).map(points)(flown.state, held, p)))
+    seen = at_points(load_factors(system), flown.state, held, source.model.parameter_values)
+    load = LoadFactors[Array].split(seen)
     known = {one.name: row for one, row in zip(flown.states, flown.state, strict=True)}
     known |= {"n_y": load.n_y, "n_z": load.n_z, "p_Kbar": load.p_Kbar}
     moved = {one.name: row for one, row in zip(flown.controls, flown.control, strict=True)}
