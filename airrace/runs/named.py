@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from airrace.errors import UsageError
+
 
 @dataclass(frozen=True)
 class Named:
@@ -13,7 +15,13 @@ class Named:
 
     @classmethod
     def of(cls, text: str) -> "Named":
-        """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first."""
+        """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first.
+
+        Raises:
+            UsageError: nothing stands behind the colon.
+        """
         file, colon, stage = text.rpartition(":")
         named = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
+        if named and not stage:
+            raise UsageError(f"{text} names no stage behind the colon; leave the colon out for the last one")
         return cls(Path(file), stage) if named else cls(Path(text), None)
