@@ -2,11 +2,11 @@
 
     python scripts/study_mutations.py [--count N] [--seed SEED] [--log FILE]
 
-Everything runs in this process. A checkpoint that is accepted is shown and exported, too; few of them are verified.
+Documents and checkpoints are read in this process; what is accepted is shown and exported, too, and few checkpoints
+are verified. Runs with a spoilt cache have processes of their own, for code must not change under who has loaded it.
 """
 
 import contextlib
-import os
 import random
 import sys
 import tempfile
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from robustness import ROOT, SMALL, Ran, Record, Study, choice_of, inside, options, outcome, peak_memory
+from robustness import ROOT, SMALL, Ran, Record, Study, apart, choice_of, inside, options, outcome, peak_memory
 
 from airrace.checkpoint.envelope import seal, unseal
 
@@ -177,21 +177,15 @@ def checkpoint(rng: random.Random, folder: Path) -> tuple[str, Ran]:
 
 def cached(rng: random.Random, folder: Path) -> tuple[str, Ran]:
     """A file of the cache of kernels is spoilt between two runs; the second one may not care."""
-    before = os.environ.get("AIRRACE_CACHE_DIR")
-    os.environ["AIRRACE_CACHE_DIR"] = str(folder / "cache")
-    try:
-        inside("optimize", *SMALL, "--out", folder / "a.h5", "--quiet")
-        for file in (one for one in (folder / "cache").rglob("*") if one.is_file()):
-            content = bytearray(file.read_bytes())
-            for _ in range(20):
-                content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
-            with contextlib.suppress(PermissionError):
-                file.write_bytes(bytes(content[: rng.choice((len(content), len(content) // 2, 1))]))
-        return "kernel cache", inside("optimize", *SMALL, "--out", folder / "b.h5", "--quiet")
-    finally:
-        os.environ.pop("AIRRACE_CACHE_DIR")
-        if before is not None:
-            os.environ["AIRRACE_CACHE_DIR"] = before
+    cache = str(folder / "cache")
+    apart("optimize", *SMALL, "--out", folder / "a.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
+    for file in (one for one in (folder / "cache").rglob("*") if one.is_file()):
+        content = bytearray(file.read_bytes())
+        for _ in range(20):
+            content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+        with contextlib.suppress(PermissionError):
+            file.write_bytes(bytes(content[: rng.choice((len(content), len(content) // 2, 1))]))
+    return "kernel cache", apart("optimize", *SMALL, "--out", folder / "b.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
 
 
 def trial(rng: random.Random, number: int) -> Record:
