@@ -62,7 +62,7 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate,
 
 
 def _can_be_flown(bench: Workbench, problem: Problem, guess: Iterate, purpose: str) -> bool:
-    solution = bench.attempt(problem, guess, purpose, bench.settings.solver.primary, OPTIONS)
+    solution = bench.attempt(problem, guess, purpose, bench.settings.solver.primary, OPTIONS, beyond_budget=True)
     return solution is not None and solution.success
 
 
