@@ -69,13 +69,14 @@ class Failure:
 
 
 def optimise_jointly(
-    bench: Workbench, starts: Sequence[Callable[[], Start]], refine: "Refinement | None" = None
+    bench: Workbench, starts: Sequence[Callable[[], Start | StageResult]], refine: "Refinement | None" = None
 ) -> StageResult:
     """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
 
     Args:
         bench: what solves.
-        starts: in the order in which they are tried; each is made when its turn comes.
+        starts: in the order in which they are tried; each is made when its turn comes. One that finds out meanwhile
+            that there is no flight is a result, and the end.
         refine: leads from a start to an optimum; None for `refined`, which certifies it.
     """
     refine = refine or refined
@@ -89,7 +90,10 @@ def optimise_jointly(
             if number == len(made):
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
-                made.append(make())
+                begun = make()
+                if isinstance(begun, StageResult):
+                    return begun
+                made.append(begun)
             found = refine(bench, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)
