@@ -44,6 +44,8 @@ def contradiction(bench: Workbench, problem: Problem, torn: int, guesses: Sequen
     """
     primary, *others = bench.solvers
     worst = ""
+    if not others:
+        return None
     for solver in (primary, *others):
         for guess in guesses:
             window, start, _ = window_around(problem, torn, guess)
@@ -52,4 +54,4 @@ def contradiction(bench: Workbench, problem: Problem, torn: int, guesses: Sequen
             if solution is None or solution.success or (solver != primary and not solution.infeasible):
                 return None
             worst = solution.worst
-    return Contradiction(problem, guesses[0], torn, worst) if others else None
+    return Contradiction(problem, guesses[0], torn, worst)

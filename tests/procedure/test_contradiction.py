@@ -53,7 +53,9 @@ def test_a_single_solver_contradicts_nothing() -> None:
     used.settings = dataclasses.replace(
         used.settings, solver=dataclasses.replace(used.settings.solver, fallback="fatrop")
     )
-    assert contradiction(used, *sixteen()[:1], TORN, sixteen()[1:]) is None
+    problem, made = sixteen()
+    assert contradiction(used, problem, TORN, [made]) is None
+    assert asked(used) == []
 
 
 @pytest.mark.parametrize("answer", [True, False])
