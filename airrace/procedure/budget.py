@@ -17,8 +17,9 @@ from airrace.procedure.settings import MeshSettings
 PER_INTERVAL = 5000
 """The work in vain that a stage may take per interval of its race's first mesh: so many iterations on that mesh.
 
-No stage of the shipped courses takes any of it; of 54 point masses on generated courses, 24 of them under tight limits,
-47 take none and the others 60 to 540. It is spent in about nine tenths of the planned race time.
+In the ladders of the shipped courses one stage of 48 takes any of it, 11; of 54 point masses on generated courses, 24
+of them under tight limits, 47 take none and the others 60 to 540. It is spent in 1.1 to 1.4 times the planned race
+time.
 """
 FEWEST_INTERVALS = 100
 """The number of intervals that a race is taken to have at least: small ones have time to spare."""
