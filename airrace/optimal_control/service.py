@@ -52,6 +52,8 @@ class SolverEnded(SolverCrash):
         super().__init__("the solver process was ended")
 
 
+PART_OF_WAITING = 1.0
+"""The time that is waited at once for an iteration, s."""
 LAST_WORDS = 0.5
 """The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
 
@@ -218,9 +220,22 @@ class SolverService:
         """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline."""
         left = max(0.0, self._deadline - time.monotonic())
         out_of_time = math.isfinite(left) and (patience is None or left < patience)
-        if not self._replies.poll(left if out_of_time else patience):
+        if not (self._replies.poll(left) if out_of_time else self._waited(patience)):
             if out_of_time:
                 raise OutOfTime("there is no time left")
             raise Stalled(f"no iteration finished within {patience:g} s")
         reply: Reply = self._replies.recv()
         return reply
+
+    def _waited(self, patience: float | None) -> bool:
+        """Wait for a reply, and tell whether there is one; without patience (None) for ever.
+
+        Time in which this process itself stood still is none in which the solver could have worked, so no part of the
+        waiting counts for more than it was meant to take.
+        """
+        while patience is not None and patience > 0.0:
+            part = min(patience, PART_OF_WAITING)
+            if self._replies.poll(part):
+                return True
+            patience -= part
+        return self._replies.poll(patience)

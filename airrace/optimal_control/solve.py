@@ -12,14 +12,11 @@ import threading
 import time
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from airrace.optimal_control.kkt import KktError
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.service import STALL_SECONDS, SolverService, Stalled
-from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers import Solution, SolverOptions
 
 
 def solve(
@@ -51,8 +48,7 @@ def solve(
         ValueError: the problem does not say what it seems to say, see `validity.py`, or the guess has other shapes.
         SolverCrash: the solver process died, or could not work on the problem.
     """
-    layout = Layout(problem)
-    layout.pack(guess)  # refuses a guess of other shapes here, where the traceback leads to who made it
+    Layout(problem).pack(guess)  # refuses a guess of other shapes here, where the traceback leads to who made it
     started, last = time.perf_counter(), _LastIteration()
     with _LOCK:
         try:
@@ -65,20 +61,8 @@ def solve(
                 stall_seconds=stall_seconds,
             )
         except Stalled as stalled:
-            return Solution(
-                solver=solver,
-                status=str(stalled),
-                success=False,
-                infeasible=False,
-                iterate=guess,
-                multipliers=Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns)),
-                objective=np.nan,
-                kkt=KktError(np.nan, np.nan, np.nan),
-                worst="",
-                iterations=last.number,
-                seconds=time.perf_counter() - started,
-                derivative_seconds=np.nan,
-            )
+            seconds = time.perf_counter() - started
+            return Solution.unsolved(problem, guess, solver, str(stalled), iterations=last.number, seconds=seconds)
 
 
 @dataclass

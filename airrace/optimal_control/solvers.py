@@ -19,7 +19,7 @@ from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.transcription import transcribed
 from airrace.trajectory import Array
 
@@ -80,6 +80,36 @@ class Solution:
     seconds: float
     derivative_seconds: float
 
+    @classmethod
+    def unsolved(
+        cls, problem: Problem, guess: Iterate, solver: str, status: str, *, iterations: int = 0, seconds: float = 0.0
+    ) -> "Solution":
+        """Return what is known where no solver came back, or none was asked: the guess, of which nothing is measured.
+
+        Args:
+            problem: that was to be solved.
+            guess: of it.
+            solver: that was, or would have been, asked.
+            status: why there is no answer.
+            iterations: that were reported nevertheless.
+            seconds: that were waited.
+        """
+        layout = Layout(problem)
+        return cls(
+            solver=solver,
+            status=status,
+            success=False,
+            infeasible=False,
+            iterate=guess,
+            multipliers=Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns)),
+            objective=np.nan,
+            kkt=KktError(np.nan, np.nan, np.nan),
+            worst="",
+            iterations=iterations,
+            seconds=seconds,
+            derivative_seconds=np.nan,
+        )
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -108,10 +138,12 @@ class Solver(ABC):
     Attributes:
         name: that settings know.
         begins_with_multipliers: whether a guess of the multipliers changes where it begins.
+        effort: the processor time of an iteration, in those of fatrop (1).
     """
 
     name: str
     begins_with_multipliers = False
+    effort = 1
 
     @abstractmethod
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
@@ -193,9 +225,14 @@ def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
 
 
 class Ipopt(Solver):
-    """The solver IPOPT with MUMPS on the same program."""
+    """The solver IPOPT with MUMPS on the same program.
+
+    On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass, and
+    fatrop 37 to 47 us.
+    """
 
     name = "ipopt"
+    effort = 2
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
         program = transcribed(functions.assembly, functions.threads)

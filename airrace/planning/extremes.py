@@ -9,10 +9,11 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import g0
 from airrace.planning.cruise import AIR_DENSITY, top_speed
 from airrace.planning.legs import Leg
+from airrace.planning.plan import ONE_PLACE
 from airrace.quantities import Interval
 
-SHORTEST_LEG = 0.1
-"""The shortest time in which a leg is flown, s; shorter ones are not optimised."""
+NEAR = 0.1
+"""The time of flight at the least speed below which two elements may be meant as one, s."""
 SAME_DIRECTION = math.radians(30.0)
 """The largest angle between the axes of two elements that may be meant as one, rad; those of a quad stand across."""
 LEAST_BAND = 5.0
@@ -22,15 +23,18 @@ SHARE_OF_SPEED = 0.5
 
 
 def one_behind_the_other(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
-    """Yield a remark on two elements so close together that there is no flight from the one to the other."""
+    """Yield a remark on two elements so close together that one of them may be meant."""
     if _feature(leg.before.element.name) == _feature(leg.after.element.name) or _stand_across(leg):
         return  # passed twice on purpose, as a quad is
-    slowest = SHORTEST_LEG * aircraft.envelope.V.lower
-    if leg.length < slowest:
+    if leg.length < ONE_PLACE:
         yield (
-            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: nearer than the {slowest:.1f} m "
-            f"that are flown in {SHORTEST_LEG:g} s at the slowest, so only a loop leads from the one to the other; "
-            "are they one gate?"
+            f"`{leg.after.name}` stands in the same place as `{leg.before.name}`: only a circle or a loop leads from "
+            "the one to the other; are they one gate?"
+        )
+    elif leg.length < NEAR * aircraft.envelope.V.lower:
+        yield (
+            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that is flown in "
+            f"{leg.length / aircraft.envelope.V.lower:.2g} s at the slowest; are they one gate?"
         )
 
 
@@ -51,7 +55,7 @@ def narrow_heights(allowed: Interval) -> Iterator[str]:
     if room < LEAST_BAND:
         yield (
             f"there are {room:.3g} m between the floor at {allowed.lower:g} m and the ceiling at {allowed.upper:g} m; "
-            "no turn keeps its height so closely"
+            "hardly anyone keeps a height so closely"
         )
 
 

@@ -21,9 +21,15 @@ from airrace.planning.rotation_time import roll_time, rotation_time, rotation_ve
 from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
-from airrace.track.dubins import DubinsPath, least, lengths, on_side, shortest
+from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
 from airrace.track.limits import Roll
 from airrace.trajectory import Array
+
+ONE_PLACE = 0.01
+"""The length of a way below which both of its ends are one place, m: places are not surveyed more closely.
+
+Nothing flies from a place to itself but round a circle.
+"""
 
 
 @dataclass(frozen=True)
@@ -138,7 +144,8 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
         first = np.array([one.heading for one in here])[:, None]
         last = np.array([one.heading for one in there])[None, :]
         pieces = lengths(start, first, end, last, pace.radius)
-        return np.asarray(on_side(pieces, stop.side).min(axis=0) * pace.radius / pace.V)
+        way = on_side(pieces, stop.side).min(axis=0) * pace.radius
+        return np.where(way < ONE_PLACE, math.tau * pace.radius, way) / pace.V
     roll = stop.roll
     if roll is not None:
         return np.array([[roll_time(a.q, b.q, roll, pace)[0] for b in there] for a in here])
@@ -151,7 +158,8 @@ def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise, *, last: bool) -> 
         assert a.position is not None
         assert b.position is not None
         start, end = np.array(a.position[:2]), np.array(b.position[:2])
-        return Leg(shortest(start, a.heading, end, b.heading, pace.radius, stop.side, last=last)), b
+        path = shortest(start, a.heading, end, b.heading, pace.radius, stop.side, last=last)
+        return Leg(path if path.length >= ONE_PLACE else circle(start, a.heading, pace.radius, left=last)), b
     if stop.roll is None:
         return Leg(None), b
     return Leg(None), dataclasses.replace(b, rolled=roll_time(a.q, b.q, stop.roll, pace, last=last)[1])

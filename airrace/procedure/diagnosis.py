@@ -48,12 +48,16 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate,
             a contradiction over whatever gives way most easily, which need not be what is asked too much.
     """
     torn = worst_phase(problem, stuck)
-    first, last = max(0, torn - REACH), min(len(problem.phases), torn + REACH + 1)
-    window = windowed(problem, first, last)
-    start = joined([phase_piece(guess, problem, index) for index in range(first, last)])
-    where = f"the limits contradict each other at {problem.phases[torn].name}"
+    window, start, _ = window_around(problem, torn, guess)
     if _can_be_flown(bench, window, start, "the legs around it alone"):
         return None
+    return blamed(bench, problem, torn, guess, worst)
+
+
+def blamed(bench: Workbench, problem: Problem, torn: int, guess: Iterate, worst: str) -> str:
+    """Return the sentence of `diagnose` where it is known that the legs around a phase cannot be flown as they are."""
+    window, start, first = window_around(problem, torn, guess)
+    where = f"the limits contradict each other at {problem.phases[torn].name}"
     for what, relaxed in relaxations(window, torn - first):
         bench.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
         if _can_be_flown(bench, relaxed, start, f"without {what}"):
@@ -61,8 +65,15 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate,
     return f"{where}; no single limit is to blame; most violated: {worst}"
 
 
+def window_around(problem: Problem, torn: int, guess: Iterate) -> tuple[Problem, Iterate, int]:
+    """Return the legs around a phase, what a guess has there, and the index of the first of them."""
+    first, last = max(0, torn - REACH), min(len(problem.phases), torn + REACH + 1)
+    start = joined([phase_piece(guess, problem, index) for index in range(first, last)])
+    return windowed(problem, first, last), start, first
+
+
 def _can_be_flown(bench: Workbench, problem: Problem, guess: Iterate, purpose: str) -> bool:
-    solution = bench.attempt(problem, guess, purpose, bench.settings.solver.primary, OPTIONS)
+    solution = bench.attempt(problem, guess, purpose, bench.settings.solver.primary, OPTIONS, beyond_budget=True)
     return solution is not None and solution.success
 
 

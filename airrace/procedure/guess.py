@@ -28,7 +28,7 @@ GATE_REACH = 0.15
 COUNT_MAX = 120
 """The largest number of intervals in a phase of a first mesh; where that is too coarse, the mesh is refined."""
 SHORTEST_LEG = 0.3
-"""The shortest planned duration of a leg, s."""
+"""The shortest planned duration of a leg without a planned path, s."""
 COUNT_STEP = 4
 """The step in which numbers of intervals rise.
 
@@ -42,7 +42,7 @@ History = PointMassState[Array]
 def leg_seconds(plan: Plan) -> list[float]:
     """Return the planned duration of each leg, s."""
     return [
-        max(_leg_seconds(leg, a, b, plan.cruise), SHORTEST_LEG)
+        _leg_seconds(leg, a, b, plan.cruise)
         for leg, (a, b) in zip(plan.legs, itertools.pairwise(plan.waypoints), strict=True)
     ]
 
@@ -53,7 +53,8 @@ def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: Cruise) -> float:
         assert b.position is not None
         return math.hypot(leg.path.length, b.position[2] - a.position[2]) / pace.V
     roll = b.passage.roll
-    return rotation_time(a.q, b.q, pace) if roll is None else roll_time(a.q, b.q, roll, pace)[0]
+    turning = rotation_time(a.q, b.q, pace) if roll is None else roll_time(a.q, b.q, roll, pace)[0]
+    return max(turning, SHORTEST_LEG)
 
 
 def first_mesh(plan: Plan, settings: MeshSettings) -> list[Fractions]:

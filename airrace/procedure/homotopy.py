@@ -9,7 +9,7 @@ and only the first of them is kept when the next one joins. The pieces together 
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -39,19 +39,34 @@ TOLERANCE, ITERATIONS_MAX = 1e-2, 100
 """The tolerance (1) and the number of iterations of a piece's solve, which yields only a guess."""
 STEP_BARRIER = 1e-2
 """The first value of the barrier parameter of a solve that starts from the neighbouring solution."""
+DOUBTS_MAX = 2
+"""The number of phases that cannot be added of which it is asked whether they can be flown at all."""
+
+Doubt = Callable[[Problem, int, Sequence[Iterate]], bool]
+"""Tells of a race, a phase of it and some guesses of the race whether there is no flight around that phase."""
 
 
-def fly_homotopy(flight: Flight, bench: Workbench) -> StageResult:
-    """Fly all phases one after the other; a phase that cannot be flown is left as planned."""
-    return _Homotopy(flight, bench).fly()
+def fly_homotopy(flight: Flight, bench: Workbench, hopeless: Doubt | None = None) -> StageResult:
+    """Fly all phases one after the other; a phase that cannot be flown is left as planned.
+
+    Args:
+        flight: the point mass.
+        bench: what solves.
+        hopeless: asked about the first phases that cannot be flown; where it says so, all that follows is left as
+            planned. None to ask nobody.
+    """
+    return _Homotopy(flight, bench, hopeless).fly()
 
 
 class _Homotopy:
     """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
-    def __init__(self, flight: Flight, bench: Workbench) -> None:
+    def __init__(self, flight: Flight, bench: Workbench, hopeless: Doubt | None) -> None:
         self.flight = flight
         self.bench = bench
+        self.hopeless = hopeless
+        self.doubted: set[int] = set()
+        self.is_hopeless = False
         self.mesh = first_mesh(flight.plan, bench.settings.mesh)
         self.race = flight.problem(self.mesh)
         self.planned = guess(flight.plan, self.mesh)
@@ -78,6 +93,11 @@ class _Homotopy:
             message=f"left as planned: {', '.join(skipped)}" if skipped else "",
         )
 
+    def _so_far(self) -> Iterate:
+        """Return a flight of the pieces, and of what is planned of the rest."""
+        rest = range(len(self.pieces), len(self.mesh))
+        return joined([*self.pieces, *(phase_piece(self.planned, self.race, one) for one in rest)])
+
     def _groups(self) -> list[list[int]]:
         """Return the phases to be added together.
 
@@ -94,11 +114,19 @@ class _Homotopy:
 
     def _add_phase(self, index: int, horizon: int) -> bool:
         """Add a phase; where it cannot be flown from what is kept before it, more of that is opened to change."""
-        while not self._follow(index, max(0, index - horizon + 1)):
+        while not self.is_hopeless and not self._follow(index, max(0, index - horizon + 1)):
+            self._doubt(index)
             if horizon > min(index, LONGEST_HORIZON - 1):
                 return False
             horizon *= 2
-        return True
+        return not self.is_hopeless
+
+    def _doubt(self, index: int) -> None:
+        """Ask whether a phase that could not be added can be flown at all; once, and of the first such phases only."""
+        if self.hopeless is None or index in self.doubted or len(self.doubted) == DOUBTS_MAX:
+            return
+        self.doubted.add(index)
+        self.is_hopeless = self.hopeless(self.race, index, [self.planned, self._so_far()])
 
     def _follow(self, index: int, first: int) -> bool:
         """Follow the family of a phase from its first member to the real gate; return whether that was reached.

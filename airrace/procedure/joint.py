@@ -14,6 +14,7 @@ from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution
+from airrace.procedure.budget import SPENT
 from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.diagnosis import diagnose
@@ -68,13 +69,14 @@ class Failure:
 
 
 def optimise_jointly(
-    bench: Workbench, starts: Sequence[Callable[[], Start]], refine: "Refinement | None" = None
+    bench: Workbench, starts: Sequence[Callable[[], Start | StageResult]], refine: "Refinement | None" = None
 ) -> StageResult:
     """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
 
     Args:
         bench: what solves.
-        starts: in the order in which they are tried; each is made when its turn comes.
+        starts: in the order in which they are tried; each is made when its turn comes. One that finds out meanwhile
+            that there is no flight is a result, and the end.
         refine: leads from a start to an optimum; None for `refined`, which certifies it.
     """
     refine = refine or refined
@@ -88,7 +90,10 @@ def optimise_jointly(
             if number == len(made):
                 if any(failure.solution is None for failure in failures):
                     break  # making a start takes solves, too: they would hang like the ones before
-                made.append(make())
+                begun = make()
+                if isinstance(begun, StageResult):
+                    return begun
+                made.append(begun)
             found = refine(bench, made[number], solver)
             if isinstance(found, Failure):
                 failures.append(found)
@@ -253,8 +258,8 @@ def finished(
 
 def _unsolved(bench: Workbench, failures: Sequence[Failure]) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
-    returned = [failure for failure in failures if failure.solution is not None]
-    claimed = [failure for failure in returned if failure.solution is not None and failure.solution.infeasible]
+    returned = [one for one in failures if one.solution is not None and one.solution.status != SPENT]
+    claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
     outcome, message = _explained(bench, failure)
     solution = failure.solution
@@ -278,7 +283,8 @@ def _explained(bench: Workbench, failure: Failure) -> tuple[Outcome, str]:
     start, solution = failure.start, failure.solution
     if solution is None:
         return Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
-    gave_up = f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}"
+    spent = f"; {SPENT}" if bench.budget.exhausted else ""
+    gave_up = f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
     advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
     if solution.infeasible:
         conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess, solution.worst)

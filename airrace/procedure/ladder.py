@@ -9,15 +9,19 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.as_flown import plan_as_flown
 from airrace.planning.choices import TWIN
 from airrace.planning.plan import Plan, plan
 from airrace.planning.race import Race
+from airrace.procedure.conclusion import conclude
+from airrace.procedure.contradiction import Contradiction, contradiction
+from airrace.procedure.diagnosis import blamed
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.handover import followed, recorded, settled
-from airrace.procedure.homotopy import fly_homotopy
+from airrace.procedure.homotopy import Doubt, fly_homotopy
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimise_jointly
 from airrace.procedure.models import iterate_of
 from airrace.procedure.one_mesh import on_one_mesh
@@ -82,6 +86,7 @@ class Ladder:
         self._last = last
         self._flights: dict[Stage, Flight] = {}
         self._pieces: StageResult | None = None
+        self._contradiction: Contradiction | None = None
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
@@ -103,7 +108,7 @@ class Ladder:
         """Run one stage and return its result; those before it are done."""
         fidelity = fidelity_of(stage)
         if fidelity.guess:
-            result = fly_homotopy(self.flight(stage), bench)
+            result = self._homotopy(bench)
         elif fidelity.inner_controller is None:
             result = self._first_optimum(bench)
         else:
@@ -142,7 +147,9 @@ class Ladder:
             return dataclasses.replace(found, message=before)
         return told(dataclasses.replace(optimum, message=f"{UNPROVED}: {found}"), before)
 
-    def _optimum(self, stage: Stage, starts: Sequence[Callable[[], Start]], bench: Workbench) -> StageResult:
+    def _optimum(
+        self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], bench: Workbench
+    ) -> StageResult:
         """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
         if self.proves(stage):
             return optimise_jointly(bench, starts)
@@ -184,6 +191,8 @@ class Ladder:
 
         The one that the user prefers comes first.
         """
+        if self._contradiction is not None:
+            return self._impossible(self._contradiction, bench)
         known = self._first_starts(bench)
         effort = EFFORTS.get(self._settings.explore)
         if effort is None:
@@ -217,7 +226,7 @@ class Ladder:
             starts.append(("plan, its twin", twin))
         return explore(flight, self._race.course, bench, effort, starts)
 
-    def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start]]:
+    def _first_starts(self, bench: Workbench) -> Sequence[Callable[[], Start | StageResult]]:
         """Return the homotopy and the plan as starts, the one that the user prefers first."""
         flight, flown = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
 
@@ -225,8 +234,10 @@ class Ladder:
             mesh = first_mesh(flight.plan, bench.settings.mesh)
             return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
-        def pieced() -> Start:
+        def pieced() -> Start | StageResult:
             pieces = self._homotopy(bench).trajectory
+            if self._contradiction is not None:
+                return self._impossible(self._contradiction, bench)
             return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
 
         return (pieced, planned) if flown else (planned, pieced)
@@ -234,8 +245,24 @@ class Ladder:
     def _homotopy(self, bench: Workbench) -> StageResult:
         """Return the pieces of the homotopy, which is flown once."""
         if self._pieces is None:
-            self._pieces = self.done.get(Stage.HOMOTOPY) or fly_homotopy(self.flight(Stage.HOMOTOPY), bench)
+            flown = self.done.get(Stage.HOMOTOPY)
+            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), bench, self._doubt(bench))
         return self._pieces
+
+    def _doubt(self, bench: Workbench) -> Doubt:
+        """Return the question whether a phase contradicts itself, whose answer is kept."""
+
+        def hopeless(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
+            self._contradiction = contradiction(bench, problem, torn, guesses)
+            return self._contradiction is not None
+
+        return hopeless
+
+    def _impossible(self, found: Contradiction, bench: Workbench) -> StageResult:
+        """Return the result of a race that cannot be flown, which says what stands in the way."""
+        message = blamed(bench, found.problem, found.torn, found.guess, found.worst)
+        flight = self.flight(Stage.POINT_MASS)
+        return conclude(flight, bench, found.problem, found.guess, outcome=Outcome.INFEASIBLE, message=message)
 
     def _handovers(self, stage: Stage, below: StageResult, bench: Workbench) -> Iterator[Callable[[], Start]]:
         """Yield the starts of a higher fidelity: along the stage below, at rest in it, at rest in the point mass."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from airrace.dynamics import handling
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
+from airrace.procedure.budget import Budget
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
@@ -86,7 +87,7 @@ def optimize(
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     ) as service:
-        bench = Workbench(service, settings, progress, threads, deadline)
+        bench = Workbench(service, settings, progress, threads, deadline, Budget.of(race.plan, settings.mesh))
         for stage in unproved:
             progress.stage_started(stage)
             completed = ladder.complete(stage, bench)

@@ -12,6 +12,7 @@ from airrace.optimal_control.reference_integration import load_in_background
 from airrace.optimal_control.service import SolverService, Stalled
 from airrace.optimal_control.solvers import SOLVERS, Multipliers, Solution, SolverOptions
 from airrace.procedure.aside import Aside, Found
+from airrace.procedure.budget import SPENT, Budget
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
@@ -35,7 +36,8 @@ MEASURED = "its errors are measured to be within the certificate's limit"
 class Workbench:
     """The means with which the stages solve: a solver process, settings, threads, and the record of attempts.
 
-    `deadline` is the time, by `time.monotonic`, after which nothing is solved any more.
+    `deadline` is the time, by `time.monotonic`, after which nothing is solved any more; `budget` is what a stage may
+    solve in vain, whatever the time. What is searched for other ways round is not counted: it has limits of its own.
     """
 
     service: SolverService
@@ -43,6 +45,7 @@ class Workbench:
     progress: Progress
     threads: int = 1
     deadline: float = math.inf
+    budget: Budget = field(default_factory=Budget)
     attempts: list[Attempt] = field(default_factory=list[Attempt])
     derivative_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
@@ -80,12 +83,14 @@ class Workbench:
         self.attempts = []
         self.derivative_seconds = 0.0
         self.started = time.perf_counter()
+        self.budget.begin()
 
     def go_on(self, attempts: Sequence[Attempt], timings: Timings) -> None:
         """Take up a stage that was solved before: what is solved now is added to that."""
         self.attempts = list(attempts)
         self.derivative_seconds = timings.derivatives
         self.started = time.perf_counter() - timings.wall
+        self.budget.begin()
 
     @property
     def solvers(self) -> tuple[str, ...]:
@@ -149,7 +154,8 @@ class Workbench:
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers, options, multipliers):
             attempted = self.attempt(problem, guess, purpose, solver, allowed, known)
-            solution = attempted or solution
+            if attempted is not None and (solution is None or attempted.status != SPENT):
+                solution = attempted
             if attempted is not None and attempted.success:
                 return attempted
         return solution
@@ -162,21 +168,31 @@ class Workbench:
         solver: str,
         options: SolverOptions,
         multipliers: Multipliers | None = None,
+        *,
+        beyond_budget: bool = False,
     ) -> Solution | None:
         """Solve once, on record; return None if the solver did not come back.
+
+        Within the budget, unless it is a small solve that explains why there is no flight: of a budget that is spent
+        the solution says nothing but that (`SPENT`).
 
         What a certificate asks for is measured here, whatever a solver says: fatrop measures on scales of its own, and
         may stop at an optimum without claiming it.
         """
         if self.beside is None or not self.beside.running:
             load_in_background()  # what measures the solution
+        most = (
+            options.iterations_max if beyond_budget else self.budget.iterations(problem, solver, options.iterations_max)
+        )
+        if most == 0:
+            return Solution.unsolved(problem, guess, solver, SPENT)
         started = time.perf_counter()
         try:
             solution = self.service.solve(
                 problem,
                 guess,
                 solver=solver,
-                options=options,
+                options=replace(options, iterations_max=most),
                 multipliers=multipliers,
                 on_iteration=self._report,
                 threads=self.threads_left,
@@ -186,6 +202,8 @@ class Workbench:
             return None
         if not solution.success and solution.kkt.largest <= self.settings.certificate.kkt_error:
             solution = replace(solution, success=True, status=f"{solution.status}; {MEASURED}")
+        if not solution.success:
+            self.budget.spend(problem, solver, solution.iterations)
         self.derivative_seconds += solution.derivative_seconds
         self.attempts.append(
             Attempt(purpose, solver, solution.status, solution.success, solution.iterations, solution.seconds)

@@ -10,7 +10,6 @@ from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, Watch
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.planning.extremes import SHORTEST_LEG
 from airrace.planning.plan import Plan
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.ends import Ends
@@ -23,6 +22,8 @@ from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO
 
 DETOUR, DETOUR_SECONDS = 3.0, 10.0
 """The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""
+SHORTEST_SHARE, SHORTEST_SECONDS = 1.0 / 3.0, 0.1
+"""The shortest duration of a phase: a share of the plan (1), and a time (s) of which no more is asked."""
 TIME_SCALE = 3.0
 """The scale of the phases' durations, s."""
 PIECE_ANGLE = math.radians(10.0)
@@ -60,7 +61,7 @@ def race_problem(
         Phase(
             name=f"{a.passage.name} -> {b.passage.name}",
             fractions=fractions,
-            duration=Interval(SHORTEST_LEG, DETOUR * seconds + DETOUR_SECONDS),
+            duration=Interval(min(SHORTEST_SHARE * seconds, SHORTEST_SECONDS), DETOUR * seconds + DETOUR_SECONDS),
             end=end,
             bounds=COUNTING if b.passage.roll is not None else {},
             watches=watched,

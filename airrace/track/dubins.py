@@ -159,6 +159,14 @@ def least(values: Array, *, last: bool = False) -> Array:
     return len(rounded) - 1 - rounded[::-1].argmin(axis=0) if last else rounded.argmin(axis=0)
 
 
+def circle(start: Array, heading: float, radius: float, *, left: bool = False) -> DubinsPath:
+    """Return the full circle from a place back to it, to the right or to the left; shape (2,) and scalars."""
+    curvature = (-1.0 if left else 1.0) / radius
+    return DubinsPath(
+        float(start[0]), float(start[1]), heading, (_TURN * radius, 0.0, 0.0), (curvature, curvature, curvature)
+    )
+
+
 def shortest(
     start: Array, heading: float, end: Array, end_heading: float, radius: float, side: int = 0, *, last: bool = False
 ) -> DubinsPath:

@@ -7,7 +7,7 @@ import pytest
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import lift_curve
-from airrace.dynamics.limits import bounded, flight_limits
+from airrace.dynamics.limits import LEAST_ROOM, bounded, flight_limits
 from airrace.errors import InputError
 from airrace.quantities import Interval, Quantity
 from airrace.track.course import Rules
@@ -34,6 +34,18 @@ def test_without_rules_the_aircraft_sets_the_limits(edge540: Aircraft) -> None:
 def test_floor_and_ceiling_bound_the_down_axis_from_the_other_side(edge540: Aircraft) -> None:
     assert flight_limits(edge540, Rules(n_z=Interval(), height=Interval(5.0, 300.0))).z == Interval(-300.0, -5.0)
     assert flight_limits(edge540, Rules(n_z=Interval(), height=Interval(lower=5.0))).z == Interval(-math.inf, -5.0)
+
+
+@pytest.mark.parametrize("room", [0.0, 0.1 * LEAST_ROOM, LEAST_ROOM, 2.0 * LEAST_ROOM])
+def test_the_least_room_is_left_between_floor_and_ceiling(edge540: Aircraft, room: float) -> None:
+    z = flight_limits(edge540, Rules(n_z=Interval(), height=Interval(20.0, 20.0 + room))).z
+    assert z.upper - z.lower == pytest.approx(max(room, LEAST_ROOM))
+    assert 0.5 * (z.lower + z.upper) == pytest.approx(-20.0 - 0.5 * room)
+
+
+def test_a_ceiling_below_the_floor_is_contradicting(edge540: Aircraft) -> None:
+    with pytest.raises(InputError, match=r"Edge 540: z: no value"):
+        flight_limits(edge540, Rules(n_z=Interval(), height=Interval(20.0, 19.999)))
 
 
 def test_angle_of_attack_bounds_lift_through_the_lift_curve(edge540: Aircraft) -> None:

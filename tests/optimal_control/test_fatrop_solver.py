@@ -15,7 +15,8 @@ from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.fatrop.solver import NOT_FINITE, STATUS, FatropResult, FatropSolver
+from airrace.optimal_control.fatrop import solver as fatrop_solver
+from airrace.optimal_control.fatrop.solver import LOST, NOT_FINITE, STATUS, FatropResult, FatropSolver
 from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
@@ -271,3 +272,43 @@ def test_time_in_functions_is_part_of_the_time() -> None:
     problem = PROBLEMS["everything"]
     solution = optimum(problem, random_iterate(problem, 1))
     assert 0.0 < solution.derivative_seconds < solution.seconds
+
+
+def out_of_reach() -> tuple[Problem, Iterate]:
+    """A problem whose last condition cannot be met, and a guess."""
+    problem = VARIANTS["free start"]
+    *others, last = problem.phases
+    far = replace(last, end=replace(last.end, bounds={**last.end.bounds, "clearance": exactly(50.0)}))
+    return replace(problem, phases=(*others, far)), random_iterate(problem, 1)
+
+
+def printed(text: str) -> list[str]:
+    """The numbers of fatrop's iterations as it prints them; one within a restoration of feasibility ends with an r."""
+    first = (line.split()[0] for line in text.splitlines() if line.strip() and "objective" not in line)
+    return [word for word in first if word.rstrip("r").isdigit()]
+
+
+def test_iterations_of_a_restoration_that_fails_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    solution = optimum(*out_of_reach())
+    numbers = printed(capsys.readouterr().out)
+    assert not solution.success
+    assert len([one for one in numbers if one.endswith("r")]) > 20
+    assert solution.iterations == pytest.approx(len(numbers), abs=2)
+
+
+def test_a_restoration_without_end_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    problem, guess = out_of_reach()
+    monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 12)
+    solution = optimum(problem, guess)
+    assert not solution.success
+    assert solution.status.endswith(LOST)
+    restoring = [one for one in printed(capsys.readouterr().out) if one.endswith("r")]
+    assert len(restoring) <= 12 + 2
+
+
+def test_the_limit_of_a_restoration_is_none_of_other_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 1)
+    problem = PROBLEMS["everything"]
+    assert optimum(problem, random_iterate(problem, 1)).success

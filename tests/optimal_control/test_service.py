@@ -9,6 +9,7 @@ import textwrap
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,22 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
         assert time.monotonic() - started < 8.0
         assert gone(first)
         assert solve(service).success
+
+
+def test_time_in_which_this_process_stands_still_is_no_stall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever was stopped while waiting is told, when it goes on, that all of its time has passed."""
+    poll, stopped = Connection.poll, list[float | None]()
+
+    def first_stopped(replies: Connection, timeout: float | None = 0.0) -> bool:
+        if not stopped:
+            stopped.append(timeout)
+            return False
+        return poll(replies, timeout)
+
+    monkeypatch.setattr(Connection, "poll", first_stopped)
+    with SolverService(compiled=False, stall_seconds=20.0) as service:
+        assert solve(service).success
+    assert len(stopped) == 1
 
 
 def test_stall_is_noticed_although_the_worker_is_busy() -> None:

@@ -16,7 +16,7 @@ from airrace.environment.air import Air
 from airrace.frames import angle_between
 from airrace.planning.choices import ANY, TWIN
 from airrace.planning.cruise import cruise
-from airrace.planning.plan import Plan, plan
+from airrace.planning.plan import ONE_PLACE, Plan, plan
 from airrace.planning.race import Race
 from airrace.track.course import Direction
 from airrace.track.gates import Gate, Manoeuvre, Pylon
@@ -221,3 +221,20 @@ def test_pylon_between_two_gates_is_passed_on_whichever_side_is_asked_for() -> N
 @pytest.mark.parametrize("name", COURSES)
 def test_plan_is_the_same_every_time(name: str) -> None:
     assert plan_of(SHIPPED[name]) == plan_of(SHIPPED[name])
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.9 * ONE_PLACE, 1.1 * ONE_PLACE])
+def test_a_gate_in_the_place_of_the_one_before_is_reached_round_a_circle(apart: float) -> None:
+    race = race_of(level("a", 0.0, 0.0, 0.0), level("b", 400.0, 0.0, 0.0), level("c", 400.0 + apart, 0.0, 0.0))
+    planned, twin = (plan(race.course, race.pace, ties) for ties in (ANY, TWIN))
+    way = planned.legs[1].path
+    assert way is not None
+    is_circle = apart < ONE_PLACE
+    assert way.length == pytest.approx(math.tau * race.pace.radius if is_circle else apart)
+    assert planned.seconds == pytest.approx((400.0 + way.length) / race.pace.V)
+    north, east, heading = (float(values[0]) for values in way.points(np.array([way.length])))
+    assert (north, east, math.cos(heading)) == pytest.approx((400.0 + (0.0 if is_circle else apart), 0.0, 1.0))
+    other = twin.legs[1].path
+    assert other is not None
+    if is_circle:
+        assert other.curvatures[0] == -way.curvatures[0]

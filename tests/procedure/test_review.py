@@ -333,7 +333,9 @@ def test_pylon_that_stands_aside_of_the_way_is_asked_about() -> None:
 def test_two_gates_in_one_place_are_asked_about(apart: float) -> None:
     remark = only(of([level("a", 0.0, 0.0, 0.0), level("b", 500.0, 0.0, 0.0), level("c", 500.0 + apart, 0.0, 0.0)]))
     assert (remark.passage, remark.kind) == ("c", Kind.CLOSE)
-    assert remark.text.startswith(f"`c` stands {apart:.3g} m from `b`: ")
+    where = f"{apart:.3g} m from `b`: that is flown in {apart / EDGE_540.envelope.V.lower:.2g} s"
+    assert remark.text.startswith(f"`c` stands {where if apart else 'in the same place as `b`: only a circle'}")
+    assert remark.text.endswith("are they one gate?")
 
 
 def test_gates_that_can_be_flown_one_after_the_other_are_not_asked_about() -> None:

@@ -39,6 +39,15 @@ def test_a_fault_in_the_log_is_told_and_ends_the_study_with_code_1(tmp_path: Pat
     assert "number 0, a kind: a traceback" in ran.stdout
 
 
+def test_extreme_courses_are_flown_or_refused_with_a_reason_in_time(tmp_path: Path) -> None:
+    """Too much mass, two gates in one place, a climb of 900 m, floor and ceiling at one height."""
+    log = tmp_path / "log.jsonl"
+    assert "faults: 0" in study("extremes", 4, log)
+    records = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    assert [one["outcome"] for one in records] == ["refused", "done", "done", "done"]
+    assert "mass_kg" in records[0]["reason"]
+
+
 @linux_only
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["signals", "full_disks"])

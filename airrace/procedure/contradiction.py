@@ -1,0 +1,57 @@
+"""Limits that contradict each other, found out while the first flight is pieced together.
+
+A phase that the homotopy cannot add is looked at with the legs around it, which may begin in any way that the gate
+before them allows, and which nothing follows. A race that asks for legs that cannot be flown by themselves has no
+flight either, so nothing else need be tried from which all of it would be solved in vain.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.procedure.diagnosis import OPTIONS, window_around
+from airrace.procedure.solving import Workbench
+
+ITERATIONS_MAX = 300
+"""The largest number of iterations in which a solver may make its claim; IPOPT took 90 to 260 where it made one."""
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """The place of a contradiction: the phase `torn` of a problem, around which a guess leads to no flight.
+
+    `worst` is the condition that the last solver violated most.
+    """
+
+    problem: Problem
+    guess: Iterate
+    torn: int
+    worst: str
+
+
+def contradiction(bench: Workbench, problem: Problem, torn: int, guesses: Sequence[Iterate]) -> Contradiction | None:
+    """Return the contradiction around a phase; None unless all agree that there is one.
+
+    The primary solver has to fail from every guess, and the fallback has to claim that there is no flight near. Finding
+    none is not enough, and where both are one solver nobody can claim it.
+
+    Args:
+        bench: what solves.
+        problem: of the race.
+        torn: the phase that could not be added.
+        guesses: of the race, flights of which that phase and those around it are used.
+    """
+    primary, *others = bench.solvers
+    worst = ""
+    if not others:
+        return None
+    for solver in (primary, *others):
+        for guess in guesses:
+            window, start, _ = window_around(problem, torn, guess)
+            options = dataclasses.replace(OPTIONS, iterations_max=ITERATIONS_MAX)
+            solution = bench.attempt(window, start, "the legs around it alone", solver, options)
+            if solution is None or solution.success or (solver != primary and not solution.infeasible):
+                return None
+            worst = solution.worst
+    return Contradiction(problem, guesses[0], torn, worst)
