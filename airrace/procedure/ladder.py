@@ -13,6 +13,7 @@ from airrace.planning.as_flown import plan_as_flown
 from airrace.planning.choices import TWIN
 from airrace.planning.plan import Plan, plan
 from airrace.planning.race import Race
+from airrace.procedure.explanation import explained
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
@@ -105,7 +106,7 @@ class Ladder:
         if fidelity.guess:
             result = fly_homotopy(self.flight(stage), bench)
         elif fidelity.inner_controller is None:
-            result = self._first_optimum(bench)
+            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)

@@ -1,0 +1,250 @@
+"""Infeasible courses: limit and place are named, and flying again with the suggestion ends with a certificate.
+
+    python scripts/study_infeasible.py [--count N] [--seed SEED] [--log FILE]
+
+Each course is spoilt by one limit, which is known, as is the place where it hurts. The distribution is the table
+`KINDS`, all of them alike.
+"""
+
+import json
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robustness import COMMAND, Ran, Record, choice_of, environment, outcome, play_study
+
+FLY = ("--until", "point-mass", "--guess", "plan", "--explore", "off", "--json")
+LONGEST = 60.0  # s
+CALM = 60.0  # m, half the width of the corridor
+
+
+@dataclass(frozen=True)
+class Spoilt:
+    """A course with one limit too tight.
+
+    Attributes:
+        track: its text, or the name of one that comes along.
+        changed: what is set to spoil it.
+        keys: of the limit; any of them names it.
+        places: elements at which it hurts; a told place that has one of them in it names it.
+    """
+
+    track: str
+    changed: tuple[str, ...]
+    keys: tuple[str, ...]
+    places: tuple[str, ...]
+
+
+def corridor(gates: Sequence[str], rules: str = "", rest: str = "", ceiling: float = 80.0, wide: float = CALM) -> str:
+    """A course of named elements northward through a corridor in which nobody can turn around."""
+    names = [gate.partition(":")[0].strip() for gate in gates]
+    corners = ", ".join(
+        f"{{north_m: {north:g}, east_m: {east:g}}}"
+        for north, east in ((-200, -wide), (4000, -wide), (4000, wide), (-200, wide))
+    )
+    lines = "".join(f"  {gate}\n" for gate in gates)
+    return (
+        f"schema: airrace/track/1\nname: spoilt\naircraft: edge540\n"
+        f"rules: {{n_z_max: 10, start_speed_max_kt: 200, ceiling_m: {ceiling:g}{rules}}}\n"
+        f"airspace: [{corners}]\n{rest}gates:\n{lines}"
+        f"course: {{start: {names[0]}, lap: [{', '.join(names[1:-1])}], finish: {names[-1]}}}\n"
+    )
+
+
+def gate(name: str, north: float, east: float = 0.0, more: str = "") -> str:
+    return f"{name}: {{type: level, north_m: {north:g}, east_m: {east:g}, heading_deg: 0{more}}}"
+
+
+def row(near: str, distance: float) -> list[str]:
+    """Three quiet gates, one drawn at a distance (m) behind them, and two more."""
+    return [gate("a", 0), gate("b", 250), gate("c", 500), near, gate("e", 750 + distance), gate("f", 1000 + distance)]
+
+
+def low_ceiling(rng: random.Random) -> Spoilt:
+    changed = f"rules.ceiling_m={rng.uniform(95, 170):.0f}"
+    return Spoilt("half_cuban_eight", (changed,), ("rules.ceiling_m",), ("entry", "vertical", "down_line"))
+
+
+def weak_loop(rng: random.Random) -> Spoilt:
+    changed = (f"rules.n_z_max={rng.uniform(2.0, 3.2):.1f}", f"rules.ceiling_m={rng.choice((220, 240))}")
+    return Spoilt("half_cuban_eight", changed, ("rules.n_z_max",), ("entry", "vertical", "down_line", "upright", "exit"))
+
+
+def slow_loop(rng: random.Random) -> Spoilt:
+    changed = f"rules.start_speed_max_kt={rng.uniform(70, 88):.0f}"
+    keys = ("rules.start_speed_max_kt",)
+    return Spoilt("half_cuban_eight", (changed,), keys, ("entry", "vertical", "down_line"))
+
+
+def weak_turn(rng: random.Random) -> Spoilt:
+    distance, aside = rng.uniform(110, 160), rng.uniform(30, 40)
+    track = corridor(row(gate("d", 500 + distance, aside), distance))
+    return Spoilt(track, (f"rules.n_z_max={rng.uniform(1.05, 1.15):.2f}",), ("rules.n_z_max",), ("c", "d", "e"))
+
+
+def slow_roll(rng: random.Random) -> Spoilt:
+    distance = rng.uniform(50, 80)
+    knife = f"d: {{type: knife-edge, north_m: {500 + distance:.1f}, east_m: 0, heading_deg: 0, bank: right}}"
+    changed = f"rules.roll_rate_max_deg_s={rng.uniform(12, 25):.0f}"
+    return Spoilt(corridor(row(knife, distance)), (changed,), ("rules.roll_rate_max_deg_s",), ("c", "d", "e"))
+
+
+def strict_bank(rng: random.Random) -> Spoilt:
+    distance, aside = rng.uniform(45, 60), rng.uniform(14, 18)
+    track = corridor(row(gate("d", 500 + distance, aside), distance))
+    changed = [f"gates.{name}.bank_tolerance_deg={rng.uniform(0.5, 2):.1f}" for name in ("c", "d")]
+    return Spoilt(track, (changed[1],), ("gates.d.bank_tolerance_deg",), ("c", "d", "e"))
+
+
+def strict_crossing(rng: random.Random) -> Spoilt:
+    distance, aside = rng.uniform(50, 80), rng.uniform(30, 40)
+    gates = [gate("a", 0), gate("b", 250, -aside / 2), gate("d", 250 + distance, 0.0), gate("e", 250 + 2 * distance, aside / 2)]
+    track = corridor([*gates, gate("f", 700, 0.0)])
+    changed = f"gates.d.crossing_max_deg={rng.uniform(2, 6):.0f}"
+    return Spoilt(track, (changed,), ("gates.d.crossing_max_deg",), ("b", "d", "e"))
+
+
+def high_gate(rng: random.Random) -> Spoilt:
+    distance = rng.uniform(60, 90)
+    track = corridor(row(gate("d", 500 + distance), distance), ceiling=200)
+    low = rng.uniform(100, 140)
+    changed = tuple(f"gates.d.height{key}_m={value:.0f}" for key, value in (("", low + 5), ("_min", low), ("_max", low + 10)))
+    return Spoilt(track, changed, ("gates.d.height_min_m",), ("c", "d"))
+
+
+def flat_climb(rng: random.Random) -> Spoilt:
+    distance = rng.uniform(100, 130)
+    band = ", height_m: 70, height_min_m: 65, height_max_m: 75, crossing_max_deg: 20"
+    between = gate("m", 500 + distance / 2, 0.0, ", height_m: 45, height_min_m: 43, height_max_m: 47")
+    gates = row(gate("d", 500 + distance, 0.0, band), distance)
+    track = corridor([*gates[:3], between, *gates[3:]], ceiling=120)
+    changed = f"gates.m.climb_max_deg={rng.uniform(3, 12):.0f}"
+    return Spoilt(track, (changed,), ("gates.m.climb_max_deg",), ("c", "m", "d"))
+
+
+def wide_berth(rng: random.Random) -> Spoilt:
+    pylon = "d: {type: pylon, north_m: 620, east_m: -10, pass_side_deg: 90, reach_m: 150}"
+    track = corridor(row(pylon, 120.0))
+    changed = f"gates.d.clearance_m={rng.uniform(68, 90):.0f}"
+    return Spoilt(track, (changed,), ("gates.d.clearance_m",), ("c", "d", "e"))
+
+
+def near_line(rng: random.Random) -> Spoilt:
+    """Around a turning point by the shore, with a line that leaves too little room for the turn."""
+    room = rng.uniform(120, 160)
+    text = (
+        "schema: airrace/track/1\nname: spoilt\naircraft: edge540\nrules: {n_z_max: 4, ceiling_m: 40}\n"
+        f"safety_lines:\n  shore: {{from: {{north_m: {room:.0f}, east_m: 500}}, to: {{north_m: {room:.0f}, "
+        "east_m: -500}, keep: left, margin_m: 0}\n"
+        "gates:\n"
+        f"  a: {{type: level, north_m: -600, east_m: 0, heading_deg: 0}}\n"
+        "  b: {type: level, north_m: 0, east_m: 0, heading_deg: 0}\n"
+        "  c: {type: level, north_m: 0, east_m: -120, heading_deg: 180}\n"
+        "  d: {type: level, north_m: -600, east_m: -120, heading_deg: 180}\n"
+        "course: {start: a, lap: [b, {gate: c, safety_lines: [shore]}], finish: d}\n"
+    )
+    changed = f"safety_lines.shore.margin_m={rng.uniform(85, 110):.0f}"
+    return Spoilt(text, (changed,), ("safety_lines.shore.margin_m",), ("b", "c"))
+
+
+def near_crowd(rng: random.Random) -> Spoilt:
+    rest = "crowd:\n  stands: {point: {north_m: 620, east_m: 40}, measured: over-ground, distance_m: 20}\n"
+    track = corridor([gate("a", 0), gate("b", 250), gate("c", 500), gate("d", 740), gate("e", 990)], rest=rest)
+    return Spoilt(track, (f"crowd.stands.distance_m={rng.uniform(102, 120):.0f}",), ("crowd.stands.distance_m",), ("c", "d"))
+
+
+def little_power(rng: random.Random) -> Spoilt:
+    gates = [gate("a", 0), gate("b", 400), gate("c", 900), gate("d", 1700, 0.0, ", height_m: 220")]
+    track = corridor(gates, ceiling=400)
+    changed = ("rules.start_speed_max_kt=100", f"aircraft.propulsion.power_max_kW={rng.uniform(25, 60):.0f}")
+    return Spoilt(track, changed, ("aircraft.propulsion.power_max_kW",), ("b", "c", "d"))
+
+
+def much_mass(rng: random.Random) -> Spoilt:
+    changed = ("rules.ceiling_m=230", f"aircraft.airframe.mass_kg={rng.uniform(1300, 2000):.0f}")
+    keys = ("aircraft.airframe.mass_kg",)
+    return Spoilt("half_cuban_eight", changed, keys, ("entry", "vertical", "down_line", "upright", "exit"))
+
+
+KINDS: dict[str, Callable[[random.Random], Spoilt]] = {
+    "a ceiling": low_ceiling,
+    "a climb angle": flat_climb,
+    "a clearance": wide_berth,
+    "a crossing angle": strict_crossing,
+    "a crowd": near_crowd,
+    "a gate's height": high_gate,
+    "a load factor in a loop": weak_loop,
+    "a load factor in a turn": weak_turn,
+    "a mass": much_mass,
+    "a power": little_power,
+    "a roll rate": slow_roll,
+    "a safety line": near_line,
+    "a start speed": slow_loop,
+    "a tolerance of bank": strict_bank,
+}
+
+
+def fly(folder: Path, track: str, settings: Sequence[str]) -> tuple[Ran, dict[str, Any]]:  # Any: JSON
+    """Fly a course in a process of its own; return what it said, and its answer."""
+    named = track
+    if "\n" in track:
+        named = "spoilt.yaml"
+        (folder / named).write_text(track, encoding="utf-8")
+    changed = [text for one in settings for text in ("--set", one)]
+    began = time.monotonic()
+    ended = subprocess.run(
+        [*COMMAND, "optimize", named, *FLY, *changed, "--out", "run.h5", "--force"],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=600.0,
+        check=False,
+    )
+    try:
+        answer = json.loads(ended.stdout)
+    except ValueError:
+        answer = {}
+    return Ran(ended.returncode, ended.stdout, ended.stderr, time.monotonic() - began), answer
+
+
+def trial(rng: random.Random, number: int, kind: str = "") -> Record:
+    kind, drawn = choice_of(rng, KINDS)
+    spoilt: Spoilt = drawn(rng)
+    with tempfile.TemporaryDirectory() as name:
+        ran, answer = fly(Path(name), spoilt.track, spoilt.changed)
+        stages = answer.get("stages") or [{}]
+        conflicts = stages[-1].get("conflicts") or []
+        ways = [way for one in conflicts for way in one["remedies"]]
+        suggested = [f"{one['remedies'][0]['key']}={one['remedies'][0]['needed']:g}" for one in conflicts if one["remedies"]]
+        again, _ = fly(Path(name), spoilt.track, [*spoilt.changed, *suggested]) if suggested else (None, {})
+    places = {part for one in conflicts for leg in one["where"].split(" -> ") for part in (leg.partition(":")[2],)}
+    limit_named = any(way["key"] in spoilt.keys for way in ways)
+    place_named = any(place in spoilt.places for place in places)
+    works = again is not None and again.code == 0
+    faults = ran.faults(LONGEST)
+    if ran.code == 0:
+        faults.append("is not infeasible")
+    else:
+        faults += [text for text, holds in (("limit not named", limit_named), ("place not named", place_named)) if not holds]
+        faults += [] if works else ["suggestion does not fly"]
+    reason = ran.err.strip().splitlines()[-1][:800] if ran.code and ran.err.strip() else ""
+    return {
+        "kind": kind,
+        "outcome": "works" if works else outcome(ran.code),
+        "seconds": ran.seconds,
+        "faults": faults,
+        "changed": list(spoilt.changed),
+        "suggested": suggested,
+        "reason": reason,
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(play_study(__doc__ or "", 50, trial))
