@@ -2,7 +2,7 @@
 
 Two problems of the same structure differ in numbers alone: one is asked for, the other is milder. Between them, and
 beyond the milder one, lies a line of problems, on which every number moves in proportion. How far along that line the
-limits have to give way is one more state `relaxed` without a rate, 0 for what is asked for and 1 for the milder problem:
+limits have to give way is one more state `relaxed`, without a rate: 0 for what is asked for, 1 for the milder problem.
 
     c(x, u, p + relaxed dp) - relaxed d_upper <= upper,     relaxed >= 0
 
@@ -12,9 +12,9 @@ and minimising it gives the least relaxation in that direction.
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -318,12 +318,12 @@ def _seen(
     change = ca.SX.sym("db", len(parameters) if changing else 0)
     amount = ca.SX.sym("amount", len(ends))
     now = b + relaxed * change if changing else b
-    values = observation.values(x, now).elements() if observation else []
-    by_name = {one.name: (one, x[row]) for row, one in enumerate(states)}
-    by_name |= {one.name: (one, values[row]) for row, one in enumerate(quantities)}
-    giving = [(*by_name[name], f"{name}{end}", amount[row]) for row, (name, end) in enumerate(ends)]
-    values = [*values, *(value - relaxed * by for _, value, _, by in giving)]
-    rows = [dataclasses.replace(one, name=name) for one, _, name, _ in giving]
+    seen = observation.values(x, now).elements() if observation else []
+    declared = {one.name: one for one in (*states, *quantities)}
+    symbols: dict[str, Any] = {one.name: x[row] for row, one in enumerate(states)}  # Any: casadi's elements of SX
+    symbols |= dict(zip((one.name for one in quantities), seen, strict=True))
+    giving = [symbols[name] - relaxed * amount[row] for row, (name, _) in enumerate(ends)]
+    rows = [dataclasses.replace(declared[name], name=f"{name}{end}") for name, end in ends]
     return Observation(
         name=f"{observation.name if observation else 'states'}, giving way",
         quantities=(*quantities, *rows),
@@ -332,7 +332,9 @@ def _seen(
             *(dataclasses.replace(one, name=f"d_{one.name}") for one in (parameters if changing else ())),
             *(dataclasses.replace(one, name=f"d_{one.name}") for one in rows),
         ),
-        values=ca.Function("seen", [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*values)], {"cse": True}),
+        values=ca.Function(
+            "seen", [_vertcat(x, relaxed), _vertcat(b, change, amount)], [_vertcat(*seen, *giving)], {"cse": True}
+        ),
     )
 
 

@@ -10,10 +10,10 @@ from airrace.errors import CheckpointError, InputError, NotCertified
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.prices.price import Activity, Group, Price, group_of, unit_of, usual_step
-from airrace.procedure.varied import VariedProblem
 from airrace.prices.worth import OtherStructureError, Value, Worth
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.varied import VariedProblem
 
 STEP = 1e-3
 """The share of a usual step by which a number is changed."""

@@ -6,7 +6,9 @@ all is flown.
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from airrace.optimal_control.problem import Iterate
 from airrace.planning.race import Race
@@ -14,17 +16,23 @@ from airrace.procedure.conflicts import Search
 from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, refined
-from airrace.procedure.models import iterate_of
+from airrace.procedure.levers import levers
 from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
-from airrace.trajectory import Trajectory
+from airrace.procedure.stage import Stage
+from airrace.procedure.varied import with_passages
 
-MESHES_MAX = 4
+MESHES_MAX = 3
 """The largest number of meshes after the first on which a suggestion is tried.
 
 Flights that need more are at the edge of what is possible: the half Cuban eight took 2842 intervals there.
+"""
+MILDER = 4.0
+"""The usual steps by which all levers give way in the race whose plan is a second way round.
+
+Where an angle of crossing is too small, the plan loops; with a larger one it goes straight.
 """
 NO_FLIGHT = "no flight was found: "
 """The words with which the explanation begins."""
@@ -42,18 +50,23 @@ def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench)
     """
     if result.is_flight or result.outcome is Outcome.TIMEOUT:
         return result
-    mesh = first_mesh(flight.plan, bench.settings.mesh)
-    trial = _Trial(_impatient(bench), race, flight, mesh)
-    search = Search(Relaxer(bench, race, flight, mesh), race, trial.fly)
-    remedies = search.remedies(_starts(flight, mesh, result.trajectory))
+    trial = _Trial(_impatient(bench), race, flight.stage)
+    search = Search(list(_ways(race, flight, bench)), race, trial.fly)
+    remedies = search.remedies()
     if search.found is not None:
         return search.found
     if not remedies:
-        return result
+        return _on_record(result, bench)
     message = NO_FLIGHT + told(remedies)
     if bench.settings.explore is Explore.OFF:
         message = f"{message}; {OTHER_WAYS}"
-    return dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=remedies)
+    contradictory = dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=remedies)
+    return _on_record(contradictory, bench)
+
+
+def _on_record(result: StageResult, bench: Workbench) -> StageResult:
+    """Return a result with the record of all that was solved for its stage."""
+    return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
 
 
 def _impatient(bench: Workbench) -> Workbench:
@@ -63,11 +76,19 @@ def _impatient(bench: Workbench) -> Workbench:
     return dataclasses.replace(bench, settings=dataclasses.replace(settings, mesh=fewer))
 
 
-def _starts(flight: Flight, mesh: Sequence[tuple[float, ...]], stuck: Trajectory) -> list[Iterate]:
-    """Return the flights to begin with: the plan, and where the solver gave up if that is on the same mesh."""
-    planned = guess(flight.plan, mesh)
-    given_up = iterate_of(stuck)
-    return [planned, given_up] if given_up.state.shape == planned.state.shape else [planned]
+def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
+    """Yield the ways round on which the race is relaxed: as it is planned, and as a milder race would be planned."""
+    milder = race
+    for lever in levers(race):
+        milder = lever.changed(milder, lever.at_steps(min(MILDER, 0.9 * lever.steps_max)))
+    plans = [flight.plan, with_passages(milder.plan, race.course)]
+    before: Iterate | None = None
+    for plan in plans:
+        mesh = first_mesh(plan, bench.settings.mesh)
+        start = guess(plan, mesh)
+        if before is None or not np.array_equal(before.state, start.state):
+            yield Relaxer(bench, race, dataclasses.replace(flight, plan=plan), mesh), start
+        before = start
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,23 +97,25 @@ class _Trial:
 
     bench: Workbench
     race: Race
-    flight: Flight
-    mesh: Sequence[tuple[float, ...]]
+    stage: Stage
 
-    def fly(self, race: Race, near: Relaxed) -> StageResult | None:
-        """Return the certified flight of a race; None if none was found.
+    def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> tuple[StageResult | None, float]:
+        """Return the certified flight of a race, None if none was found, and the work: iterations times intervals.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
-        settings = self.bench.settings
-        flight = stage_flight(self.flight.stage, race, settings)
+        settings, before = self.bench.settings, len(self.bench.attempts)
+        flight = stage_flight(self.stage, race, settings)
         mesh = first_mesh(flight.plan, settings.mesh)
+        found = None
         if race is not self.race:  # whose plan has led nowhere
             found = self._certified(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER))
-            if found is not None:
-                return found
-        return self._certified(Start(flight, flight.problem(self.mesh), near.flight, PIECED_BARRIER))
+        if found is None:
+            along = relaxer.flight(race)
+            found = self._certified(Start(along, along.problem(relaxer.mesh), near.flight, PIECED_BARRIER))
+        intervals = flight.problem(mesh).intervals if found is None else len(found.trajectory.time) - 1
+        return found, sum(one.iterations for one in self.bench.attempts[before:]) * float(intervals)
 
     def _certified(self, start: Start) -> StageResult | None:
         found = refined(self.bench, start, self.bench.settings.solver.primary)

@@ -145,9 +145,8 @@ class Ladder:
 
     def _optimum(self, stage: Stage, starts: Sequence[Callable[[], Start]], bench: Workbench) -> StageResult:
         """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
-        if self.proves(stage):
-            return optimise_jointly(bench, starts)
-        return optimise_jointly(bench, starts, on_one_mesh)
+        refine = None if self.proves(stage) else on_one_mesh
+        return optimise_jointly(bench, starts, refine, diagnosing=stage is not Stage.POINT_MASS)  # see `explained`
 
     def _told_apart(self, results: Sequence[StageResult], bench: Workbench) -> Sequence[StageResult]:
         """Optima of one stage, proved where their meshes may hide which of them is the fastest.

@@ -7,106 +7,21 @@ race with another value. Limits that nobody has set have none.
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from typing import Any
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.planning.race import Race
-from airrace.quantities import KNOT, Interval
-from airrace.track.course import Course, Passage
-from airrace.track.element import Element
-from airrace.track.gate import LEVEL, Gate
-from airrace.track.manoeuvre import Manoeuvre
-from airrace.track.passing import Passing, Tolerances
-from airrace.track.pylon import Pylon
+from airrace.procedure.gate_levers import HIGHEST, gate_levers
+from airrace.procedure.lever import Lever
+from airrace.quantities import KNOT
+from airrace.track.course import Course
 
 DEGREE = math.pi / 180.0
-STEEPEST, MOST_CROSSING, MOST_BANK = 85.0, 85.0, 89.0
-"""The largest angles to which a climb, a crossing and a tolerance of bank are relaxed, deg."""
-HIGHEST = 5000.0
-"""The largest ceiling that the track language knows, m."""
-
-
-@dataclass(frozen=True)
-class Lever:
-    """A number that may be relaxed.
-
-    Attributes:
-        key: that `--set` takes.
-        text: what it is, for people.
-        at: the gate that it belongs to, by its key; empty where it holds all along.
-        unit: of its value; empty for a number.
-        value: as it is.
-        step: a usual change to the milder side, with its sign.
-        digit: the unit of the last digit that is told of it.
-        furthest: the last value that makes sense.
-        changed: makes the race with another value.
-        curve: what of the value enters the equations in proportion.
-        inverse: the value from that.
-        settable_from: the least value that the inputs allow.
-    """
-
-    key: str
-    text: str
-    at: str
-    unit: str
-    value: float
-    step: float
-    digit: float
-    furthest: float
-    changed: Callable[[Race, float], Race]
-    curve: Callable[[float], float] = float
-    inverse: Callable[[float], float] = float
-    settable_from: float = -math.inf
-
-    @property
-    def told(self) -> str:
-        """What it is, and at which gate, for people."""
-        return f"{self.text} at {self.at}" if self.at else self.text
-
-    @property
-    def of_aircraft(self) -> bool:
-        """Whether it is the aircraft's number, which no race director can change."""
-        return self.key.startswith("aircraft.")
-
-    @property
-    def milder(self) -> float:
-        """The value after a usual step, or half of what is left where that is less."""
-        room = self.furthest - self.value
-        return self.value + (self.step if abs(room) > abs(self.step) else 0.5 * room)
-
-    @property
-    def steps_max(self) -> float:
-        """The number of steps, in proportion, to the last value that makes sense."""
-        return self._steps(self.furthest)
-
-    def at_steps(self, steps: float) -> float:
-        """Return the value after so many steps, taken in proportion to what enters the equations."""
-        now, milder = self.curve(self.value), self.curve(self.milder)
-        return self.inverse(now + steps * (milder - now))
-
-    def _steps(self, value: float) -> float:
-        now, milder = self.curve(self.value), self.curve(self.milder)
-        return (self.curve(value) - now) / (milder - now)
-
-    def usual_steps(self, value: float) -> float:
-        """Return how many usual steps a value is away."""
-        return (value - self.value) / self.step
-
-    def settable(self, value: float) -> bool:
-        """Return whether the inputs allow a value."""
-        return value >= self.settable_from
-
-    def rounded(self, value: float) -> float:
-        """Return a value rounded to the milder side in the last digit that is told, within what makes sense."""
-        whole = math.ceil if self.step > 0.0 else math.floor
-        digits = max(0, -math.floor(math.log10(self.digit)))
-        told = round(whole(round(value / self.digit, 6)) * self.digit, digits)
-        return min(told, self.furthest) if self.step > 0.0 else max(told, self.furthest)
 
 
 def levers(race: Race) -> list[Lever]:
     """Return all levers of a race: rules, gates, surroundings, the aircraft."""
-    found = [*_rules(race), *_gates(race.course), *_surroundings(race.course), *_aircraft(race)]
+    found = [*_rules(race), *gate_levers(race.course), *_surroundings(race.course), *_aircraft(race)]
     return [one for one in found if (one.furthest - one.value) * one.step > 0.0]
 
 
@@ -147,9 +62,7 @@ def _rules(race: Race) -> Iterator[Lever]:
     if math.isfinite(start):
         knots = round(start / KNOT, 9)
         furthest = min(500.0, math.floor(envelope.V.upper / KNOT))
-        yield Lever(
-            "rules.start_speed_max_kt", "start speed", "", "kt", knots, 10.0, 1.0, furthest, _start_speed
-        )
+        yield Lever("rules.start_speed_max_kt", "start speed", "", "kt", knots, 10.0, 1.0, furthest, _start_speed)
 
 
 _RULES = {
@@ -170,145 +83,8 @@ def _start_speed(race: Race, value: float) -> Race:
     return _with_course(race, passages=(faster, *others))
 
 
-def _with_course(race: Race, **changes: object) -> Race:
+def _with_course(race: Race, **changes: Any) -> Race:  # Any: attributes of a course
     return dataclasses.replace(race, course=dataclasses.replace(race.course, **changes))
-
-
-# Gates.
-
-
-def base_name(element: Element) -> str:
-    """Return the key of the entry of `gates` that an element belongs to: `q` of `q/1`."""
-    return element.name.partition("/")[0]
-
-
-def _gates(course: Course) -> Iterator[Lever]:
-    seen = {base_name(passage.element): passage.element for passage in reversed(course.passages)}
-    for name, element in reversed(seen.items()):
-        match element:
-            case Gate() | Pylon():
-                yield from _tolerances(name, element)
-            case Manoeuvre():
-                yield from _manoeuvre(name, element)
-            case _:
-                continue
-
-
-def _tolerances(name: str, element: Gate | Pylon) -> Iterator[Lever]:
-    allowed, window = element.tolerances, element.passing is Passing.WINDOW
-
-    def lever(
-        key: str, text: str, unit: str, numbers: tuple[float, float, float, float], set_to: "_Set", **curve: "_Curve"
-    ) -> Lever:
-        value, step, digit, furthest = numbers
-
-        def changed(race: Race, value: float) -> Race:
-            return _with_elements(race, name, lambda one: _tolerating(one, set_to(one.tolerances, value)))
-
-        return Lever(f"gates.{name}.{key}", text, name, unit, value, step, digit, furthest, changed, **curve)
-
-    def angle(
-        key: str, text: str, at: float, numbers: tuple[float, float], set_to: "_Set", of: "_Curve", inverse: "_Curve"
-    ) -> Lever:
-        step, furthest = numbers
-        return lever(
-            key,
-            text,
-            "deg",
-            (round(math.degrees(at), 9), step, 1.0, furthest),
-            set_to,
-            curve=lambda value: of(math.radians(value)),
-            inverse=lambda value: math.degrees(inverse(value)),
-        )
-
-    def crossing(was: Tolerances, value: float) -> Tolerances:
-        return dataclasses.replace(was, crossing=math.radians(value))
-
-    def climb(end: str) -> "_Set":
-        return lambda was, value: dataclasses.replace(
-            was, climb=dataclasses.replace(was.climb, **{end: math.radians(value)})
-        )
-
-    def height(end: str) -> "_Set":
-        return lambda was, value: dataclasses.replace(was, height=dataclasses.replace(was.height, **{end: value}))
-
-    def clearance(was: Tolerances, value: float) -> Tolerances:
-        return dataclasses.replace(was, clearance=value)
-
-    def bank(was: Tolerances, value: float) -> Tolerances:
-        return dataclasses.replace(was, bank=math.radians(value))
-
-    yield angle("crossing_max_deg", "crossing angle", allowed.crossing, (10.0, MOST_CROSSING), crossing, math.tan, math.atan)
-    yield angle("climb_max_deg", "climb angle", allowed.climb.upper, (10.0, STEEPEST), climb("upper"), math.sin, _asin)
-    yield angle("climb_min_deg", "climb angle", allowed.climb.lower, (-10.0, -STEEPEST), climb("lower"), math.sin, _asin)
-    if not window:
-        return
-    yield lever("height_max_m", "height", "m", (allowed.height.upper, 5.0, 1.0, HIGHEST), height("upper"))
-    yield lever("height_min_m", "height", "m", (allowed.height.lower, -5.0, 1.0, min(allowed.height.lower, 0.0)), height("lower"))
-    yield lever("clearance_m", "clearance", "m", (allowed.clearance, -0.5, 0.1, 0.0), clearance)
-    if isinstance(element, Gate):
-        yield angle("bank_tolerance_deg", "bank tolerance", allowed.bank, (5.0, MOST_BANK), bank, math.tan, math.atan)
-        yield Lever(
-            f"gates.{name}.width_m", "width", name, "m", element.width, 1.0, 0.1, 100.0, _width(name)
-        )
-    else:
-        yield Lever(f"gates.{name}.reach_m", "reach", name, "m", element.reach, 10.0, 1.0, 1000.0, _reach(name))
-
-
-_Set = Callable[[Tolerances, float], Tolerances]
-_Curve = Callable[[float], float]
-
-
-def _asin(sine: float) -> float:
-    return math.asin(max(-1.0, min(1.0, sine)))
-
-
-def _tolerating(element: Gate | Pylon, tolerances: Tolerances) -> Gate | Pylon:
-    return dataclasses.replace(element, tolerances=tolerances)
-
-
-def _width(name: str) -> Callable[[Race, float], Race]:
-    return lambda race, value: _with_elements(race, name, lambda one: dataclasses.replace(one, width=value))
-
-
-def _reach(name: str) -> Callable[[Race, float], Race]:
-    return lambda race, value: _with_elements(race, name, lambda one: dataclasses.replace(one, reach=value))
-
-
-def _manoeuvre(name: str, element: Manoeuvre) -> Iterator[Lever]:
-    def changing(end: str) -> Callable[[Race, float], Race]:
-        def changed(race: Race, value: float) -> Race:
-            def at(one: Manoeuvre) -> Manoeuvre:
-                if one.height.bounded:
-                    return dataclasses.replace(one, height=dataclasses.replace(one.height, **{end: value}))
-                return one
-
-            return _with_elements(race, name, at)
-
-        return changed
-
-    height = element.height
-    if height.lower == height.upper:
-        return
-    if math.isfinite(height.lower):
-        yield Lever(
-            f"gates.{name}.height_min_m", "height", name, "m", height.lower, -10.0, 1.0, min(height.lower, 0.0), changing("lower")
-        )
-    if math.isfinite(height.upper):
-        yield Lever(
-            f"gates.{name}.height_max_m", "height", name, "m", height.upper, 10.0, 1.0, HIGHEST, changing("upper")
-        )
-
-
-def _with_elements(race: Race, name: str, change: Callable[..., Element]) -> Race:
-    """Return the race with all elements changed that belong to one entry of `gates`."""
-
-    def changed(passage: Passage) -> Passage:
-        if base_name(passage.element) != name:
-            return passage
-        return dataclasses.replace(passage, element=change(passage.element))
-
-    return _with_course(race, passages=tuple(changed(one) for one in race.course.passages))
 
 
 # Surroundings.

@@ -30,7 +30,7 @@ from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers import Solution, SolverOptions
 from airrace.planning.race import Race
 from airrace.procedure.flight import Flight
-from airrace.procedure.levers import Lever
+from airrace.procedure.lever import Lever
 from airrace.procedure.solving import Workbench
 from airrace.procedure.varied import VariedProblem
 from airrace.trajectory import Array
@@ -80,7 +80,10 @@ class Relaxed:
 
     @property
     def where(self) -> str:
-        """The phase or boundary that is most to blame; empty where nothing is."""
+        """The phase or boundary that is most to blame; empty where nothing is.
+
+        The start is none of them: where only a faster one would do, what cannot be flown comes later.
+        """
         return max(self.places, key=lambda name: self.places[name], default="")
 
 
@@ -89,6 +92,7 @@ class Relaxer:
 
     def __init__(self, bench: Workbench, race: Race, flight: Flight, mesh: Sequence[tuple[float, ...]]) -> None:
         self._bench = bench
+        self.mesh = mesh
         self._varied = VariedProblem(race, flight, mesh)
 
     def flight(self, race: Race) -> Flight:
@@ -196,6 +200,7 @@ def _with_places(at: Relaxed, strict: Problem, mild: Problem) -> Relaxed:
         if change is not None:
             blame = abs(_observed(boundary, at.flight.state[:, nodes[owner[1]]], change, at, owner))
             places[boundary.name] = places.get(boundary.name, 0.0) + blame
+    places.pop(strict.start.name, None)
     return dataclasses.replace(at, places={name: blame for name, blame in places.items() if blame > 0.0})
 
 
