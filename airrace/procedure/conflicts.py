@@ -3,7 +3,7 @@
 All levers give way together first, each by as many usual steps. That solution tells which of them are to blame, and
 about how far each would have to give way alone: the steps of all together, divided by its share of the blame. Those for
 which that is possible are then relaxed one by one. Where none helps alone, there are several conflicts: the levers of
-other gates are set free, until the first conflict is resolved, and the next is looked for in the race without it.
+other places are set free, until the first conflict is resolved, and the next is looked for in the race without it.
 Every suggestion is flown on the whole race before it is told.
 """
 
@@ -46,7 +46,12 @@ ceilings of 182, 184, 187 and 190 m the half Cuban eight was certified on 4301, 
 the least.
 """
 FREED = 5.0
-"""The steps by which the levers of other gates are set free besides those of all levers together."""
+"""The steps by which the levers of other places are set free besides those of all levers together."""
+SHARES = (0.2, 1.0)
+"""The shares of the largest blame (1) from which on local levers belong to the first conflict, tried in turn.
+
+Where two conflicts ask for about as much, both have blame, and only the lever with most of it is kept.
+"""
 
 
 @dataclass(frozen=True)
@@ -130,8 +135,10 @@ class Search:
             if self._needs_nothing(race, relaxer, together):
                 return
             options, last = self._options(race, known, relaxer, together), True
-            if self.found is None and not options:
-                options, last = self._options(_freed(race, known, together), known, relaxer, together), False
+            for share in SHARES:
+                if self.found is None and not options:
+                    freed = _freed(race, known, relaxer, together, share)
+                    options, last = self._options(freed, known, relaxer, together), False
             if self.found is not None:
                 return
             yield Conflict(together.where, options)
@@ -206,10 +213,19 @@ def _steps(solved: tuple[Relaxer, Relaxed]) -> float:
     return solved[1].steps
 
 
-def _freed(race: Race, known: Sequence[Lever], together: Relaxed) -> Race:
-    """Return the race with the levers of all gates set free that are not to blame for the first conflict."""
-    blamed = {name.partition(":")[2].partition("#")[0] for where in together.places for name in where.split(" -> ")}
-    for lever in known:
-        if lever.at and not any(name == lever.at or name.startswith(f"{lever.at}/") for name in blamed):
-            race = lever.changed(race, lever.at_steps(min(together.steps + FREED, lever.steps_max)))
+def _freed(race: Race, known: Sequence[Lever], relaxer: Relaxer, together: Relaxed, share: float) -> Race:
+    """Return the race with the levers of other places set free.
+
+    Args:
+        race: the race.
+        known: its levers.
+        relaxer: what relaxed it.
+        together: the race with all levers relaxed.
+        share: of the largest blame; local levers with as much of it stay as they are.
+    """
+    local = [(relaxer.blame(race, lever, together), lever) for lever in known if lever.local]
+    most = max((blame for blame, _ in local), default=0.0)
+    for blame, lever in local:
+        if blame < share * most:
+            race = lever.changed(race, lever.at_steps(min(together.steps + FREED, 0.95 * lever.steps_max)))
     return race

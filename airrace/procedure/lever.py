@@ -45,6 +45,11 @@ class Lever:
         return f"{self.text} at {self.at}" if self.at else self.text
 
     @property
+    def local(self) -> bool:
+        """Whether it holds at one place alone."""
+        return self.key.startswith(("gates.", "crowd.", "safety_lines."))
+
+    @property
     def of_aircraft(self) -> bool:
         """Whether it is the aircraft's number, which no race director can change."""
         return self.key.startswith("aircraft.")

@@ -13,6 +13,7 @@ from airrace.trajectory import Array, Trajectory
 HEARSAY = (
     "messages",
     "attempts and timings",
+    "conflicts of limits",
     "ways that were tried",
     "what intervals were last cut or joined for",
     "how far a start strayed",
