@@ -13,10 +13,12 @@ import numpy as np
 from airrace.optimal_control.problem import Iterate
 from airrace.planning.race import Race
 from airrace.procedure.conflicts import Search
-from airrace.procedure.flight import Flight, stage_flight
+from airrace.procedure.diagnosis import diagnose
+from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, refined
 from airrace.procedure.levers import levers
+from airrace.procedure.models import iterate_of
 from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
@@ -55,13 +57,23 @@ def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench)
     remedies = search.remedies()
     if search.found is not None:
         return search.found
-    if not remedies:
-        return _on_record(result, bench)
+    if not any(one.text for one in remedies):
+        return _on_record(_diagnosed(result, remedies, flight, bench), bench)
     message = NO_FLIGHT + told(remedies)
     if bench.settings.explore is Explore.OFF:
         message = f"{message}; {OTHER_WAYS}"
     contradictory = dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=remedies)
     return _on_record(contradictory, bench)
+
+
+def _diagnosed(result: StageResult, remedies: Sequence[Remedy], flight: Flight, bench: Workbench) -> StageResult:
+    """Return a result with the limit without which the legs around the conflict can be flown, if there is one."""
+    problem, stuck = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    conflict = diagnose(bench, problem, stuck, stuck, "")
+    if conflict is None:
+        return result
+    message = NO_FLIGHT + "; ".join(text for text in (told(remedies), conflict) if text)
+    return dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=tuple(remedies))
 
 
 def _on_record(result: StageResult, bench: Workbench) -> StageResult:

@@ -111,7 +111,7 @@ class Relaxer:
         mild = race
         for lever in levers:
             mild = lever.changed(mild, lever.milder)
-        return self._least(race, mild, start, "all limits giving way", begin=1.0, furthest=FURTHEST)
+        return self._least(race, mild, start, "every limit giving way", begin=1.0, furthest=FURTHEST)
 
     def alone(self, race: Race, lever: Lever, near: Relaxed) -> Relaxed | None:
         """Return the least relaxation of one lever; None if that alone does not help, or it is not found."""
