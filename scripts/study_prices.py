@@ -23,13 +23,13 @@ from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
 from airrace.prices.price import Activity, Price
 from airrace.prices.pricing import STEP, prices
-from airrace.procedure.varied import VariedProblem
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.varied import VariedProblem
 from airrace.runs.stored import stored_run
 
 WIDER = 50.0  # than the step of a price

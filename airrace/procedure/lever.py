@@ -41,7 +41,7 @@ class Lever:
 
     @property
     def told(self) -> str:
-        """What it is, and at which gate, for people."""
+        """The words for what it is, and at which gate."""
         return f"{self.text} at {self.at}" if self.at else self.text
 
     @property

@@ -103,8 +103,8 @@ def stage_object(result: StageResult) -> dict[str, object]:
         ],
         "mesh": mesh_object(result),
         "ways": [way_object(way) for way in result.explored.ways],
-        "conflicts": conflict_objects(result.remedies),
         "explored": explored_object(result.explored) if result.explored.ways else None,
+        "conflicts": conflict_objects(result.remedies),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
 

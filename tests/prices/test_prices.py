@@ -11,11 +11,11 @@ from airrace.errors import CheckpointError, NotCertified
 from airrace.optimal_control.service import SolverService
 from airrace.prices.price import Activity, Group
 from airrace.prices.pricing import prices
-from airrace.procedure.varied import VariedProblem
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.solving import Workbench
+from airrace.procedure.varied import VariedProblem
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
