@@ -89,7 +89,7 @@ class Conflict:
 Fly = Callable[[Race, Relaxer, Relaxed], tuple[StageResult | None, float]]
 """A trial: flies a whole race, from its plan or near a relaxed flight.
 
-It returns the flight, None unless it is certified, and the work: iterations times intervals.
+It returns the flight, None if there is none, and the work: iterations times intervals.
 """
 
 

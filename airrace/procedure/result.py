@@ -195,7 +195,7 @@ class Remedy:
         unit: of both values; empty for a plain number.
         given: the value as it is.
         needed: the least value with which a flight was found, rounded to the milder side.
-        race_time: of the certified flight with that value, and the first of every other conflict, s.
+        race_time: of the flight with that value, and the first of every other conflict, on three meshes, s.
     """
 
     conflict: int
