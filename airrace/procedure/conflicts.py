@@ -38,7 +38,7 @@ The estimate is the tangent at the solution for all levers, mostly less than it 
 eight with a ceiling of 100 m it was 7.3 steps for the ceiling, which took 7.9, and 10.1 for the largest lift
 coefficient, which took 13.
 """
-MARGINS = ((1.05, 0.2), (1.12, 0.3), (1.3, 0.5))
+MARGINS = ((1.1, 0.2), (1.2, 0.3), (1.4, 0.5))
 """The factors on the least relaxation, and the usual steps on top, with which a suggestion is tried in turn.
 
 The least relaxation is that of a coarse mesh, and a flight at the edge of what is possible needs very fine ones: with

@@ -56,7 +56,7 @@ def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench)
     search = Search(list(_ways(race, flight, bench)), race, trial.fly)
     remedies = search.remedies()
     if search.found is not None:
-        return search.found
+        return dataclasses.replace(search.found, explored=result.explored)
     if not any(one.text for one in remedies):
         return _on_record(_diagnosed(result, remedies, flight, bench), bench)
     message = NO_FLIGHT + told(remedies)
