@@ -175,7 +175,7 @@ def _aircraft(race: Race) -> Iterator[Lever]:
         yield lever("point_mass.roll_rate_max_deg_s", "the aircraft's roll rate", "deg/s", rate, 20.0, 1.0, 1000.0)
     yield lever("lift.C_L_max", "the aircraft's C_L", "", lift.C_L_max, 0.1, 0.01, max(2.0, 1.5 * lift.C_L_max))
     mass, power = aircraft.airframe.m, aircraft.propulsion.P_max / 1000.0
-    yield lever("airframe.mass_kg", "the mass", "kg", mass, -0.1 * mass, 1.0, 0.1 * mass)
+    yield lever("airframe.mass_kg", "the mass", "kg", mass, -0.1 * mass, 1.0, 0.4 * mass)
     yield lever("propulsion.power_max_kW", "the power", "kW", power, 0.1 * power, 1.0, 10.0 * power)
 
 
