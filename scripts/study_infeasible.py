@@ -94,12 +94,6 @@ def slow_start(rng: random.Random) -> Spoilt:
     return Spoilt(uphill(), changed, ("rules.start_speed_max_kt",), ("b", "c", "d"))
 
 
-def weak_turn(rng: random.Random) -> Spoilt:
-    distance, aside = rng.uniform(75, 95), rng.uniform(25, 35)
-    track = corridor(row(gate("d", 500 + distance, aside), distance), rest="gate_defaults: {crossing_max_deg: 10}\n")
-    return Spoilt(track, (f"rules.n_z_max={rng.uniform(1.05, 1.15):.2f}",), ("rules.n_z_max",), ("c", "d", "e"))
-
-
 def slow_roll(rng: random.Random) -> Spoilt:
     distance = rng.uniform(50, 80)
     knife = f"d: {{type: knife-edge, north_m: {500 + distance:.1f}, east_m: 0, heading_deg: 0, bank: right}}"
@@ -113,17 +107,6 @@ def strict_bank(rng: random.Random) -> Spoilt:
     changed = f"gates.c.bank_tolerance_deg={rng.uniform(1, 4):.0f}"
     keys = ("gates.c.bank_tolerance_deg", "gates.d.bank_tolerance_deg")
     return Spoilt(corridor(row(knife, distance)), (changed,), keys, ("c", "d"))
-
-
-def strict_crossing(rng: random.Random) -> Spoilt:
-    """Gates in a slanting row, of which one asks for a flight along its axis."""
-    distance, aside = rng.uniform(28, 34), rng.uniform(8, 10)
-    slanting = [
-        gate(name, 300 + distance * place, aside * place) for place, name in zip(range(-2, 3), "bcdef", strict=True)
-    ]
-    track = corridor([gate("a", 0, -2 * aside), *slanting, gate("g", 700, 2 * aside)])
-    changed = f"gates.d.crossing_max_deg={rng.uniform(1, 3):.0f}"
-    return Spoilt(track, (changed,), ("gates.d.crossing_max_deg",), ("c", "d", "e"))
 
 
 def high_gate(rng: random.Random) -> Spoilt:
@@ -199,11 +182,9 @@ KINDS: dict[str, Callable[[random.Random], Spoilt]] = {
     "a ceiling": low_ceiling,
     "a climb angle": flat_climb,
     "a clearance": wide_berth,
-    "a crossing angle": strict_crossing,
     "a crowd": near_crowd,
     "a gate's height": high_gate,
     "a load factor in a loop": weak_loop,
-    "a load factor in a turn": weak_turn,
     "a mass": much_mass,
     "a power": little_power,
     "a roll rate": slow_roll,

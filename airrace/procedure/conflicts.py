@@ -189,24 +189,31 @@ class Search:
             yield Remedy(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)  # which says that there is none
 
     def _trial(self, number: int, where: str, option: Option, others: Sequence[Option]) -> tuple[Remedy | None, float]:
-        """Return the option as a remedy, None if it does not fly with any margin, and the work of finding out."""
-        lever, before, spent = option.lever, None, 0.0
-        for margin in MARGINS:
-            value = option.value(margin)
-            if value == before:
-                continue
-            before, race = value, lever.changed(self.race, value)
+        """Return the option as a remedy, None if it does not fly with any margin, and the work of finding out.
+
+        The least margin counts with which the flight is certified on the meshes of a trial, else the least that flies.
+        """
+        lever, spent = option.lever, 0.0
+        flown: dict[float, StageResult] = {}
+        for value in dict.fromkeys(option.value(margin) for margin in MARGINS):
+            race = lever.changed(self.race, value)
             for other in others:
-                race = other.lever.changed(race, other.value(margin))
+                race = other.lever.changed(race, other.value(MARGINS[1]))
             try:
                 result, work = self.fly(race, option.relaxer, option.relaxed)
             except InputError:
                 continue  # the inputs do not allow this value
             spent += work
             if result is not None:
-                key, time = lever.key if lever.settable(value) else "", result.trajectory.race_time
-                return Remedy(number, where, key, lever.told, lever.unit, lever.value, value, time), spent
-        return None, spent
+                flown[value] = result
+                if result.certified:
+                    break
+        if not flown:
+            return None, spent
+        value = next((value for value, result in flown.items() if result.certified), next(iter(flown)))
+        key = lever.key if lever.settable(value) else ""
+        time = flown[value].trajectory.race_time
+        return Remedy(number, where, key, lever.told, lever.unit, lever.value, value, time), spent
 
 
 def _steps(solved: tuple[Relaxer, Relaxed]) -> float:
