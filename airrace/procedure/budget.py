@@ -23,6 +23,8 @@ time.
 """
 FEWEST_INTERVALS = 100
 """The number of intervals that a race is taken to have at least: small ones have time to spare."""
+SEARCHED = 2 / 3
+"""The share of the budget of which nothing is left for an explanation, once it is spent in search of a flight."""
 SPENT = "the budget of iterations is spent"
 """The status of a solve that is not begun for want of work that is left."""
 
@@ -43,6 +45,10 @@ class Budget:
     def begin(self) -> None:
         """Begin a stage, with nothing spent."""
         self.spent = 0
+
+    def for_an_explanation(self) -> "Budget":
+        """Return what is left for finding out why nothing was found: a third at least."""
+        return Budget(self.work, min(self.spent, int(SEARCHED * self.work)) if math.isfinite(self.work) else 0)
 
     @property
     def exhausted(self) -> bool:

@@ -69,7 +69,11 @@ class Failure:
 
 
 def optimise_jointly(
-    bench: Workbench, starts: Sequence[Callable[[], Start | StageResult]], refine: "Refinement | None" = None
+    bench: Workbench,
+    starts: Sequence[Callable[[], Start | StageResult]],
+    refine: "Refinement | None" = None,
+    *,
+    diagnosing: bool = True,
 ) -> StageResult:
     """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
 
@@ -78,6 +82,7 @@ def optimise_jointly(
         starts: in the order in which they are tried; each is made when its turn comes. One that finds out meanwhile
             that there is no flight is a result, and the end.
         refine: leads from a start to an optimum; None for `refined`, which certifies it.
+        diagnosing: whether it is looked for what stands in the way where there is no flight.
     """
     refine = refine or refined
     made: list[Start] = []
@@ -101,7 +106,7 @@ def optimise_jointly(
                 return found
             else:
                 uncertified[number] = found
-    return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures)
+    return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures, diagnosing=diagnosing)
 
 
 Refinement = Callable[[Workbench, Start, str], StageResult | Failure]
@@ -256,12 +261,12 @@ def finished(
     )
 
 
-def _unsolved(bench: Workbench, failures: Sequence[Failure]) -> StageResult:
+def _unsolved(bench: Workbench, failures: Sequence[Failure], *, diagnosing: bool) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
     returned = [one for one in failures if one.solution is not None and one.solution.status != SPENT]
     claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
-    outcome, message = _explained(bench, failure)
+    outcome, message = _explained(bench, failure, diagnosing=diagnosing)
     solution = failure.solution
     return conclude(
         failure.start.flight,
@@ -279,14 +284,14 @@ def _last_flight(start: Start, solution: Solution) -> Iterate:
     return solution.iterate if same_mesh else start.guess
 
 
-def _explained(bench: Workbench, failure: Failure) -> tuple[Outcome, str]:
+def _explained(bench: Workbench, failure: Failure, *, diagnosing: bool) -> tuple[Outcome, str]:
     start, solution = failure.start, failure.solution
     if solution is None:
         return Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
     spent = f"; {SPENT}" if bench.budget.exhausted else ""
     gave_up = f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
     advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
-    if solution.infeasible:
+    if solution.infeasible and diagnosing:
         conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess, solution.worst)
         if conflict is not None:
             return Outcome.INFEASIBLE, conflict

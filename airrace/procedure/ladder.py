@@ -17,6 +17,7 @@ from airrace.planning.race import Race
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.contradiction import Contradiction, contradiction
 from airrace.procedure.diagnosis import blamed
+from airrace.procedure.explanation import explained
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
@@ -110,7 +111,7 @@ class Ladder:
         if fidelity.guess:
             result = self._homotopy(bench)
         elif fidelity.inner_controller is None:
-            result = self._first_optimum(bench)
+            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)
@@ -151,9 +152,8 @@ class Ladder:
         self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], bench: Workbench
     ) -> StageResult:
         """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
-        if self.proves(stage):
-            return optimise_jointly(bench, starts)
-        return optimise_jointly(bench, starts, on_one_mesh)
+        refine = None if self.proves(stage) else on_one_mesh
+        return optimise_jointly(bench, starts, refine, diagnosing=stage is not Stage.POINT_MASS)  # see `explained`
 
     def _told_apart(self, results: Sequence[StageResult], bench: Workbench) -> Sequence[StageResult]:
         """Optima of one stage, proved where their meshes may hide which of them is the fastest.
