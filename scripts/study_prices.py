@@ -23,13 +23,13 @@ from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
 from airrace.prices.price import Activity, Price
 from airrace.prices.pricing import STEP, prices
-from airrace.prices.varied import VariedProblem
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
+from airrace.procedure.varied import VariedProblem
 from airrace.runs.stored import stored_run
 
 WIDER = 50.0  # than the step of a price
@@ -99,7 +99,7 @@ class Study:
         solver = dataclasses.replace(inputs.settings.solver, tolerance=TOLERANCE)
         self._bench = Workbench(service, dataclasses.replace(inputs.settings, solver=solver), Silent())
         self._variation = Variation(inputs)
-        self._varied = VariedProblem(inputs.race, inputs.settings, result)
+        self._varied = VariedProblem.of_result(inputs.race, inputs.settings, result)
         self._guess: Iterate = iterate_of(result.trajectory)
         self.now = self._solved(inputs.race)
 

@@ -10,10 +10,10 @@ from airrace.errors import CheckpointError, InputError, NotCertified
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.prices.price import Activity, Group, Price, group_of, unit_of, usual_step
-from airrace.prices.varied import VariedProblem
 from airrace.prices.worth import OtherStructureError, Value, Worth
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.varied import VariedProblem
 
 STEP = 1e-3
 """The share of a usual step by which a number is changed."""
@@ -46,7 +46,7 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
     if not result.holds:
         raise NotCertified(_uncertified(result))
     variation = Variation(inputs)
-    varied = VariedProblem(inputs.race, inputs.settings, result)
+    varied = VariedProblem.of_result(inputs.race, inputs.settings, result)
     worth = _worth(varied, inputs, result)
 
     def value(key: str, number: float) -> Value | None:

@@ -11,11 +11,11 @@ from airrace.errors import CheckpointError, NotCertified
 from airrace.optimal_control.service import SolverService
 from airrace.prices.price import Activity, Group
 from airrace.prices.pricing import prices
-from airrace.prices.varied import VariedProblem
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.solving import Workbench
+from airrace.procedure.varied import VariedProblem
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
@@ -137,7 +137,7 @@ def test_where_the_range_of_a_key_ends_there_is_a_price_to_the_other_side_alone(
 )
 def test_solving_again_finds_the_price(key: str) -> None:
     one, given, result = priced()[key], inputs(), optimum()
-    variation, varied = Variation(given), VariedProblem(given.race, given.settings, result)
+    variation, varied = Variation(given), VariedProblem.of_result(given.race, given.settings, result)
     closer = dataclasses.replace(given.settings.solver, tolerance=1e-9)
     settings = dataclasses.replace(given.settings, solver=closer)
     change = 0.05 * one.usual_step

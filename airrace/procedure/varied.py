@@ -1,6 +1,8 @@
-"""The problem that a stored stage solved, stated for inputs that differ in a number: same plan, same mesh."""
+"""The problem of a stage, stated for inputs that differ in a number: same plan, same mesh."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Self
 
 from airrace.optimal_control.problem import Problem
 from airrace.planning.plan import Plan
@@ -20,10 +22,23 @@ class VariedProblem:
     its model, for in a race that differs in numbers only parameters and limits differ.
     """
 
-    def __init__(self, race: Race, settings: Settings, result: StageResult) -> None:
+    def __init__(self, race: Race, flight: Flight, mesh: Sequence[tuple[float, ...]]) -> None:
+        """Begin with a race as its flight states it on a mesh.
+
+        Args:
+            race: the race that was flown.
+            flight: its flight.
+            mesh: the fractions of each phase.
+        """
         self.race = race
-        self.flight = stage_flight(result.stage, race, settings, result.trajectory)
-        self._mesh = mesh_of(result.trajectory)
+        self.flight = flight
+        self._mesh = mesh
+
+    @classmethod
+    def of_result(cls, race: Race, settings: Settings, result: StageResult) -> Self:
+        """Begin with a stage that was solved: with its way round, and on its mesh."""
+        flight = stage_flight(result.stage, race, settings, result.trajectory)
+        return cls(race, flight, mesh_of(result.trajectory))
 
     def problem(self, race: Race) -> Problem:
         """Return the problem of a race.
