@@ -19,6 +19,7 @@ from airrace.procedure.result import (
     GateSplit,
     MeshRecord,
     Outcome,
+    Remedy,
     StageResult,
     Timings,
     Way,
@@ -77,15 +78,16 @@ _HASHES = ("inputs_hash", "chain_hash")
 _TEXTS = ("outcome", "message")
 _MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
 _TABLES = ("splits", "attempts", "timings", "facts")
+_OPTIONAL = ("certificate", "remedies")
 _MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "explored")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_MEMBERS, *_HASHES, "rivals", optional=("certificate",))
+    place.expecting(*_MEMBERS, *_HASHES, "rivals", optional=_OPTIONAL)
     rivals = place.group("rivals")
     numbers = [str(number) for number in range(1, len(rivals.node.members) + 1)]
     rivals.expecting(*numbers)
-    found = tuple(_result(rivals.group(one).expecting(*_MEMBERS, optional=("certificate",)), stage) for one in numbers)
+    found = tuple(_result(rivals.group(one).expecting(*_MEMBERS, optional=_OPTIONAL), stage) for one in numbers)
     result = replace(_result(place, stage), rivals=found)
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
@@ -106,9 +108,14 @@ def _result(place: Place, stage: Stage) -> StageResult:
         facts=_one_row(place, "facts", Facts),
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
         explored=_explored(place.group("explored")),
+        remedies=_remedies(place) if "remedies" in place.node.members else (),
     )
     ensure_possible(result, place.path)
     return result
+
+
+def _remedies(place: Place) -> tuple[Remedy, ...]:
+    return rows_of(Remedy, place.table("remedies"), f"{place.path}/remedies")
 
 
 def _one_row(place: Place, name: str, record: type[R]) -> R:

@@ -17,6 +17,7 @@
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
     explored/ways, loops, summary       tables: other ways round that were tried
+    remedies                            table: what would resolve conflicts of limits; only where there are any
     rivals/N/                           flights on other ways round, but for the hashes like the stage itself
 """
 
@@ -31,7 +32,7 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInpu
 from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, StageResult, Timings, Way
+from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, Remedy, StageResult, Timings, Way
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 
@@ -116,6 +117,8 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
         "facts": table_of(Facts, [result.facts]),
         "explored": _explored(result.explored),
     }
+    if result.remedies:
+        members["remedies"] = table_of(Remedy, result.remedies)
     if result.certificate is not None:
         members["certificate"] = _certificate(result.certificate)
     return members

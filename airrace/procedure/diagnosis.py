@@ -44,8 +44,9 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate,
         problem: without a solution.
         stuck: where the solver gave up.
         guess: where it started.
-        worst: the condition that the solver violates most there, told only where no limit is found: the solver spreads
-            a contradiction over whatever gives way most easily, which need not be what is asked too much.
+        worst: the condition that the solver violates most there; empty where that is not known. It is told only where
+            no limit is found: the solver spreads a contradiction over whatever gives way most easily, which need not be
+            what is asked too much.
     """
     torn = worst_phase(problem, stuck)
     first, last = max(0, torn - REACH), min(len(problem.phases), torn + REACH + 1)
@@ -58,7 +59,7 @@ def diagnose(bench: Workbench, problem: Problem, stuck: Iterate, guess: Iterate,
         bench.progress.activity(f"no flight found; trying without the limit of {what}", 0, 0)
         if _can_be_flown(bench, relaxed, start, f"without {what}"):
             return f"{where}; without the limit of {what} there is a flight"
-    return f"{where}; no single limit is to blame; most violated: {worst}"
+    return f"{where}; no single limit is to blame" + (f"; most violated: {worst}" if worst else "")
 
 
 def _can_be_flown(bench: Workbench, problem: Problem, guess: Iterate, purpose: str) -> bool:

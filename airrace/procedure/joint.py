@@ -68,7 +68,11 @@ class Failure:
 
 
 def optimise_jointly(
-    bench: Workbench, starts: Sequence[Callable[[], Start]], refine: "Refinement | None" = None
+    bench: Workbench,
+    starts: Sequence[Callable[[], Start]],
+    refine: "Refinement | None" = None,
+    *,
+    diagnosing: bool = True,
 ) -> StageResult:
     """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
 
@@ -76,6 +80,7 @@ def optimise_jointly(
         bench: what solves.
         starts: in the order in which they are tried; each is made when its turn comes.
         refine: leads from a start to an optimum; None for `refined`, which certifies it.
+        diagnosing: whether it is looked for what stands in the way where there is no flight.
     """
     refine = refine or refined
     made: list[Start] = []
@@ -96,7 +101,7 @@ def optimise_jointly(
                 return found
             else:
                 uncertified[number] = found
-    return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures)
+    return next(iter(uncertified.values())) if uncertified else _unsolved(bench, failures, diagnosing=diagnosing)
 
 
 Refinement = Callable[[Workbench, Start, str], StageResult | Failure]
@@ -251,12 +256,12 @@ def finished(
     )
 
 
-def _unsolved(bench: Workbench, failures: Sequence[Failure]) -> StageResult:
+def _unsolved(bench: Workbench, failures: Sequence[Failure], *, diagnosing: bool) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
     returned = [failure for failure in failures if failure.solution is not None]
     claimed = [failure for failure in returned if failure.solution is not None and failure.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
-    outcome, message = _explained(bench, failure)
+    outcome, message = _explained(bench, failure, diagnosing=diagnosing)
     solution = failure.solution
     return conclude(
         failure.start.flight,
@@ -274,13 +279,13 @@ def _last_flight(start: Start, solution: Solution) -> Iterate:
     return solution.iterate if same_mesh else start.guess
 
 
-def _explained(bench: Workbench, failure: Failure) -> tuple[Outcome, str]:
+def _explained(bench: Workbench, failure: Failure, *, diagnosing: bool) -> tuple[Outcome, str]:
     start, solution = failure.start, failure.solution
     if solution is None:
         return Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
     gave_up = f"{solution.solver} gave up ({solution.status}), most violated: {solution.worst}"
     advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
-    if solution.infeasible:
+    if solution.infeasible and diagnosing:
         conflict = diagnose(bench, start.problem, _last_flight(start, solution), start.guess, solution.worst)
         if conflict is not None:
             return Outcome.INFEASIBLE, conflict

@@ -13,6 +13,7 @@ from airrace.planning.as_flown import plan_as_flown
 from airrace.planning.choices import TWIN
 from airrace.planning.plan import Plan, plan
 from airrace.planning.race import Race
+from airrace.procedure.explanation import explained
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
@@ -105,7 +106,7 @@ class Ladder:
         if fidelity.guess:
             result = fly_homotopy(self.flight(stage), bench)
         elif fidelity.inner_controller is None:
-            result = self._first_optimum(bench)
+            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)
@@ -144,9 +145,8 @@ class Ladder:
 
     def _optimum(self, stage: Stage, starts: Sequence[Callable[[], Start]], bench: Workbench) -> StageResult:
         """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
-        if self.proves(stage):
-            return optimise_jointly(bench, starts)
-        return optimise_jointly(bench, starts, on_one_mesh)
+        refine = None if self.proves(stage) else on_one_mesh
+        return optimise_jointly(bench, starts, refine, diagnosing=stage is not Stage.POINT_MASS)  # see `explained`
 
     def _told_apart(self, results: Sequence[StageResult], bench: Workbench) -> Sequence[StageResult]:
         """Optima of one stage, proved where their meshes may hide which of them is the fastest.

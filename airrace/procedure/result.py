@@ -13,6 +13,7 @@ from airrace.trajectory import Array, Trajectory
 HEARSAY = (
     "messages",
     "attempts and timings",
+    "conflicts of limits",
     "ways that were tried",
     "what intervals were last cut or joined for",
     "how far a start strayed",
@@ -183,6 +184,31 @@ NOT_EXPLORED = Explored()
 
 
 @dataclass(frozen=True)
+class Remedy:
+    """A number that resolves a conflict of limits when it is changed alone.
+
+    Attributes:
+        conflict: the number of the conflict, from 1; a course may have several, and all of them must be resolved.
+        where: the leg or the passage that cannot be flown.
+        key: the number's, that `--set` takes; empty where no single number was found that resolves the conflict.
+        text: what it is, for people.
+        unit: of both values; empty for a plain number.
+        given: the value as it is.
+        needed: the least value with which a flight was found, rounded to the milder side.
+        race_time: of the flight with that value, and the first of every other conflict, on three meshes, s.
+    """
+
+    conflict: int
+    where: str
+    key: str
+    text: str
+    unit: str
+    given: float
+    needed: float
+    race_time: float
+
+
+@dataclass(frozen=True)
 class StageResult:
     """The result of one finished stage.
 
@@ -201,6 +227,7 @@ class StageResult:
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         explored: which other ways round were tried; empty in all stages but the one that explores.
+        remedies: what would resolve the conflicts for which no flight was found, the least change of each first.
         rivals: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
     """
 
@@ -217,6 +244,7 @@ class StageResult:
     facts: Facts = NO_FACTS
     mesh: MeshRecord = NO_RECORD
     explored: Explored = NOT_EXPLORED
+    remedies: tuple[Remedy, ...] = ()
     rivals: tuple["StageResult", ...] = ()
 
     @property

@@ -77,6 +77,8 @@ def _start(result: StageResult) -> Iterator[str]:
 
 def _message(result: StageResult) -> Iterator[str]:
     message, guess = result.message, fidelity_of(result.stage).guess
+    if result.is_flight and result.remedies:
+        yield "a stage with a flight has no conflicts of limits"
     unproved = result.holds and not result.certified and UNPROVED in message
     known = unproved or FROM_ANOTHER in message or (guess and message.startswith(LEFT_AS_PLANNED))
     if message and (result.holds or guess) and not known:

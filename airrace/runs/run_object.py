@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Explored, GateSplit, Outcome, StageResult, State, Way, Why
+from airrace.procedure.result import Explored, GateSplit, Outcome, Remedy, StageResult, State, Way, Why
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
@@ -104,6 +104,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "mesh": mesh_object(result),
         "ways": [way_object(way) for way in result.explored.ways],
         "explored": explored_object(result.explored) if result.explored.ways else None,
+        "conflicts": conflict_objects(result.remedies),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
 
@@ -186,6 +187,29 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
             for item in certificate.items
         ],
     }
+
+
+def conflict_objects(remedies: Sequence[Remedy]) -> list[dict[str, object]]:
+    """Return the conflicts of limits for which no flight was found, each with what would resolve it."""
+    groups = [list(group) for _, group in itertools.groupby(remedies, key=lambda one: one.conflict)]
+    return [
+        {
+            "where": group[0].where,
+            "remedies": [
+                {
+                    "key": one.key or None,
+                    "text": one.text,
+                    "unit": one.unit or None,
+                    "given": finite(one.given),
+                    "needed": finite(one.needed),
+                    "race_time_s": finite(one.race_time),
+                }
+                for one in group
+                if one.text
+            ],
+        }
+        for group in groups
+    ]
 
 
 def finite(value: float) -> float | None:

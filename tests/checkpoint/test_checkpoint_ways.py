@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.envelope import seal, unseal
 from airrace.errors import CheckpointError
-from airrace.procedure.result import NOT_EXPLORED, Explored, Stage, StageResult, Way
+from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Remedy, Stage, StageResult, Way
 
 EXPLORED = Explored(
     ways=(
@@ -84,6 +84,17 @@ def test_stage_that_explored_nothing_is_read_back_as_such(tmp_path: Path) -> Non
     for stored in read_checkpoint(tmp_path / "run.h5").stages:
         assert stored.result.explored == NOT_EXPLORED
         assert stored.result.rivals == ()
+
+
+def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_told(tmp_path: Path) -> None:
+    remedy = Remedy(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
+    failed = replace(example_result(), outcome=Outcome.INFEASIBLE, remedies=(remedy, replace(remedy, conflict=2)))
+    for result in (failed, example_result()):
+        write_checkpoint(tmp_path / "run.h5", checkpoint_of(result))
+        (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+        assert stored.result.remedies == result.remedies
+        with h5py.File(tmp_path / "run.h5", "r") as file:
+            assert ("remedies" in file[STAGE]) == bool(result.remedies)
 
 
 def test_more_than_nine_rivals_keep_their_order(tmp_path: Path) -> None:

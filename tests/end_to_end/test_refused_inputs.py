@@ -111,7 +111,7 @@ def test_course_that_cannot_be_flown_is_infeasible_and_says_which_limit(tmp_path
     ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, *limit, "--json", cwd=tmp_path)
     assert ran.code == 4
     assert ran.answer["certified"] is False
-    assert "height between floor and ceiling (10 to 100 m)" in str(ran.answer["error"])
+    assert "cannot be flown with the ceiling of 100 m: it takes 1" in str(ran.answer["error"])
     assert ran.stages == ["point-mass"]
     shown = airrace("show", tmp_path / "half_cuban_eight.h5", "--json", cwd=tmp_path)
     assert shown.code == 0

@@ -2,11 +2,13 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from canned_procedure import on_one_mesh, stage_result
 
-from airrace.procedure.result import Outcome, Stage, State
+from airrace.procedure.explanation import told
+from airrace.procedure.result import Outcome, Remedy, Stage, State
 from airrace.runs.answer import Answer
 from airrace.runs.run_object import is_certified, lap_times, run_object, stage_object, summarise, verdict
 
@@ -38,6 +40,7 @@ def test_the_object_has_the_documented_keys() -> None:
             "mesh",
             "ways",
             "explored",
+            "conflicts",
             "certificate",
         ]
     assert stages[0]["certificate"] is None
@@ -50,6 +53,32 @@ def test_the_object_has_the_documented_keys() -> None:
         "holds": True,
         "where": "",
     }
+
+
+def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
+    remedies = (
+        Remedy(1, "a -> b", "rules.n_z_max", "n_z", "g", 2.0, 2.8, 9.5),
+        Remedy(1, "a -> b", "", "the margin of safety line shore", "m", 0.0, -12.0, 9.0),
+        Remedy(2, "c", "", "", "", 0.0, 0.0, 0.0),
+    )
+    failed = replace(stage_result(Stage.POINT_MASS), outcome=Outcome.INFEASIBLE, remedies=remedies)
+    (stage,) = json.loads(json.dumps(run_object("t", [failed], 1.0, certified=False), allow_nan=False))["stages"]
+    first, second = stage["conflicts"]
+    assert (first["where"], second) == ("a -> b", {"where": "c", "remedies": []})
+    assert first["remedies"][0] == {
+        "key": "rules.n_z_max",
+        "text": "n_z",
+        "unit": "g",
+        "given": 2.0,
+        "needed": 2.8,
+        "race_time_s": 9.5,
+    }
+    assert first["remedies"][1]["key"] is None  # no key moves a line
+    sentence = told(remedies)
+    assert "a -> b cannot be flown with n_z of 2 g: it takes 2.8 g (rules.n_z_max=2.8), or the margin" in sentence
+    assert sentence.endswith(
+        "; and the limits contradict each other at c, and no single number was found that resolves it"
+    )
 
 
 def test_what_could_not_be_measured_is_null_and_does_not_hold() -> None:

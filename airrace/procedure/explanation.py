@@ -1,0 +1,165 @@
+"""The explanation of a race for which no flight was found: its conflicts of limits, in the user's units.
+
+It is asked for once all starts of a stage have failed, with all solvers. A race that turns out to have a flight after
+all is flown.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from airrace.optimal_control.problem import Iterate
+from airrace.planning.race import Race
+from airrace.procedure.conflicts import Search
+from airrace.procedure.diagnosis import diagnose
+from airrace.procedure.flight import Flight, mesh_of, stage_flight
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, refined
+from airrace.procedure.levers import levers
+from airrace.procedure.models import iterate_of
+from airrace.procedure.relaxation import Relaxed, Relaxer
+from airrace.procedure.result import Outcome, Remedy, StageResult
+from airrace.procedure.settings import Explore
+from airrace.procedure.solving import Workbench
+from airrace.procedure.stage import Stage
+from airrace.procedure.varied import with_passages
+
+MESHES_MAX = 2
+"""The number of meshes after the first on which a suggestion is tried.
+
+Certifying each suggestion took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
+"""
+MILDER = 4.0
+"""The usual steps by which all levers give way in the race whose plan is a second way round.
+
+Where an angle of crossing is too small, the plan loops; with a larger one it goes straight.
+"""
+NO_FLIGHT = "no flight was found: "
+"""The words with which the explanation begins."""
+OTHER_WAYS = "other ways round were not tried (--explore quick tries them)"
+
+
+def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench) -> StageResult:
+    """Return a stage without a flight with what stands in the way; or the flight, if there is one after all.
+
+    Args:
+        result: of the stage, without a flight.
+        race: what was to be flown.
+        flight: the race as it was planned, in the equations of the stage.
+        bench: what it is solved with.
+    """
+    if result.is_flight or result.outcome is Outcome.TIMEOUT:
+        return result
+    trial = _Trial(bench, race, flight.stage)
+    search = Search(list(_ways(race, flight, bench)), race, trial.fly)
+    remedies = search.remedies()
+    if search.found is not None:
+        return dataclasses.replace(search.found, explored=result.explored)
+    if not any(one.text for one in remedies):
+        return _on_record(_diagnosed(result, remedies, flight, bench), bench)
+    message = NO_FLIGHT + told(remedies)
+    if bench.settings.explore is Explore.OFF:
+        message = f"{message}; {OTHER_WAYS}"
+    contradictory = dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=remedies)
+    return _on_record(contradictory, bench)
+
+
+def _diagnosed(result: StageResult, remedies: Sequence[Remedy], flight: Flight, bench: Workbench) -> StageResult:
+    """Return a result with the limit without which the legs around the conflict can be flown, if there is one."""
+    problem, stuck = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    conflict = diagnose(bench, problem, stuck, stuck, "")
+    if conflict is None:
+        return result
+    message = NO_FLIGHT + "; ".join(text for text in (told(remedies), conflict) if text)
+    return dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=tuple(remedies))
+
+
+def _on_record(result: StageResult, bench: Workbench) -> StageResult:
+    """Return a result with the record of all that was solved for its stage."""
+    return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
+
+
+def _impatient(bench: Workbench) -> Workbench:
+    """Return a workbench with which a flight is solved on few meshes, whatever its certificate says."""
+    settings = bench.settings
+    fewer = dataclasses.replace(settings.mesh, refinements_max=min(settings.mesh.refinements_max, MESHES_MAX))
+    return dataclasses.replace(bench, settings=dataclasses.replace(settings, mesh=fewer))
+
+
+def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
+    """Yield the ways round on which the race is relaxed: as it is planned, and as a milder race would be planned."""
+    milder = race
+    for lever in levers(race):
+        milder = lever.changed(milder, lever.at_steps(min(MILDER, 0.9 * lever.steps_max)))
+    plans = [flight.plan, with_passages(milder.plan, race.course)]
+    before: Iterate | None = None
+    for plan in plans:
+        mesh = first_mesh(plan, bench.settings.mesh)
+        start = guess(plan, mesh)
+        if before is None or not np.array_equal(before.state, start.state):
+            yield Relaxer(bench, race, dataclasses.replace(flight, plan=plan), mesh), start
+        before = start
+
+
+@dataclasses.dataclass(frozen=True)
+class _Trial:
+    """Trials of races with other numbers: from their own plans, as they would be flown, else near a relaxed flight."""
+
+    bench: Workbench
+    race: Race
+    stage: Stage
+
+    def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> tuple[StageResult | None, float]:
+        """Return the flight of a race on three meshes, None if there is none, and the work: iterations times intervals.
+
+        The race as it is given is certified, or there is none.
+
+        Raises:
+            InputError: aircraft and rules leave no allowed value of some quantity.
+        """
+        before, along = len(self.bench.attempts), relaxer.flight(race)
+        relaxed = Start(along, along.problem(relaxer.mesh), near.flight, PIECED_BARRIER)
+        if race is self.race:  # whose plan has led nowhere
+            found = refined(self.bench, relaxed, self.bench.settings.solver.primary)
+            return (found if isinstance(found, StageResult) and found.certified else None), 0.0
+        flight = stage_flight(self.stage, race, self.bench.settings)
+        mesh = first_mesh(flight.plan, self.bench.settings.mesh)
+        planned = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
+        flown = self._flown(planned) or self._flown(relaxed)
+        intervals = planned.problem.intervals if flown is None else len(flown.trajectory.time) - 1
+        return flown, sum(one.iterations for one in self.bench.attempts[before:]) * float(intervals)
+
+    def _flown(self, start: Start) -> StageResult | None:
+        bench = _impatient(self.bench)
+        found = refined(bench, start, bench.settings.solver.primary)
+        return found if isinstance(found, StageResult) else None
+
+
+def told(remedies: Sequence[Remedy]) -> str:
+    """Return what stands in the way and what would resolve it, as a sentence without a full stop."""
+    conflicts = [list(group) for _, group in itertools.groupby(remedies, key=lambda one: one.conflict)]
+    return "; and ".join(_conflict(group) for group in conflicts)
+
+
+def _conflict(remedies: Sequence[Remedy]) -> str:
+    first, *others = remedies
+    flown = "flown" if " -> " in first.where else "passed"
+    if not first.text:
+        return f"the limits contradict each other at {first.where}, and no single number was found that resolves it"
+    begin = f"{first.where} cannot be {flown} with {first.text} of {_amount(first.given, first.unit)}: "
+    ways = [f"it takes {_amount(first.needed, first.unit)}{_setting(first)}"]
+    ways += [
+        f"{one.text} of {_amount(one.needed, one.unit)} instead of {_amount(one.given, one.unit)}{_setting(one)}"
+        for one in others
+    ]
+    return begin + ", or ".join(ways)
+
+
+def _amount(value: float, unit: str) -> str:
+    return f"{value:g} {unit}".rstrip()
+
+
+def _setting(remedy: Remedy) -> str:
+    return f" ({remedy.key}={remedy.needed:g})" if remedy.key else ""
