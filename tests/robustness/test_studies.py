@@ -44,3 +44,8 @@ def test_a_fault_in_the_log_is_told_and_ends_the_study_with_code_1(tmp_path: Pat
 @pytest.mark.parametrize("name", ["signals", "full_disks"])
 def test_no_command_loses_what_it_has(name: str, tmp_path: Path) -> None:
     assert "faults: 0" in study(name, 12, tmp_path / "log.jsonl")
+
+
+@pytest.mark.slow
+def test_courses_spoilt_by_one_limit_are_told_which_and_fly_with_what_is_suggested(tmp_path: Path) -> None:
+    assert "faults: 0" in study("infeasible", 3, tmp_path / "log.jsonl")
