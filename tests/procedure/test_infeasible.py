@@ -34,8 +34,9 @@ def level_turn(n_z_max: float) -> Race:
     """Half a circle, flown level and at one speed, in an airspace that ends where the circle does."""
 
     def at(name: str, east: float, heading: float) -> Manoeuvre:
-        place = {"north": Interval.exactly(0.0), "east": Interval.exactly(east), "height": Interval.exactly(20.0)}
-        return Manoeuvre(name, climb=0.0, heading=heading, **place)
+        exactly = Interval.exactly
+        north, height = exactly(0.0), exactly(20.0)
+        return Manoeuvre(name, climb=0.0, heading=heading, north=north, east=exactly(east), height=height)
 
     rules = dataclasses.replace(RULES, n_z=Interval(-2.0, n_z_max), height=Interval(19.9, 20.1))
     flown = course("half a circle", at("a", 0.0, 0.0), at("b", 2.0 * RADIUS, math.pi), rules=rules)
