@@ -102,7 +102,9 @@ class Answers:
         self.making = making
         self.asked: list[list[Start]] = []
 
-    def __call__(self, _: Workbench, starts: Sequence[Callable[[], Start]]) -> StageResult:
+    def __call__(
+        self, _: Workbench, starts: Sequence[Callable[[], Start]], refine: object, *, diagnosing: bool
+    ) -> StageResult:
         self.asked.append([make() for make in starts] if self.making else [])
         return self.verdicts.pop(0)
 
@@ -202,7 +204,7 @@ def close_together(
         return proofs[asked[-1]]
 
     left = list(verdicts)
-    monkeypatch.setattr(ladder, "optimise_jointly", lambda *_: left.pop(0))
+    monkeypatch.setattr(ladder, "optimise_jointly", lambda *_, **__: left.pop(0))
     monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: NOT_EXPLORED))
     monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     monkeypatch.setattr(ladder, "proved", answered)
