@@ -11,7 +11,7 @@ ONE_THREAD = dict.fromkeys(
 What is computed with them here is small. Threads of theirs would wait for work on the cores that the solvers need,
 and the last bits of results would depend on their number.
 """
-CREATED = 50_000
+CREATED = 200_000
 """The number of new objects after which Python looks for cycles among them that nobody refers to any more.
 
 With its own value of 700 it does so nearly two hundred times while the libraries are loaded, and finds next to nothing.

@@ -76,7 +76,7 @@ def resume(
 
         threads = threads or available_cores()
         if not dry_run:
-            start_early(1 if out is None else min(2, threads))  # the other one looks for a faster way round
+            start_early()
         from airrace.cli.running import fly
         from airrace.runs.beginning import settings_texts
         from airrace.runs.resuming import changed_task, continued_task
