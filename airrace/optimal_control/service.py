@@ -29,7 +29,7 @@ from airrace.optimal_control.messages import (
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
-from airrace.optimal_control.spawn import kill, take
+from airrace.optimal_control.spawn import take
 from airrace.system import System
 
 STALL_SECONDS = 120.0
@@ -186,7 +186,8 @@ class SolverService:
         """Kill the process, if there is one; the next solve starts another."""
         with self._stopping:
             if self._process is not None:
-                kill(self._process)
+                self._process.kill()
+                self._process.wait()
                 self._replies.close()
                 with contextlib.suppress(BrokenPipeError):
                     self._sender.close()

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 _spares: "list[WorkerProcess]" = []
-_ending: list[subprocess.Popen[bytes]] = []
 
 
 @dataclass(frozen=True)
@@ -61,23 +60,6 @@ def take() -> WorkerProcess:
         if taken.process.poll() is None:
             return taken
     return start()
-
-
-def kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process, without waiting until it is gone: giving its memory back takes it some hundredths of a second.
-
-    It is gone when this process ends.
-    """
-    if not _ending:
-        atexit.register(_wait)
-    process.kill()
-    _ending[:] = [one for one in (*_ending, process) if one.poll() is None]
-
-
-def _wait() -> None:
-    """Wait for the processes that were killed."""
-    for process in _ending:
-        process.wait()
 
 
 def _discard() -> None:
