@@ -36,6 +36,7 @@ def listen() -> None:
         signal.signal(number, _ask)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, _ask)
+    sys.unraisablehook = _unraised
 
 
 def listening() -> bool:
@@ -77,6 +78,12 @@ def _ask(number: int, frame: FrameType | None) -> None:
     _remind_in(REMINDER)
     if not _is_interrupt(sys.exc_info()[1]):
         raise KeyboardInterrupt
+
+
+def _unraised(ended: "sys.UnraisableHookArgs") -> None:
+    """Say nothing of a request that was raised where Python cannot hand it on, as in a finalizer: it is repeated."""
+    if not (_Request.made and _is_interrupt(ended.exc_value)):
+        sys.__unraisablehook__(ended)
 
 
 def _is_interrupt(error: BaseException | None) -> bool:

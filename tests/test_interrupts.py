@@ -22,6 +22,15 @@ def turning():
     except KeyboardInterrupt:
         raise NotImplementedError("wrong number or type of arguments") from None
 
+class Finalised:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(0.1)
+
+def finalising():
+    Finalised()
+    time.sleep(5.0)
+
 def tidying():
     try:
         os.kill(os.getpid(), signal.{name})
@@ -50,11 +59,16 @@ def said(what: str, name: str = "SIGINT") -> list[str]:
     """The lines of a program that is interrupted in a function of that name."""
     program = PROGRAM.format(what=what, name=name)
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60.0)
+    assert ran.stderr == ""
     return ran.stdout.splitlines()
 
 
 def test_a_request_that_is_swallowed_is_repeated() -> None:
     assert said("swallowing") == ["True True", "heard once"]
+
+
+def test_a_request_within_a_finalizer_is_repeated_without_a_word() -> None:
+    assert said("finalising") == ["True True", "heard once"]
 
 
 def test_an_error_that_a_request_was_turned_into_is_a_request() -> None:

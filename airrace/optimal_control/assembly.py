@@ -12,9 +12,11 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Indices, Layout, Sighting
+from airrace.optimal_control.repeated import kinds
 from airrace.optimal_control.sums import Contributions, Sums
 from airrace.trajectory import Array
 
@@ -30,6 +32,7 @@ class Calls:
         shared: places of `shared`, shape (n_shared,).
         rows: places of c among the constraints, the number of constraints where not constrained; shape (calls, n_c).
         weights: factors from c to the scaled constraints; shape (calls, n_c).
+        stages: to which the calls belong, shape (calls,).
         jumps: places of what is taken off the unknowns before they become y, shape (calls, n_y); None for nothing.
     """
 
@@ -39,6 +42,7 @@ class Calls:
     shared: Indices
     rows: Indices
     weights: Array
+    stages: Indices
     jumps: Indices | None = None
 
     @property
@@ -116,7 +120,15 @@ class Assembly:
         rows = layout.gap_index[:, :-1]
         scale = np.array([quantity.scale for quantity in layout.problem.system.states])
         weights = np.broadcast_to(-1.0 / scale, rows.shape)
-        return Calls(kernel, layout.interval_index, self._fractions[:, None], self._system_parameters, rows, weights)
+        return Calls(
+            kernel,
+            layout.interval_index,
+            self._fractions[:, None],
+            self._system_parameters,
+            rows,
+            weights,
+            np.arange(layout.intervals),
+        )
 
     def _path(self, kernel: Kernel | None) -> list[Calls]:
         layout = self.layout
@@ -128,7 +140,7 @@ class Assembly:
         given = self.layout.rows
         rows, weights = self._rows(kernel, len(inputs), np.where(given.source < 0, given.node, -1))
         own = np.zeros((len(inputs), 0), dtype=np.int64)
-        return [Calls(kernel, inputs, own, self._system_parameters, rows, weights)]
+        return [Calls(kernel, inputs, own, self._system_parameters, rows, weights, np.arange(len(inputs)))]
 
     def _sightings(self) -> list[Calls]:
         """Return the calls of the observations, those of one kind together."""
@@ -144,13 +156,14 @@ class Assembly:
         call_of = np.full(len(layout.sightings) + 1, -1)  # the last one stands for the path
         call_of[members] = np.arange(len(members))
         kernel = observation_kernel(observation, layout.n_x)
-        inputs = layout.state_index[[sighting.node for sighting in sightings]]
+        nodes = np.array([sighting.node for sighting in sightings])
+        inputs = layout.state_index[nodes]
         rows, weights = self._rows(kernel, len(members), call_of[layout.rows.source])
         first = len(layout.problem.parameters) + layout.intervals
         offsets = np.array([first + sighting.offset for sighting in sightings])
         own = offsets[:, None] + np.arange(len(observation.parameters))
         shared = np.zeros(0, dtype=np.int64)
-        return Calls(kernel, inputs, own, shared, rows, weights, self._unseen_jumps(sightings))
+        return Calls(kernel, inputs, own, shared, rows, weights, nodes, self._unseen_jumps(sightings))
 
     def _unseen_jumps(self, sightings: Sequence[Sighting]) -> Indices | None:
         """Return the places of the changes to be subtracted from the states at these nodes, shape (sightings, n_x).
@@ -235,17 +248,25 @@ class Assembly:
     @cached_property
     def jacobian(self) -> Sums:
         """The Jacobian of g, drawn from the nonzeros of all kernels' Jacobians and from a one."""
+        return self.jacobian_of(self._everywhere)
+
+    def jacobian_of(self, stages: NDArray[np.bool_]) -> Sums:
+        """Return the rows of the Jacobian that belong to some stages; the others are left out, shape (N + 1,)."""
         layout = self.layout
         matrix = Contributions(layout.constraints, layout.unknowns)
         for calls in self.calls:
             component, of = pattern(calls.kernel.jacobian.sparsity_out(1))
-            rows, columns = calls.rows[:, component].ravel(), calls.inputs[:, of].ravel()
-            weights = calls.weights[:, component].ravel() * layout.scale[columns]
+            chosen = np.flatnonzero(stages[calls.stages])
+            rows = calls.rows[chosen[:, None], component].ravel()
+            columns = calls.inputs[chosen[:, None], of].ravel()
+            weights = calls.weights[chosen[:, None], component].ravel() * layout.scale[columns]
             used = np.flatnonzero(rows < layout.constraints)
-            matrix.draw_from(len(component) * len(calls.filled))
-            matrix.add(rows[used], columns[used], weights[used], used)
-        matrix.draw_from(1)
+            matrix.draw_from(len(component) * len(calls.filled), len(component) * self._first_call(calls))
+            matrix.add(rows[used], columns[used], weights[used], _numbered(chosen, len(component))[used])
+        matrix.draw_from(1, np.zeros(len(stages), dtype=np.int64))
+        intervals = np.flatnonzero(stages[:-1])
         for gap, unknown, sign in self._linear_gaps():
+            gap, unknown = (one.reshape(layout.intervals, -1)[intervals].ravel() for one in (gap, unknown))
             matrix.add(gap, unknown, np.full(len(gap), sign), np.zeros_like(gap))
         return matrix.sums()
 
@@ -270,36 +291,87 @@ class Assembly:
         Drawn from the nonzeros of all kernels' Hessians, from those of the final cost's and from the penalty's two
         blocks, in w w and in w T, each of shape (N, n_u).
         """
+        return self.hessian_of(self._everywhere)
+
+    def hessian_of(self, stages: NDArray[np.bool_]) -> Sums:
+        """Return what some stages contribute to the Hessian; the others are left out, shape (N + 1,)."""
         layout = self.layout
         matrix = Contributions(layout.unknowns, layout.unknowns, symmetric=True)
         for calls in self.calls:
             row, column = pattern(calls.kernel.hessian.sparsity_out(1))
-            rows, columns = calls.inputs[:, row].ravel(), calls.inputs[:, column].ravel()
+            chosen = np.flatnonzero(stages[calls.stages])
+            rows, columns = calls.inputs[chosen[:, None], row].ravel(), calls.inputs[chosen[:, None], column].ravel()
             # what the last node's path would say of the control before it is zero: no row there depends on that
-            within = np.flatnonzero(layout.stage_of_unknown[rows] == layout.stage_of_unknown[columns])
+            stage = np.repeat(calls.stages[chosen], len(row))
+            within = (layout.stage_of_unknown[rows] == stage) & (layout.stage_of_unknown[columns] == stage)
+            within = np.flatnonzero(within)
             rows, columns = rows[within], columns[within]
-            matrix.draw_from(len(row) * len(calls.filled))
-            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], within)
+            matrix.draw_from(len(row) * len(calls.filled), len(row) * self._first_call(calls))
+            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], _numbered(chosen, len(row))[within])
         if self.final is not None:
             row, column = pattern(self.final.kernel.hessian.sparsity_out(1))
             rows, columns = self.final.inputs[row], self.final.inputs[column]
-            matrix.draw_from(len(rows))
-            matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
+            matrix.draw_from(len(rows), np.zeros(len(stages), dtype=np.int64))
+            if stages[-1]:
+                matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], np.arange(len(rows)))
         if self.penalty is not None:
-            self._add_penalty(matrix, self.penalty)
+            self._add_penalty(matrix, self.penalty, stages)
         return matrix.sums()
 
-    def _add_penalty(self, matrix: Contributions, penalty: Penalty) -> None:
+    def _add_penalty(self, matrix: Contributions, penalty: Penalty, stages: NDArray[np.bool_]) -> None:
         """Add the second derivatives of `T fraction weight w^2`: in w w and in w T."""
         layout = self.layout
-        places = penalty.controls.ravel()
-        factor = 2.0 * np.tile(penalty.weights, layout.intervals)
-        durations = np.repeat(penalty.durations, layout.n_u)
-        everywhere = np.arange(len(places))
-        matrix.draw_from(len(places))
-        matrix.add(places, places, factor, everywhere)
-        matrix.draw_from(len(places))
-        matrix.add(places, durations, factor * layout.scale[durations], everywhere)
+        intervals, at = np.flatnonzero(stages[:-1]), layout.n_u * np.arange(len(stages))
+        places = penalty.controls[intervals].ravel()
+        factor = 2.0 * np.tile(penalty.weights, len(intervals))
+        durations = np.repeat(penalty.durations[intervals], layout.n_u)
+        sources = _numbered(intervals, layout.n_u)
+        matrix.draw_from(penalty.controls.size, at)
+        matrix.add(places, places, factor, sources)
+        matrix.draw_from(penalty.controls.size, at)
+        matrix.add(places, durations, factor * layout.scale[durations], sources)
+
+    @property
+    def _everywhere(self) -> NDArray[np.bool_]:
+        return np.ones(self.layout.intervals + 1, dtype=np.bool_)
+
+    def _first_call(self, calls: Calls) -> Indices:
+        """Return the first call at each stage, 0 where there is none; shape (N + 1,)."""
+        first = np.zeros(self.layout.intervals + 1, dtype=np.int64)
+        first[calls.stages[::-1]] = np.arange(len(calls.stages))[::-1]
+        return first
+
+    # stages that are alike
+
+    def alike(self, *, rows: bool) -> Indices:
+        """Return what tells stages apart whose derivatives have other patterns, shape (N + 1, n).
+
+        Stages are alike where all is equal. None is like a stage at which a kernel is called twice.
+
+        Args:
+            rows: whether it counts which constraints there are, as it does for the Jacobian.
+        """
+        layout = self.layout
+        stages = layout.intervals + 1
+        told: list[Indices] = [layout.stage_states, layout.stage_controls, np.arange(stages) == layout.intervals]
+        begins = np.append(layout.gap_index[:, 0], 0)
+        for calls in self.calls:
+            code = np.zeros(stages, dtype=np.int64)
+            here = np.ones((len(calls.stages), 1), dtype=np.int64)
+            if rows:
+                constrained = calls.rows < layout.constraints
+                at = np.where(constrained, calls.rows - begins[calls.stages, None], -1)
+                here = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
+            code[calls.stages] = 1 + kinds(here)[0]
+            often = np.bincount(calls.stages, minlength=stages) > 1
+            code[often] = -1 - np.flatnonzero(often)
+            told.append(code)
+        return np.stack(told, axis=1)
+
+
+def _numbered(calls: Indices, count: int) -> Indices:
+    """Return the numbers of all results of some calls, each of which has so many; shape (calls * count,)."""
+    return (calls[:, None] * count + np.arange(count)).ravel()
 
 
 def pattern(sparsity: ca.Sparsity) -> tuple[Indices, Indices]:

@@ -21,8 +21,10 @@ _FLAGS = ("-O2",)
 
 AddUp = Callable[[int, int, int, int, int, int, int], int]
 """The function of `sums.c`: of the number of sums, and the addresses of all arrays."""
+AddUpRepeated = Callable[..., int]
+"""The other function of `sums.c`: of three numbers, and the addresses of fifteen arrays."""
 
-_installed: list[AddUp] = []
+_installed: list[tuple[AddUp, AddUpRepeated]] = []
 
 
 @cache
@@ -30,15 +32,21 @@ def install() -> bool:
     """Let sums be added up by machine code from now on in this process, and return whether they are."""
     try:
         library = ctypes.CDLL(str(own_code.compiled(FILE, _FLAGS)))
-        function = library.add_up
+        function, repeated = library.add_up, library.add_up_repeated
     except (KernelError, OSError, AttributeError) as error:  # AttributeError: a library without that function
         logger.info("numpy adds up the derivatives: %s", error)
         return False
     function.argtypes, function.restype = (ctypes.c_int64, *[ctypes.c_void_p] * 6), ctypes.c_int
-    _installed.append(cast(AddUp, function))
+    repeated.argtypes, repeated.restype = (*[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 15), ctypes.c_int
+    _installed.append((cast(AddUp, function), cast(AddUpRepeated, repeated)))
     return True
 
 
 def add_up() -> AddUp | None:
     """Return the function, None where it is not installed."""
-    return _installed[0] if _installed else None
+    return _installed[0][0] if _installed else None
+
+
+def repeated() -> AddUpRepeated | None:
+    """Return the function for sums that repeat, None where it is not installed."""
+    return _installed[0][1] if _installed else None

@@ -40,6 +40,19 @@ class Flat:
 
 
 @dataclass(frozen=True)
+class Blocks:
+    """The blocks of drawn numbers, one behind the other.
+
+    Attributes:
+        ends: of the blocks, shape (blocks,).
+        at: where the numbers that belong to each stage begin, shape (blocks, stages).
+    """
+
+    ends: Indices
+    at: Indices
+
+
+@dataclass(frozen=True)
 class Sums:
     """A sparse matrix of sums.
 
@@ -48,12 +61,14 @@ class Sums:
         rows, columns: of the nonzeros in casadi's order, column by column; shape (n,).
         turns: summands, those that come first in their sums, then those that come second, and so on; the first of
             them are in the order of the nonzeros.
+        blocks: that are drawn from, where their stages are known; else without any.
     """
 
     shape: tuple[int, int]
     rows: Indices
     columns: Indices
     turns: tuple[Summands, ...]
+    blocks: Blocks
 
     def of(self, drawn: Array) -> Array:
         """Return the nonzeros for drawn numbers, shape (n,)."""
@@ -74,7 +89,7 @@ class Sums:
             values = self._by_numpy(drawn)
             memory[places] = values
             return bool(np.isfinite(values).all())
-        flat = self._flat
+        flat = self.flat
         arrays = (flat.begins, flat.weights, flat.sources, drawn, places, memory)
         return bool(add_up(len(self.rows), *(array.ctypes.data for array in arrays)))
 
@@ -93,10 +108,10 @@ class Sums:
             found = np.flatnonzero(one.nonzeros[place] == numbers)
             place = place[found]
             turns.append(Summands(found, one.weights[place] * factors[found], one.sources[place]))
-        return Sums(self.shape, self.rows[numbers], self.columns[numbers], tuple(turns))
+        return Sums(self.shape, self.rows[numbers], self.columns[numbers], tuple(turns), self.blocks)
 
     @cached_property
-    def _flat(self) -> "Flat":
+    def flat(self) -> "Flat":
         """The summands of every nonzero one behind the other."""
         first, *others = self.turns
         counts = np.ones(len(first.nonzeros), dtype=np.int64)
@@ -143,12 +158,21 @@ class Contributions:
         self._shape = (rows, columns)
         self._symmetric = symmetric
         self._offset = 0
-        self._end = 0
+        self._ends: list[int] = []
+        self._at: list[Indices] = []
         self._entries: list[tuple[Indices, Indices, Array, Indices]] = []
 
-    def draw_from(self, size: int) -> None:
-        """Go on to the next block of numbers, from which the following contributions are drawn."""
-        self._offset, self._end = self._end, self._end + size
+    def draw_from(self, size: int, at: Indices | None = None) -> None:
+        """Go on to the next block of numbers, from which the following contributions are drawn.
+
+        Args:
+            size: of the block.
+            at: where those of each stage begin within the block, shape (stages,); None where that is not asked for.
+        """
+        self._offset = self._ends[-1] if self._ends else 0
+        self._ends.append(self._offset + size)
+        if at is not None:
+            self._at.append(self._offset + at)
 
     def add(self, rows: Indices, columns: Indices, weights: Array, sources: Indices) -> None:
         """Add contributions; those that meet at one place add up. All shapes are (n,)."""
@@ -174,4 +198,5 @@ class Contributions:
             taken = turn == number
             behind = order[again[taken]]
             turns.append(Summands(nonzero[taken], weights[behind], sources[behind]))
-        return Sums(self._shape, rows[leading], columns[leading], tuple(turns))
+        at = np.stack(self._at) if self._at else np.zeros((0, 0), dtype=np.int64)
+        return Sums(self._shape, rows[leading], columns[leading], tuple(turns), Blocks(np.array(self._ends), at))

@@ -5,8 +5,8 @@ matrix that is filled by blasfeo with the number of every entry tells where each
 """
 
 import ctypes
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Iterator, Sequence
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from airrace.errors import SolverCrash
 from airrace.optimal_control.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.sums import Sums
+from airrace.optimal_control.repeated import Memory, kinds
 from airrace.trajectory import Array
 
 _ROOM = 128  # bytes, more than any struct blasfeo_dmat
@@ -22,6 +22,7 @@ _ALIGNMENT = 64  # bytes, a cache line, as blasfeo asks for
 _DOUBLE = 8
 _POINTER_WORD = 1  # `pA` is the second pointer of the struct
 _SHAPE_WORD = 3  # `m` and `n` follow after three pointers
+_AT_ONCE = 1000  # matrices whose entries are cleared at once: their places take memory, too
 
 
 @cache
@@ -62,79 +63,77 @@ def _created(rows: int, columns: int, filler: int) -> tuple[NDArray[np.uint8], N
     return struct, memory
 
 
-@dataclass(frozen=True)
-class Destination:
-    """The places of some entries of matrices: `memory[places]`."""
-
-    memory: Array
-    places: Indices
-
-    def write(self, entries: Array) -> None:
-        """Write these entries."""
-        self.memory[self.places] = entries
-
-    def write_sums(self, sums: Sums, drawn: Array) -> bool:
-        """Write the nonzeros of sums of drawn numbers, and return whether all are finite."""
-        return sums.into(drawn, self.memory, self.places)
-
-    def among(self, entries: Indices) -> "Destination":
-        """Return the places of some of these entries, by their numbers."""
-        return Destination(self.memory, self.places[entries])
-
-
 class MatrixFamily:
-    """A sequence of matrices of given shapes that fatrop hands over as one array of `struct blasfeo_dmat`."""
+    """A sequence of matrices of given shapes, one per stage, handed over as one array of `struct blasfeo_dmat`."""
 
     def __init__(self, rows: Indices, columns: Indices) -> None:
         self.rows = rows
         self.columns = columns
-        sizes = rows * columns
-        self.starts = np.concatenate([[0], np.cumsum(sizes)])
-        self._nonempty = np.flatnonzero(sizes)
+        self._nonempty = np.flatnonzero(rows * columns)
         self._word = struct_size() // _DOUBLE
 
-    @property
-    def entries(self) -> int:
-        """The number of entries of all matrices together."""
-        return int(self.starts[-1])
-
     def addresses(self, structs: int) -> Indices:
-        """Return the addresses of the numbers of every matrix that has any.
+        """Return the addresses of the numbers of every matrix, 0 of those that have none.
 
         Args:
             structs: address of the array of structs.
-        """
-        return self._words(structs)[self._nonempty, _POINTER_WORD].copy()
-
-    def entry_addresses(self, structs: int) -> Indices:
-        """Return the addresses of all entries, matrix by matrix, column by column.
 
         Raises:
             SolverCrash: the matrices have other shapes.
         """
-        words = self._words(structs)[self._nonempty]
-        shapes = np.ascontiguousarray(words[:, _SHAPE_WORD]).view(np.int32).reshape(-1, 2)
-        rows, columns = self.rows[self._nonempty], self.columns[self._nonempty]
-        if not np.array_equal(shapes, np.stack([rows, columns], axis=1)):
-            raise SolverCrash("fatrop hands over matrices of unexpected shapes")
-        result = np.empty(self.entries, dtype=np.int64)
-        first = self.starts[:-1][self._nonempty]
-        for m, n in {(int(m), int(n)) for m, n in zip(rows, columns, strict=True)}:
-            of_shape = np.flatnonzero((rows == m) & (columns == n))
-            places = first[of_shape, None] + np.arange(m * n)
-            result[places] = words[of_shape, _POINTER_WORD, None] + _DOUBLE * entry_offsets(m, n)
-        return result
-
-    def _words(self, structs: int) -> Indices:
         count = len(self.rows)
         words = np.ctypeslib.as_array((ctypes.c_int64 * (count * self._word)).from_address(structs))
-        return words.reshape(count, self._word)
+        words = words.reshape(count, self._word)[self._nonempty]
+        shapes = np.ascontiguousarray(words[:, _SHAPE_WORD]).view(np.int32).reshape(-1, 2)
+        if not (
+            np.array_equal(shapes[:, 0], self.rows[self._nonempty])
+            and np.array_equal(shapes[:, 1], self.columns[self._nonempty])
+        ):
+            raise SolverCrash("fatrop hands over matrices of unexpected shapes")
+        result = np.zeros(count, dtype=np.int64)
+        result[self._nonempty] = words[:, _POINTER_WORD]
+        return result
+
+    def offsets(self, stages: Indices, rows: Indices, columns: Indices) -> Indices:
+        """Return where entries lie in doubles after the beginning of their matrices; all shapes are (n,)."""
+        result = np.empty(len(stages), dtype=np.int64)
+        for (m, n), here in self._by_shape(stages):
+            result[here] = entry_offsets(m, n)[columns[here] * m + rows[here]]
+        return result
+
+    @cached_property
+    def extents(self) -> Indices:
+        """The number of doubles from the first to the last entry of each matrix, 0 of those that have none."""
+        result = np.zeros(len(self.rows), dtype=np.int64)
+        for (m, n), here in self._by_shape(self._nonempty):
+            result[self._nonempty[here]] = entry_offsets(m, n).max() + 1
+        return result
+
+    def clear(self, doubles: Array, begins: Indices) -> None:
+        """Write zeros to all entries of matrices that begin at these places."""
+        for (m, n), here in self._by_shape(self._nonempty):
+            stages = self._nonempty[here]
+            for some in np.array_split(stages, -(-len(stages) // _AT_ONCE)):
+                doubles[begins[some, None] + entry_offsets(m, n)] = 0.0
+
+    def _by_shape(self, stages: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:
+        """Yield every shape of the matrices of some stages, and which of the stages have it."""
+        kind, first = kinds(np.stack([self.rows[stages], self.columns[stages]], axis=1))
+        by_kind = np.argsort(kind, kind="stable")
+        ends = np.searchsorted(kind[by_kind], np.arange(len(first) + 1))
+        for number, one in enumerate(stages[first].tolist()):
+            shape = int(self.rows[one]), int(self.columns[one])
+            yield shape, by_kind[ends[number] : ends[number + 1]]
 
 
-def destination(addresses: Indices) -> Destination:
-    """Return the destination of entries at these addresses."""
-    if not len(addresses):
-        return Destination(np.empty(0), addresses)
-    first = int(addresses.min())
-    memory = doubles_at(first, (int(addresses.max()) - first) // _DOUBLE + 1)
-    return Destination(memory, (addresses - first) // _DOUBLE)
+def memory_of(families: Sequence[MatrixFamily], addresses: Sequence[Indices]) -> Memory:
+    """Return the memory of the matrices that are at these addresses, one array of them per family."""
+    stages = max(len(family.rows) for family in families)
+    known = np.concatenate([one[one > 0] for one in addresses])
+    first = int(known.min(initial=np.iinfo(np.int64).max))
+    begins, end = np.zeros((stages, len(families)), dtype=np.int64), 0
+    for number, (family, at) in enumerate(zip(families, addresses, strict=True)):
+        begins[: len(at), number] = np.where(at > 0, (at - first) // _DOUBLE, 0)
+        end = max(end, int((begins[: len(at), number] + family.extents).max(initial=0)))
+    doubles = doubles_at(first, end) if len(known) else np.empty(0)
+    return Memory(doubles, begins)

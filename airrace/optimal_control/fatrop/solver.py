@@ -5,7 +5,7 @@ or bounds that belong to another one.
 """
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,11 +21,12 @@ from airrace.optimal_control.fatrop.library import (
     interface,
     number_of_stage,
 )
-from airrace.optimal_control.fatrop.matrices import Destination, MatrixFamily, destination
+from airrace.optimal_control.fatrop.matrices import MatrixFamily, memory_of
 from airrace.optimal_control.fatrop.probe import require_known_interface
 from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
 from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.repeated import Memory
 from airrace.trajectory import Array
 
 # `IpSolverReturnFlag`, in its order
@@ -110,8 +111,7 @@ class FatropSolver:
 
     def __init__(self, functions: Evaluation, options: Mapping[str, float | int]) -> None:
         require_known_interface()
-        assembly = functions.assembly
-        self._stages = Stages(assembly.layout, assembly.jacobian, assembly.hessian)
+        self._stages = Stages(functions.assembly)
         self._functions = functions
         self._options = dict(options)
 
@@ -152,7 +152,7 @@ class _Run:
         self._steps = 0
         self._restoring = 0  # so many of the last steps
         self._initial = guess.copy()
-        self._destinations: dict[bytes, tuple[Destination, Destination]] = {}
+        self._memories: dict[bytes, tuple[Memory, Indices]] = {}
         self._values = np.empty(stages.constraints + stages.unknowns)
         self._options = options
         self._solver = 0
@@ -297,13 +297,12 @@ class _Run:
     ) -> None:
         functions, rows = self._functions, self._rows
         functions.w[:] = self._unknowns(unknowns)
-        matrices, places = (dynamics, equalities, inequalities), (rows.nonzero_places, rows.residual_places)
-        nonzeros, residuals = self._destinations_of(rows.families, matrices, places, rows.constants)
+        memory, places = self._constraint_matrices((dynamics, equalities, inequalities))
         # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
         drawn, seen = functions.linear(), self._residuals()
-        if not nonzeros.write_sums(rows.jacobian, drawn):
-            nonzeros.write(np.nan_to_num(rows.jacobian.of(drawn), posinf=0.0, neginf=0.0))
-        residuals.write(np.nan_to_num(seen, posinf=0.0, neginf=0.0))
+        if not rows.jacobian.write(drawn, memory, rows.weights):
+            rows.jacobian.clean(memory)
+        memory.doubles[places] = np.nan_to_num(seen, posinf=0.0, neginf=0.0)
 
     def _evaluate_hessian(
         self, factor: float, unknowns: int, multipliers: int, _p: int, _q: int, matrices: int, *_: int
@@ -317,14 +316,13 @@ class _Run:
         drawn = functions.curved()
         gradient = functions.gradient + both[stages.constraints :]
         gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
-        places = stages.hessian_places, stages.gradient_places
-        nonzeros, slope = self._destinations_of((stages.hessian,), (matrices,), places)
-        finite = nonzeros.write_sums(functions.assembly.hessian, drawn)
-        slope.write(gradient)
+        memory, slope = self._cost_matrices(matrices)
+        finite = stages.hessian.write(drawn, memory)
+        memory.doubles[slope] = gradient
         if not (finite and np.isfinite(gradient).all()):  # fatrop would add to the diagonal for ever
             self._not_finite = True
-            nonzeros.write(np.isin(stages.hessian_places, stages.hessian_diagonal).astype(np.float64))
-            slope.write(np.zeros(len(gradient)))
+            stages.hessian.fill(stages.on_diagonal.astype(np.float64), memory)
+            memory.doubles[slope] = 0.0
             self._stop()
 
     def _count_step(self, *, restoring: bool) -> None:
@@ -351,30 +349,48 @@ class _Run:
         count = self._stages.constraints + self._stages.unknowns
         return np.bincount(self._rows.items, self._rows.factors * dual, count).astype(np.float64, copy=False)
 
-    def _destinations_of(
-        self,
-        families: tuple[MatrixFamily, ...],
-        structs: tuple[int, ...],
-        places: tuple[Indices, Indices],
-        constants: tuple[Indices, Array] | None = None,
-    ) -> tuple[Destination, Destination]:
-        """Return where two groups of entries of some matrices lie; the others are constant.
+    def _constraint_matrices(self, structs: Sequence[int]) -> tuple[Memory, Indices]:
+        """Return the memory of the matrices BAbt and both Ggt, and the places of the residuals in it."""
+        rows, columns = self._rows, self._rows.columns
+        memory, places, new = self._memory_of(
+            rows.families, structs, (columns.stages, columns.families, rows.residual_offsets)
+        )
+        if new:
+            bounded, offsets = rows.constants
+            begins = memory.begins[columns.stages[bounded], columns.families[bounded]]
+            memory.doubles[begins + offsets] = rows.factors[bounded]
+        return memory, places
 
-        fatrop has a few sets of matrices and uses them in turn.
+    def _cost_matrices(self, structs: int) -> tuple[Memory, Indices]:
+        """Return the memory of the matrices RSQrqt, and the places of the gradient in it."""
+        stages = self._stages
+        stage = stages.stage_of_unknown
+        memory, places, _ = self._memory_of(
+            (stages.matrices,), (structs,), (stage, np.zeros_like(stage), stages.gradient_offsets)
+        )
+        return memory, places
+
+    def _memory_of(
+        self,
+        families: Sequence[MatrixFamily],
+        structs: Sequence[int],
+        last_row: tuple[Indices, Indices, Indices],
+    ) -> tuple[Memory, Indices, bool]:
+        """Return the memory of some matrices, and the places of their last rows: stages, families and offsets.
+
+        fatrop has a few sets of matrices and uses them in turn. Whether a set is a new one is told last; all of its
+        entries are zero then, and those that no pattern holds stay so.
         """
-        key = b"".join(family.addresses(address).tobytes() for family, address in zip(families, structs, strict=True))
-        if key not in self._destinations:
-            addresses: list[Indices] = [
-                family.entry_addresses(address) for family, address in zip(families, structs, strict=True)
-            ]
-            everywhere = destination(np.concatenate(addresses))
-            constant = np.zeros(len(everywhere.places))
-            if constants is not None:
-                constant[constants[0]] = constants[1]
-            everywhere.write(constant)
-            one, other = (everywhere.among(group) for group in places)
-            self._destinations[key] = one, other
-        return self._destinations[key]
+        addresses = [family.addresses(address) for family, address in zip(families, structs, strict=True)]
+        key = b"".join(one.tobytes() for one in addresses)
+        new = key not in self._memories
+        if new:
+            memory = memory_of(families, addresses)
+            for number, family in enumerate(families):
+                family.clear(memory.doubles, memory.begins[: len(family.rows), number])
+            stage, family_number, offsets = last_row
+            self._memories[key] = memory, memory.begins[stage, family_number] + offsets
+        return *self._memories[key], new
 
 
 def _infinite(values: Array) -> Array:

@@ -15,13 +15,18 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
+from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.fatrop.matrices import MatrixFamily
 from airrace.optimal_control.fatrop.sides import Known, plain, weighed
-from airrace.optimal_control.layout import Indices, Layout
+from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.repeated import Entries, Factors, RepeatedSums, chosen, kinds
 from airrace.optimal_control.sums import Sums
 from airrace.trajectory import Array
 
+INEQUALITIES = 2
+"""The number of the matrices of inequalities among those of constraints: BAbt, Ggt of equalities, Ggt of these."""
 WIDE = 1e6
 """The bound, in scaled units, that is given to one unknown of a problem without any inequality.
 
@@ -43,7 +48,9 @@ class Bounds:
 class Stages:
     """The mapping as far as it depends on the structure of a program alone (K stages)."""
 
-    def __init__(self, layout: Layout, jacobian: Sums, hessian: Sums) -> None:
+    def __init__(self, assembly: Assembly) -> None:
+        layout = assembly.layout
+        self.assembly = assembly
         self.n_x, self.n_u = layout.stage_states, layout.stage_controls
         self.sizes: Indices = self.n_x + self.n_u
         self.unknowns, self.constraints = layout.unknowns, layout.constraints
@@ -59,40 +66,59 @@ class Stages:
         self.next_states = next_states.ravel()
         self.rows = layout.row_index
         self.stage_of_row = np.repeat(np.arange(self.count), layout.stage_rows)
-        self.jacobian = jacobian
-        self._hessian_nonzeros = hessian.rows, hessian.columns
         self.dynamics = MatrixFamily(self.sizes[:-1] + 1, self.n_x[1:])
-        self.hessian = MatrixFamily(self.sizes + 1, self.sizes)
+        self.matrices = MatrixFamily(self.sizes + 1, self.sizes)
 
     @cached_property
-    def hessian_places(self) -> Indices:
-        """The places of the nonzeros among the entries of the matrices RSQrqt.
+    def alike(self) -> Indices:
+        """What tells stages with other constraints apart, shape (K, n)."""
+        return self.assembly.alike(rows=True)
+
+    @cached_property
+    def _hessian(self) -> tuple[RepeatedSums, NDArray[np.bool_]]:
+        """The Hessian's nonzeros, and which of those that stand for all are on the diagonal.
 
         Raises:
             ValueError: a second derivative reaches from one stage into another.
         """
-        rows, columns = self._hessian_nonzeros
-        stage = self.stage_of_unknown
-        if (stage[rows] != stage[columns]).any():
+        kind, first = kinds(self.assembly.alike(rows=False))
+        sums = self.assembly.hessian_of(chosen(first, self.count))
+        stage = self.stage_of_unknown[sums.rows]
+        if (stage != self.stage_of_unknown[sums.columns]).any():
             raise ValueError("a second derivative reaches into another stage")
-        return self._hessian_columns[columns] + self.place_in_stage[rows]
+        row, column = self.place_in_stage[sums.rows], self.place_in_stage[sums.columns]
+        nothing = np.zeros_like(stage)
+        entries = Entries(stage, nothing, self.matrices.offsets(stage, row, column), nothing - 1)
+        return RepeatedSums(sums, entries, kind), row == column
+
+    @property
+    def hessian(self) -> RepeatedSums:
+        """The nonzeros that are written to the matrices RSQrqt."""
+        return self._hessian[0]
+
+    @property
+    def on_diagonal(self) -> NDArray[np.bool_]:
+        """Which of the nonzeros that stand for all are on the diagonal."""
+        return self._hessian[1]
 
     @cached_property
-    def gradient_places(self) -> Indices:
-        """The places of the gradient among these entries."""
-        return self._hessian_columns + self.sizes[self.stage_of_unknown]
-
-    @cached_property
-    def _hessian_columns(self) -> Indices:
-        """The place at which the column of each unknown begins among these entries."""
+    def gradient_offsets(self) -> Indices:
+        """Where the gradient goes within the matrices of the unknowns' stages."""
         stage = self.stage_of_unknown
-        return self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 1)
+        return self.matrices.offsets(stage, self.sizes[stage], self.place_in_stage)
 
-    @cached_property
-    def hessian_diagonal(self) -> Indices:
-        """The places of the diagonal among the entries of the matrices RSQrqt."""
-        stage = self.stage_of_unknown
-        return self.hessian.starts[:-1][stage] + self.place_in_stage * (self.sizes[stage] + 2)
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of the matrices BAbt (family 0) and both Ggt (1 and 2), one per constraint of fatrop's.
+
+    Attributes:
+        stages, families, numbers: the matrix, and the column within it; each of shape (n,).
+    """
+
+    stages: Indices
+    families: Indices
+    numbers: Indices
 
 
 class Rows:
@@ -138,18 +164,52 @@ class Rows:
             MatrixFamily(stages.sizes + 1, self.equalities),
             MatrixFamily(stages.sizes + 1, self.inequalities),
         )
+        copies = equal.astype(np.int64)
+        copies[between] = 2 * sides.copies
+        self._copies = np.concatenate([[0], np.cumsum(np.bincount(stage, minlength=stages.count))]), copies
 
     @cached_property
-    def _entries(self) -> tuple[Indices, Indices]:
-        """The nonzeros of the program's Jacobian that are written to BAbt and both Ggt, and the item of each.
+    def columns(self) -> Columns:
+        """The columns of all items."""
+        counts = self.equalities, self.stages.n_x[1:], self.inequalities
+        stage = [np.repeat(np.arange(len(count)), count) for count in counts]
+        number = [np.arange(len(at)) - (np.cumsum(count) - count)[at] for at, count in zip(stage, counts, strict=True)]
+        family = np.repeat((1, 0, 2), [len(at) for at in stage])
+        return Columns(np.concatenate(stage), family, np.concatenate(number))
 
-        The others belong to the next states, whose matrix fatrop knows, and to rows without bounds.
+    def _kinds(self) -> tuple[Indices, Indices]:
+        """Return the kind of each stage, and the first stage of each kind: alike are those with alike constraints."""
+        ends, copies = self._copies
+        places = np.arange(len(copies)) - np.repeat(ends[:-1], np.diff(ends))
+        told = np.full((self.stages.count, int(np.diff(ends).max())), -1)
+        told[np.repeat(np.arange(self.stages.count), np.diff(ends)), places] = copies
+        return kinds(np.hstack([self.stages.alike, told]))
+
+    @cached_property
+    def jacobian(self) -> RepeatedSums:
+        """The nonzeros that are written to BAbt and both Ggt.
+
+        The others of the program's Jacobian belong to the next states, whose matrix fatrop knows, and to rows without
+        bounds.
 
         Raises:
             ValueError: a constraint reaches into another stage, other than a gap to the next states.
         """
+        kind, first = self._kinds()
+        sums = self.stages.assembly.jacobian_of(chosen(first, self.stages.count))
+        numbers, items = self.written(sums)
+        family = self.columns.families[items]
+        stage, column = self.columns.stages[items], self.columns.numbers[items]
+        inequality = family == INEQUALITIES
+        signs = np.where(inequality, 1.0, self.factors[items])
+        row = self.stages.place_in_stage[sums.columns[numbers]]
+        entries = Entries(stage, family, self.offsets(items, row), np.where(inequality, column, -1))
+        return RepeatedSums(sums.chosen(numbers, signs), entries, kind)
+
+    def written(self, sums: Sums) -> tuple[Indices, Indices]:
+        """Return which nonzeros are written, and to which items' columns."""
         stages = self.stages
-        rows, columns = stages.jacobian.rows, stages.jacobian.columns
+        rows, columns = sums.rows, sums.columns
         stage_of_row = np.empty(stages.constraints, dtype=np.int64)
         stage_of_row[stages.rows] = stages.stage_of_row
         stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
@@ -164,55 +224,38 @@ class Rows:
         again = np.concatenate([[False], self.items[1:] == self.items[:-1]])
         numbers: list[Indices] = []
         items: list[Indices] = []
-        for chosen in (~again, again):
+        for some in (~again, again):
             item_of = np.full(stages.constraints + stages.unknowns, -1)
-            item_of[self.items[chosen]] = np.flatnonzero(chosen)
+            item_of[self.items[some]] = np.flatnonzero(some)
             numbers.append(np.flatnonzero(~ahead & (item_of[rows] >= 0)))
             items.append(item_of[rows[numbers[-1]]])
         return np.concatenate(numbers), np.concatenate(items)
 
-    @cached_property
-    def jacobian(self) -> Sums:
-        """The nonzeros that are written to BAbt and both Ggt."""
-        numbers, items = self._entries
-        return self.stages.jacobian.chosen(numbers, self.factors[items])
+    @property
+    def weights(self) -> Factors:
+        """The factors of the inequalities, by which their nonzeros are multiplied."""
+        first = len(self.items) - len(self.lower)
+        return Factors(self.factors[first:], self.first_inequality)
 
     @cached_property
-    def nonzero_places(self) -> Indices:
-        """The places of these nonzeros among the entries of BAbt and both Ggt."""
-        return self._column_start[self._entries[1]] + self.stages.place_in_stage[self.jacobian.columns]
+    def residual_offsets(self) -> Indices:
+        """Where the residuals go within the matrices of the items' columns."""
+        everywhere = np.arange(len(self.items))
+        return self.offsets(everywhere, self.stages.sizes[self.columns.stages])
 
     @cached_property
-    def residual_places(self) -> Indices:
-        """The places of the residuals among these entries."""
-        return self._column_start + self.stages.sizes[self._stage_of_item()]
-
-    @cached_property
-    def constants(self) -> tuple[Indices, Array]:
-        """The places of the derivatives of simple bounds among these entries, and the derivatives."""
+    def constants(self) -> tuple[Indices, Indices]:
+        """The items that are simple bounds, and where their derivatives, the factors, go within their matrices."""
         bounded = np.flatnonzero(self.items >= self.stages.constraints)
         unknowns = self.items[bounded] - self.stages.constraints
-        return self._column_start[bounded] + self.stages.place_in_stage[unknowns], self.factors[bounded]
+        return bounded, self.offsets(bounded, self.stages.place_in_stage[unknowns])
 
-    def _stage_of_item(self) -> Indices:
-        of_gap = np.repeat(np.arange(self.stages.count - 1), self.stages.n_x[1:])
-        kinds = [np.repeat(np.arange(self.stages.count), count) for count in (self.equalities, self.inequalities)]
-        return np.concatenate([kinds[0], of_gap, kinds[1]])
-
-    @cached_property
-    def _column_start(self) -> Indices:
-        """The place at which the column of each item begins among the entries of BAbt and both Ggt."""
-        dynamics, equal, between = self.families
-        height = self.stages.sizes + 1
-        starts = [
-            equal.starts[:-1] + dynamics.entries,
-            dynamics.starts[:-1],
-            between.starts[:-1] + dynamics.entries + equal.entries,
-        ]
-        counts = [self.equalities, self.stages.n_x[1:], self.inequalities]
-        begin: list[Indices] = []
-        for start, count in zip(starts, counts, strict=True):
-            stage = np.repeat(np.arange(len(count)), count)
-            within = np.arange(len(stage)) - (np.cumsum(count) - count)[stage]
-            begin.append(start[stage] + within * height[stage])
-        return np.concatenate(begin)
+    def offsets(self, items: Indices, rows: Indices) -> Indices:
+        """Return where entries in the columns of items lie within their matrices."""
+        columns = self.columns
+        result = np.empty(len(items), dtype=np.int64)
+        for number, family in enumerate(self.families):
+            here = np.flatnonzero(columns.families[items] == number)
+            own = items[here]
+            result[here] = family.offsets(columns.stages[own], rows[here], columns.numbers[own])
+        return result
