@@ -33,7 +33,7 @@ def chosen(first: Indices, count: int) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Entries:
-    """Where nonzeros go, as many as there are sums; all shapes are (n,).
+    """The places that nonzeros go to, as many as there are sums; all shapes are (n,).
 
     Attributes:
         stages: to which they belong.

@@ -33,11 +33,13 @@ class SolverOptions:
         iterations_max: number of iterations after which a solve has failed.
         barrier: first value of the barrier parameter, in the objective's unit; 0.1 is the solvers' own, for guesses
             that may be far off, and a solve from an optimum of nearly the same problem begins with 1e-4 or less.
+        exact: whether bounds are kept as they are, which fatrop relaxes by 1e-8.
     """
 
     tolerance: float = 1e-7
     iterations_max: int = 500
     barrier: float = 0.1
+    exact: bool = False
 
 
 @dataclass(frozen=True)
@@ -161,7 +163,7 @@ class Fatrop(Solver):
     begins_with_multipliers = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
-        return _ReadyFatrop(FatropSolver(functions, fatrop_options(options)))
+        return _ReadyFatrop(FatropSolver(functions, fatrop_options(options), exact=options.exact))
 
 
 @dataclass(frozen=True)

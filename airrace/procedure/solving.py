@@ -136,7 +136,7 @@ class Workbench:
         if rough or passing or solution is None or not solution.success or solution.kkt.largest <= limit:
             return solution
         tolerance = POLISH * chosen.tolerance
-        options = SolverOptions(tolerance, chosen.iterations_max, tolerance)
+        options = SolverOptions(tolerance, chosen.iterations_max, tolerance, exact=True)
         closer = self.attempt(problem, solution.iterate, f"{purpose}, closer", solution.solver, options)
         better = closer is not None and closer.success and closer.kkt.largest < solution.kkt.largest
         return closer if better else solution

@@ -16,6 +16,7 @@ from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop import solver as fatrop_solver
+from airrace.optimal_control.fatrop.sides import RELAXED, unrelaxed
 from airrace.optimal_control.fatrop.solver import LOST, NOT_FINITE, STATUS, FatropResult, FatropSolver
 from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import build_kernels
@@ -312,3 +313,28 @@ def test_the_limit_of_a_restoration_is_none_of_other_iterations(monkeypatch: pyt
     monkeypatch.setattr(fatrop_solver, "RESTORATION_MAX", 1)
     problem = PROBLEMS["everything"]
     assert optimum(problem, random_iterate(problem, 1)).success
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_bounds_are_kept_exactly_where_that_is_asked_for(name: str) -> None:
+    """By itself fatrop misses the bounds that it presses on by 1e-8 of them, or of 1."""
+    problem = PROBLEMS[name]
+    relaxed, kept = (
+        optimum(problem, random_iterate(problem, 1), options=replace(OPTIONS, exact=exact)) for exact in (False, True)
+    )
+    assert kept.success
+    assert kept.kkt.primal < 3e-9
+    assert kept.objective == pytest.approx(relaxed.objective, rel=1e-6)
+
+
+def test_fatrop_relaxes_bounds_by_as_much_as_is_undone() -> None:
+    problem = PROBLEMS["everything"]
+    found = optimum(problem, random_iterate(problem, 1))
+    assert 0.5 * RELAXED < found.kkt.primal < 20.0 * RELAXED
+
+
+def test_bounds_that_fatrop_relaxes_become_what_they_were() -> None:
+    lower, upper = np.array([-np.inf, -300.0, 0.0, 1.0]), np.array([2.0, np.inf, 1e-9, np.inf])
+    low, high = unrelaxed(lower, upper)
+    assert low == pytest.approx([-np.inf, -300.0 + 300.0 * RELAXED, 0.25e-9, 1.0 + RELAXED], abs=1e-15)
+    assert high == pytest.approx([2.0 - 2.0 * RELAXED, np.inf, 0.75e-9, np.inf], abs=1e-15)

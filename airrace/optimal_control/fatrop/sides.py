@@ -24,6 +24,10 @@ factors.
 """
 
 
+RELAXED = 1e-8
+"""The part of a bound, of 1 at least, by which fatrop relaxes it: its `bound_relax_factor`."""
+
+
 @dataclass(frozen=True)
 class Known:
     """The point that a solve begins with, scaled.
@@ -91,3 +95,18 @@ def _multiplier(slack: Array, multiplier: Array, barrier: float) -> Array:
 def _strongest_at_rest(barrier: float) -> float:
     """Return the multiplier of a limit whose slack is as large: slack times multiplier is the barrier parameter."""
     return float(np.sqrt(barrier))
+
+
+def unrelaxed(lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Return the bounds of inequalities that become these once fatrop has relaxed them, which no option forbids.
+
+    A bound that is missed by 1e-8 is a complementarity error of 1e-6 where its multiplier is 100, however small
+    fatrop's own errors are. Bounds that are closer to each other than that are brought together by a quarter each.
+    """
+    room = 0.25 * (upper - lower)
+
+    def kept(bound: Array) -> Array:
+        margin = np.minimum(RELAXED * np.maximum(1.0, np.abs(bound)), room)
+        return np.where(np.isfinite(bound), margin, 0.0)
+
+    return lower + kept(lower), upper - kept(upper)

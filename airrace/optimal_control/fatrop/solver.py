@@ -5,7 +5,7 @@ or bounds that belong to another one.
 """
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,12 +21,10 @@ from airrace.optimal_control.fatrop.library import (
     interface,
     number_of_stage,
 )
-from airrace.optimal_control.fatrop.matrices import MatrixFamily, memory_of
 from airrace.optimal_control.fatrop.probe import require_known_interface
 from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
-from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.repeated import Memory
+from airrace.optimal_control.fatrop.targets import Targets
 from airrace.trajectory import Array
 
 # `IpSolverReturnFlag`, in its order
@@ -104,16 +102,18 @@ class FatropSolver:
     Args:
         functions: of the program.
         options: of fatrop, by its names; integers and floats are told apart.
+        exact: whether bounds are kept that fatrop relaxes, see `unrelaxed`.
 
     Raises:
         SolverCrash: the library is missing, or its interface is laid out otherwise than expected.
     """
 
-    def __init__(self, functions: Evaluation, options: Mapping[str, float | int]) -> None:
+    def __init__(self, functions: Evaluation, options: Mapping[str, float | int], *, exact: bool = False) -> None:
         require_known_interface()
         self._stages = Stages(functions.assembly)
         self._functions = functions
         self._options = dict(options)
+        self._exact = exact
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Array | None = None) -> FatropResult:
         """Solve from a guess.
@@ -131,13 +131,15 @@ class FatropSolver:
         self._functions.p[:] = p
         self._functions.forget()
         if multipliers is None:
-            return _Run(self._stages, Rows(self._stages, bounds), self._functions, guess, self._options).result()
+            rows = Rows(self._stages, bounds, exact=self._exact)
+            return _Run(self._stages, rows, self._functions, guess, self._options).result()
         self._functions.w[:] = guess
         self._functions.values()
         barrier = float(self._options["mu_init"])
         known = Known(np.concatenate([self._functions.g, guess]), multipliers, barrier)
         options = self._options | {"bound_push": PUSHED * barrier, "lam_max": LARGEST_COSTATE}
-        return _Run(self._stages, Rows(self._stages, bounds, known), self._functions, guess, options).result()
+        rows = Rows(self._stages, bounds, known, exact=self._exact)
+        return _Run(self._stages, rows, self._functions, guess, options).result()
 
 
 class _Run:
@@ -152,7 +154,7 @@ class _Run:
         self._steps = 0
         self._restoring = 0  # so many of the last steps
         self._initial = guess.copy()
-        self._memories: dict[bytes, tuple[Memory, Indices]] = {}
+        self._targets = Targets(stages, rows)
         self._values = np.empty(stages.constraints + stages.unknowns)
         self._options = options
         self._solver = 0
@@ -297,7 +299,7 @@ class _Run:
     ) -> None:
         functions, rows = self._functions, self._rows
         functions.w[:] = self._unknowns(unknowns)
-        memory, places = self._constraint_matrices((dynamics, equalities, inequalities))
+        memory, places = self._targets.constraints((dynamics, equalities, inequalities))
         # At a point that will not be accepted numbers may be none; fatrop's loops need numbers.
         drawn, seen = functions.linear(), self._residuals()
         if not rows.jacobian.write(drawn, memory, rows.weights):
@@ -316,7 +318,7 @@ class _Run:
         drawn = functions.curved()
         gradient = functions.gradient + both[stages.constraints :]
         gradient[stages.next_states] -= functions.lam_g[stages.gaps]  # fatrop's Lagrangian leaves x_next out
-        memory, slope = self._cost_matrices(matrices)
+        memory, slope = self._targets.costs(matrices)
         finite = stages.hessian.write(drawn, memory)
         memory.doubles[slope] = gradient
         if not (finite and np.isfinite(gradient).all()):  # fatrop would add to the diagonal for ever
@@ -348,49 +350,6 @@ class _Run:
         """Return the multipliers of (g, w) from fatrop's; zero for what is not bounded."""
         count = self._stages.constraints + self._stages.unknowns
         return np.bincount(self._rows.items, self._rows.factors * dual, count).astype(np.float64, copy=False)
-
-    def _constraint_matrices(self, structs: Sequence[int]) -> tuple[Memory, Indices]:
-        """Return the memory of the matrices BAbt and both Ggt, and the places of the residuals in it."""
-        rows, columns = self._rows, self._rows.columns
-        memory, places, new = self._memory_of(
-            rows.families, structs, (columns.stages, columns.families, rows.residual_offsets)
-        )
-        if new:
-            bounded, offsets = rows.constants
-            begins = memory.begins[columns.stages[bounded], columns.families[bounded]]
-            memory.doubles[begins + offsets] = rows.factors[bounded]
-        return memory, places
-
-    def _cost_matrices(self, structs: int) -> tuple[Memory, Indices]:
-        """Return the memory of the matrices RSQrqt, and the places of the gradient in it."""
-        stages = self._stages
-        stage = stages.stage_of_unknown
-        memory, places, _ = self._memory_of(
-            (stages.matrices,), (structs,), (stage, np.zeros_like(stage), stages.gradient_offsets)
-        )
-        return memory, places
-
-    def _memory_of(
-        self,
-        families: Sequence[MatrixFamily],
-        structs: Sequence[int],
-        last_row: tuple[Indices, Indices, Indices],
-    ) -> tuple[Memory, Indices, bool]:
-        """Return the memory of some matrices, and the places of their last rows: stages, families and offsets.
-
-        fatrop has a few sets of matrices and uses them in turn. Whether a set is a new one is told last; all of its
-        entries are zero then, and those that no pattern holds stay so.
-        """
-        addresses = [family.addresses(address) for family, address in zip(families, structs, strict=True)]
-        key = b"".join(one.tobytes() for one in addresses)
-        new = key not in self._memories
-        if new:
-            memory = memory_of(families, addresses)
-            for number, family in enumerate(families):
-                family.clear(memory.doubles, memory.begins[: len(family.rows), number])
-            stage, family_number, offsets = last_row
-            self._memories[key] = memory, memory.begins[stage, family_number] + offsets
-        return *self._memories[key], new
 
 
 def _infinite(values: Array) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.fatrop.matrices import MatrixFamily
-from airrace.optimal_control.fatrop.sides import Known, plain, weighed
+from airrace.optimal_control.fatrop.sides import Known, plain, unrelaxed, weighed
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.repeated import Entries, Factors, RepeatedSums, chosen, kinds
 from airrace.optimal_control.sums import Sums
@@ -71,7 +71,7 @@ class Stages:
 
     @cached_property
     def alike(self) -> Indices:
-        """What tells stages with other constraints apart, shape (K, n)."""
+        """The numbers that tell stages with other constraints apart, shape (K, n)."""
         return self.assembly.alike(rows=True)
 
     @cached_property
@@ -98,12 +98,12 @@ class Stages:
 
     @property
     def on_diagonal(self) -> NDArray[np.bool_]:
-        """Which of the nonzeros that stand for all are on the diagonal."""
+        """A mask of the nonzeros that stand for all: those on the diagonal."""
         return self._hessian[1]
 
     @cached_property
     def gradient_offsets(self) -> Indices:
-        """Where the gradient goes within the matrices of the unknowns' stages."""
+        """The places that the gradient goes to within the matrices of the unknowns' stages."""
         stage = self.stage_of_unknown
         return self.matrices.offsets(stage, self.sizes[stage], self.place_in_stage)
 
@@ -134,7 +134,7 @@ class Rows:
         lower, upper: bounds of the inequalities.
     """
 
-    def __init__(self, stages: Stages, bounds: Bounds, known: Known | None = None) -> None:
+    def __init__(self, stages: Stages, bounds: Bounds, known: Known | None = None, *, exact: bool = False) -> None:
         self.stages = stages
         lower = np.concatenate([bounds.g_lower, bounds.lower])
         upper = np.concatenate([bounds.g_upper, bounds.upper])
@@ -157,7 +157,7 @@ class Rows:
         self.items: Indices = np.concatenate([fixed, stages.gaps, sides.items])
         self.factors = np.concatenate([np.ones(len(fixed)), -np.ones(len(stages.gaps)), sides.factors])
         self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], sides.shifts])
-        self.lower, self.upper = sides.lower, sides.upper
+        self.lower, self.upper = unrelaxed(sides.lower, sides.upper) if exact else (sides.lower, sides.upper)
         self.first_inequality = np.cumsum(self.inequalities) - self.inequalities
         self.families = (
             stages.dynamics,
@@ -239,7 +239,7 @@ class Rows:
 
     @cached_property
     def residual_offsets(self) -> Indices:
-        """Where the residuals go within the matrices of the items' columns."""
+        """The places that the residuals go to within the matrices of the items' columns."""
         everywhere = np.arange(len(self.items))
         return self.offsets(everywhere, self.stages.sizes[self.columns.stages])
 
