@@ -10,8 +10,8 @@ first used, so that `import airrace` (and `airrace --help`) stays quick.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
     from airrace.documents import Inputs, load_inputs

@@ -3,13 +3,20 @@
 Signals and streams are seen to before anything else is imported, which takes up to a second.
 """
 
-import atexit
-import contextlib
-import os
-import sys
-from typing import NoReturn
+# What a terminal sends while even `signal` is still loaded waits until somebody listens. This is the part of `signal`
+# in machine code, which is there from the beginning.
+_signal = __import__("_signal")
+if hasattr(_signal, "pthread_sigmask"):
+    _signal.pthread_sigmask(_signal.SIG_BLOCK, (_signal.SIGINT, _signal.SIGTERM))
 
-from airrace import interrupts, memory, process
+import os  # noqa: E402
+import sys  # noqa: E402
+
+from airrace import interrupts  # noqa: E402
+
+TYPE_CHECKING = False  # as type checkers take it: `typing` is not loaded before requests are listened to
+if TYPE_CHECKING:
+    from typing import NoReturn
 
 INTERRUPTED = 130
 """The exit code of a command that was asked to stop, as `ExitCode` has it; that is not imported yet."""
@@ -18,9 +25,12 @@ INTERRUPTED = 130
 def main() -> None:
     """Run the command line and end the process with its exit code."""
     interrupts.listen()
-    memory.tell_no_traceback()
-    process.settle()
     try:
+        interrupts.let_through()
+        from airrace import memory, process
+
+        memory.tell_no_traceback()
+        process.settle()
         memory.ensure_enough()
         from airrace.views.streams import secure
 
@@ -38,13 +48,16 @@ def main() -> None:
     _leave(code)
 
 
-def _leave(code: int) -> NoReturn:
+def _leave(code: int) -> "NoReturn":
     """End the process at once, after all that is to be done at its end.
 
     `sys.exit` would take what was loaded apart first, which lasts a tenth of a second. And after an interrupt within
     the text of an `exec`, such as that of a dataclass, Python would send itself the signal at its very end, although it
     was heard.
     """
+    import atexit
+    import contextlib
+
     interrupts.close()
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage] what sys.exit would do
     with contextlib.suppress(OSError):  # stdout was flushed before, and nobody can be told of stderr

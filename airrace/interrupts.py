@@ -39,6 +39,12 @@ def listen() -> None:
     sys.unraisablehook = _unraised
 
 
+def let_through() -> None:
+    """Receive requests that were held back until somebody listens."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+
+
 def listening() -> bool:
     """Tell whether requests are repeated until they are heard."""
     return _Request.listening and signal.getsignal(signal.SIGINT) is _ask

@@ -16,6 +16,8 @@ from pathlib import Path
 
 from robustness import COMMAND, SMALL, Ran, Record, choice_of, environment, outcome, play_study
 
+import airrace
+
 PROMPT = 2.0  # s from a signal to the end
 HANGS = 60.0  # s after which a command that nobody stopped counts as hanging
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
@@ -100,6 +102,14 @@ def played(rng: random.Random, folder: Path, mark: str) -> Record:
                 process.wait()
             seconds = time.monotonic() - began
     ran = Ran(process.returncode, (folder / "out").read_text(), (folder / "err").read_text(), seconds)
+    if signalled and before_airrace(ran):
+        return {
+            "kind": f"{kind}, {sent.name}",
+            "outcome": "before airrace",
+            "seconds": seconds,
+            "moment": moment,
+            "faults": [],
+        }
     faults += ran.faults(PROMPT)
     if signalled:
         faults += interrupted(ran, sent, moment)
@@ -109,6 +119,11 @@ def played(rng: random.Random, folder: Path, mark: str) -> Record:
     word = "signalled too late" if not signalled else outcome(ran.code) if ran.code >= 0 else "killed"
     name = f"{kind}, {sent.name}"
     return {"kind": name, "outcome": word, "seconds": seconds, "moment": moment, "faults": faults}
+
+
+def before_airrace(ran: Ran) -> bool:
+    """Whether Python was interrupted while it loaded itself, before it had read a line of airrace."""
+    return ran.code != 0 and "KeyboardInterrupt" in ran.err and str(Path(airrace.__file__).parent) not in ran.err
 
 
 def interrupted(ran: Ran, sent: signal.Signals, moment: float) -> list[str]:

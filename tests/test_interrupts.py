@@ -1,7 +1,10 @@
 """A request to stop reaches the command, whatever a library does with it, and reaches it once."""
 
+import signal
 import subprocess
 import sys
+
+import pytest
 
 PROGRAM = """
 import os, signal, sys, time
@@ -85,3 +88,20 @@ def test_nobody_listens_who_has_not_asked() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout == "False default_int_handler\n"
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals cannot be held back here")
+def test_what_comes_before_anybody_listens_is_heard_later() -> None:
+    """The request is made while the module is loaded whose `main` listens."""
+    program = """
+import os, signal, sys
+class Late:
+    def find_spec(self, name, path=None, target=None):
+        if name == "airrace.interrupts":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Late())
+import airrace.__main__
+airrace.__main__.main()
+"""
+    ran = subprocess.run([sys.executable, "-c", program, "tracks"], capture_output=True, text=True, timeout=60.0)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (130, "", "airrace: interrupted\n")
