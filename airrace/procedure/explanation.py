@@ -12,6 +12,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Iterate
 from airrace.planning.race import Race
+from airrace.procedure.budget import Budget
 from airrace.procedure.conflicts import Search
 from airrace.procedure.diagnosis import diagnose
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
@@ -24,12 +25,18 @@ from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
+from airrace.procedure.suggestions import Flown
 from airrace.procedure.varied import with_passages
 
 MESHES_MAX = 2
 """The number of meshes after the first on which a suggestion is tried.
 
 Certifying each suggestion took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
+"""
+ITERATIONS_MAX = 150
+"""The number of iterations of a trial's solve; a suggestion that takes more is told only where nothing milder flies.
+
+Of the flights that were certified on three meshes, TODO.
 """
 MILDER = 4.0
 """The usual steps by which all levers give way in the race whose plan is a second way round.
@@ -85,8 +92,11 @@ def _on_record(result: StageResult, bench: Workbench) -> StageResult:
 def _impatient(bench: Workbench) -> Workbench:
     """Return a workbench with which a flight is solved on few meshes, whatever its certificate says."""
     settings = bench.settings
-    fewer = dataclasses.replace(settings.mesh, refinements_max=min(settings.mesh.refinements_max, MESHES_MAX))
-    return dataclasses.replace(bench, settings=dataclasses.replace(settings, mesh=fewer))
+    mesh, solver = settings.mesh, settings.solver
+    fewer = dataclasses.replace(mesh, refinements_max=min(mesh.refinements_max, MESHES_MAX))
+    sooner = dataclasses.replace(solver, iterations_max=min(solver.iterations_max, ITERATIONS_MAX))
+    hurried = dataclasses.replace(settings, mesh=fewer, solver=sooner)
+    return dataclasses.replace(bench, settings=hurried, budget=Budget())
 
 
 def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
@@ -112,30 +122,36 @@ class _Trial:
     race: Race
     stage: Stage
 
-    def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> tuple[StageResult | None, float]:
-        """Return the flight of a race on three meshes, None if there is none, and the work: iterations times intervals.
-
-        The race as it is given is certified, or there is none.
+    def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> Flown:
+        """Return the flight of a race on a few meshes; the race as it is given is certified, or there is none.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
-        before, along = len(self.bench.attempts), relaxer.flight(race)
+        along = relaxer.flight(race)
         relaxed = Start(along, along.problem(relaxer.mesh), near.flight, PIECED_BARRIER)
         if race is self.race:  # whose plan has led nowhere
             found = refined(self.bench, relaxed, self.bench.settings.solver.primary)
-            return (found if isinstance(found, StageResult) and found.certified else None), 0.0
+            certified = found if isinstance(found, StageResult) and found.certified else None
+            return Flown(None, certified=certified is not None, work=0.0, result=certified)
         flight = stage_flight(self.stage, race, self.bench.settings)
         mesh = first_mesh(flight.plan, self.bench.settings.mesh)
         planned = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
-        flown = self._flown(planned) or self._flown(relaxed)
-        intervals = planned.problem.intervals if flown is None else len(flown.trajectory.time) - 1
-        return flown, sum(one.iterations for one in self.bench.attempts[before:]) * float(intervals)
+        first = self._flown(planned)
+        return first if first.race_time is not None else self._flown(relaxed, before=first.work)
 
-    def _flown(self, start: Start) -> StageResult | None:
-        bench = _impatient(self.bench)
+    def _flown(self, start: Start, before: float = 0.0) -> Flown:
+        """Return the flight from a start; `before` is work that was done already."""
+        bench, known = _impatient(self.bench), len(self.bench.attempts)
         found = refined(bench, start, bench.settings.solver.primary)
-        return found if isinstance(found, StageResult) else None
+        iterations = sum(one.iterations for one in self.bench.attempts[known:])
+        if isinstance(found, StageResult):
+            work = before + iterations * float(len(found.trajectory.time) - 1)
+            return Flown(found.trajectory.race_time, certified=found.certified, work=work, result=found)
+        coarser = found.coarser
+        intervals = start.problem.intervals if coarser is None else coarser.problem.intervals
+        race_time = None if coarser is None else coarser.race_time
+        return Flown(race_time, certified=False, work=before + iterations * float(intervals))
 
 
 def told(remedies: Sequence[Remedy]) -> str:
