@@ -75,7 +75,9 @@ class Search:
         remedies: list[Remedy] = []
         for number, conflict in enumerate(conflicts, start=1):
             others = [one.options[0] for one in conflicts if one is not conflict and one.options]
-            remedies += Trials(self.race, self.fly, number, conflict.where, others).remedies(conflict.options)
+            flown = Trials(self.race, self.fly, others).flown(conflict.options)
+            nothing = Remedy(number, conflict.where, "", "", "", 0.0, 0.0, 0.0)
+            remedies += [one.remedy(number, conflict.where) for one in flown] or [nothing]
         return tuple(remedies)
 
     # What is in conflict.

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.race import Race
-from airrace.procedure.budget import Budget
+from airrace.procedure.budget import FEWEST_INTERVALS, Budget
 from airrace.procedure.conflicts import Search
 from airrace.procedure.diagnosis import diagnose
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
@@ -25,18 +25,18 @@ from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
-from airrace.procedure.suggestions import Flown
+from airrace.procedure.suggestions import NOTHING, Flown
 from airrace.procedure.varied import with_passages
 
-MESHES_MAX = 2
-"""The number of meshes after the first on which a suggestion is tried.
-
-Certifying each suggestion took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
-"""
 ITERATIONS_MAX = 150
-"""The number of iterations of a trial's solve; a suggestion that takes more is told only where nothing milder flies.
+"""The number of iterations of a trial's solve.
 
-Of the flights that were certified on three meshes, TODO.
+Of the flights that were certified, TODO.
+"""
+PER_TRIAL = 400
+"""The work of a trial per interval of its first mesh: so many iterations on that mesh.
+
+Certifying whatever flies took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
 """
 MILDER = 4.0
 """The usual steps by which all levers give way in the race whose plan is a second way round.
@@ -89,14 +89,13 @@ def _on_record(result: StageResult, bench: Workbench) -> StageResult:
     return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
 
 
-def _impatient(bench: Workbench) -> Workbench:
-    """Return a workbench with which a flight is solved on few meshes, whatever its certificate says."""
+def _impatient(bench: Workbench, problem: Problem) -> Workbench:
+    """Return a workbench that gives a flight up which takes much work."""
     settings = bench.settings
-    mesh, solver = settings.mesh, settings.solver
-    fewer = dataclasses.replace(mesh, refinements_max=min(mesh.refinements_max, MESHES_MAX))
+    solver = settings.solver
     sooner = dataclasses.replace(solver, iterations_max=min(solver.iterations_max, ITERATIONS_MAX))
-    hurried = dataclasses.replace(settings, mesh=fewer, solver=sooner)
-    return dataclasses.replace(bench, settings=hurried, budget=Budget())
+    budget = Budget(PER_TRIAL * float(max(problem.intervals, FEWEST_INTERVALS)), in_vain=False)
+    return dataclasses.replace(bench, settings=dataclasses.replace(settings, solver=sooner), budget=budget)
 
 
 def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
@@ -116,14 +115,14 @@ def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxe
 
 @dataclasses.dataclass(frozen=True)
 class _Trial:
-    """Trials of races with other numbers: from their own plans, as they would be flown, else near a relaxed flight."""
+    """Trials of races with other numbers: near a relaxed flight, else from their own plans."""
 
     bench: Workbench
     race: Race
     stage: Stage
 
     def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> Flown:
-        """Return the flight of a race on a few meshes; the race as it is given is certified, or there is none.
+        """Return a trial of a race; the flight of the race as it is given is certified, or there is none.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
@@ -133,25 +132,23 @@ class _Trial:
         if race is self.race:  # whose plan has led nowhere
             found = refined(self.bench, relaxed, self.bench.settings.solver.primary)
             certified = found if isinstance(found, StageResult) and found.certified else None
-            return Flown(None, certified=certified is not None, work=0.0, result=certified)
+            return dataclasses.replace(NOTHING, certified=certified is not None, result=certified)
+        first = self._flown(relaxed)
+        if first.race_time is not None:
+            return first
         flight = stage_flight(self.stage, race, self.bench.settings)
         mesh = first_mesh(flight.plan, self.bench.settings.mesh)
-        planned = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
-        first = self._flown(planned)
-        return first if first.race_time is not None else self._flown(relaxed, before=first.work)
+        planned = self._flown(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER))
+        return dataclasses.replace(planned, effort=first.effort + planned.effort)
 
-    def _flown(self, start: Start, before: float = 0.0) -> Flown:
-        """Return the flight from a start; `before` is work that was done already."""
-        bench, known = _impatient(self.bench), len(self.bench.attempts)
+    def _flown(self, start: Start) -> Flown:
+        bench = _impatient(self.bench, start.problem)
         found = refined(bench, start, bench.settings.solver.primary)
-        iterations = sum(one.iterations for one in self.bench.attempts[known:])
+        effort = bench.budget.spent / bench.budget.work
         if isinstance(found, StageResult):
-            work = before + iterations * float(len(found.trajectory.time) - 1)
-            return Flown(found.trajectory.race_time, certified=found.certified, work=work, result=found)
-        coarser = found.coarser
-        intervals = start.problem.intervals if coarser is None else coarser.problem.intervals
-        race_time = None if coarser is None else coarser.race_time
-        return Flown(race_time, certified=False, work=before + iterations * float(intervals))
+            return Flown(found.trajectory.race_time, certified=found.certified, effort=effort, result=found)
+        race_time = None if found.coarser is None else found.coarser.race_time
+        return Flown(race_time, certified=False, effort=effort)
 
 
 def told(remedies: Sequence[Remedy]) -> str:

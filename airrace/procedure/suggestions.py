@@ -15,11 +15,10 @@ from airrace.procedure.result import Remedy, StageResult
 
 TOLD_MAX = {False: 3, True: 2}
 """The largest number of suggestions that are told of one conflict: those of rules and gates, those of the aircraft."""
-WORK_MAX = {False: 8e4, True: 4e4}
-"""The work of trials (iterations times intervals) after which no further suggestion of the same kind is tried.
-
-A flight of Abu Dhabi 2016 that is certified takes 4e4, and 1.5 s.
-"""
+EFFORT_MAX = {False: 2.0, True: 1.0}
+"""The effort of trials (see `Flown`) after which no further suggestion of the same kind is tried."""
+EFFORT_AGAIN_MAX = 3.0
+"""The effort of all trials of a conflict after which none is repeated with a larger margin."""
 MARGINS = ((1.1, 0.2), (1.4, 0.5))
 """The factors on the least relaxation, and the usual steps on top, with which a suggestion is tried in turn.
 
@@ -64,18 +63,36 @@ class Flown:
     Attributes:
         race_time: of its flight, s; None if it found none.
         certified: whether that is certified.
-        work: what it took: iterations times intervals.
+        effort: how much of what a trial may take (1) it took.
         result: the flight with all that is known of it; None where its meshes led to no end.
     """
 
     race_time: float | None
     certified: bool
-    work: float
+    effort: float
     result: StageResult | None = None
 
 
+NOTHING = Flown(None, certified=False, effort=0.0)
+"""A trial that found no flight, without any effort."""
 Fly = Callable[[Race, Relaxer, Relaxed], Flown]
 """A trial: flies a whole race, from its plan or near a relaxed flight."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """An option that was tried with some value."""
+
+    option: Option
+    value: float
+    flown: Flown
+
+    def remedy(self, number: int, where: str) -> Remedy:
+        """Return it as a remedy of a conflict with a number and a place."""
+        lever, value, time = self.option.lever, self.value, self.flown.race_time
+        assert time is not None  # else it is no remedy
+        key = lever.key if lever.settable(value) else ""
+        return Remedy(number, where, key, lever.told, lever.unit, lever.value, value, time)
 
 
 @dataclass(frozen=True)
@@ -85,59 +102,51 @@ class Trials:
     Attributes:
         race: without a flight.
         fly: what flies it.
-        number: that of the conflict.
-        where: its place.
         others: the first options of the other conflicts, which are resolved meanwhile.
     """
 
     race: Race
     fly: Fly
-    number: int
-    where: str
     others: Sequence[Option] = ()
 
-    def remedies(self, options: Iterable[Option]) -> list[Remedy]:
-        """Return the options that flew, those that were certified first; one without words where none did."""
-        tried = [one for of_aircraft in TOLD_MAX for one in self._tried(options, of_aircraft=of_aircraft)]
-        nothing = Remedy(self.number, self.where, "", "", "", 0.0, 0.0, 0.0)
-        return [remedy for remedy, _ in sorted(tried, key=lambda one: not one[1])] or [nothing]
+    def flown(self, options: Sequence[Option]) -> list[Tried]:
+        """Return the options that flew, those that were certified first.
 
-    def _tried(self, options: Iterable[Option], *, of_aircraft: bool) -> Iterator[tuple[Remedy, bool]]:
-        """Yield the options of one kind that flew, and whether they were certified."""
-        told, spent = 0, 0.0
+        All are tried with the least margin before any is tried with a larger one. That is told where it flies, whether
+        it is certified then or not, for it is likelier to be.
+        """
+        found: list[Tried] = []
+        tried = [one for of_aircraft in TOLD_MAX for one in self._with_least_margin(options, of_aircraft=of_aircraft)]
+        effort = sum(one.flown.effort for one in tried)
+        for one in tried:
+            last = one
+            if not one.flown.certified and effort < EFFORT_AGAIN_MAX:
+                milder = self._trial(one.option, MARGINS[-1])
+                effort += milder.flown.effort
+                last = one if milder.flown.race_time is None else milder
+            if last.flown.race_time is not None:
+                found.append(last)
+        return sorted(found, key=lambda one: not one.flown.certified)
+
+    def _with_least_margin(self, options: Iterable[Option], *, of_aircraft: bool) -> Iterator[Tried]:
+        """Yield the options of one kind as they were tried, until enough of them flew."""
+        flown, effort = 0, 0.0
         for option in options:
             if option.lever.of_aircraft is not of_aircraft:
                 continue
-            if told == TOLD_MAX[of_aircraft] or spent > WORK_MAX[of_aircraft]:
+            if flown == TOLD_MAX[of_aircraft] or effort > EFFORT_MAX[of_aircraft]:
                 return
-            value, flown, work = self._trial(option)
-            spent += work
-            if flown is not None and flown.race_time is not None:
-                told += 1
-                yield self._remedy(option.lever, value, flown.race_time), flown.certified
+            tried = self._trial(option, MARGINS[0])
+            effort += tried.flown.effort
+            flown += tried.flown.race_time is not None
+            yield tried
 
-    def _trial(self, option: Option) -> tuple[float, Flown | None, float]:
-        """Return the least value of an option with which a flight was certified, its flight, and the work of that.
-
-        Where none was certified, it is the mildest value that flew, which is the likeliest to be certified in the end.
-        """
-        lever, spent, best = option.lever, 0.0, None
-        value = lever.value
-        for tried in dict.fromkeys(option.value(margin) for margin in MARGINS):
-            race = lever.changed(self.race, tried)
-            for other in self.others:
-                race = other.applied(race)
-            try:
-                flown = self.fly(race, option.relaxer, option.relaxed)
-            except InputError:
-                continue  # the inputs do not allow this value
-            spent += flown.work
-            if flown.race_time is not None:
-                value, best = tried, flown
-            if flown.certified:
-                break
-        return value, best, spent
-
-    def _remedy(self, lever: Lever, value: float, race_time: float) -> Remedy:
-        key = lever.key if lever.settable(value) else ""
-        return Remedy(self.number, self.where, key, lever.told, lever.unit, lever.value, value, race_time)
+    def _trial(self, option: Option, margin: tuple[float, float]) -> Tried:
+        value = option.value(margin)
+        race = option.lever.changed(self.race, value)
+        for other in self.others:
+            race = other.applied(race)
+        try:
+            return Tried(option, value, self.fly(race, option.relaxer, option.relaxed))
+        except InputError:  # the inputs do not allow this value
+            return Tried(option, value, NOTHING)
