@@ -6,11 +6,9 @@ all is flown.
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-
-from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.problem import Problem
 from airrace.planning.race import Race
 from airrace.procedure.budget import FEWEST_INTERVALS, Budget
 from airrace.procedure.conflicts import Search
@@ -18,30 +16,24 @@ from airrace.procedure.diagnosis import diagnose
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, refined
-from airrace.procedure.levers import levers
 from airrace.procedure.models import iterate_of
 from airrace.procedure.relaxation import Relaxed, Relaxer
+from airrace.procedure.relaxed_ways import relaxed_ways
 from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
 from airrace.procedure.suggestions import NOTHING, Flown
-from airrace.procedure.varied import with_passages
 
 ITERATIONS_MAX = 150
 """The number of iterations of a trial's solve.
 
 Of the flights that were certified, TODO.
 """
-PER_TRIAL = 400
+PER_TRIAL = 300
 """The work of a trial per interval of its first mesh: so many iterations on that mesh.
 
 Certifying whatever flies took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
-"""
-MILDER = 4.0
-"""The usual steps by which all levers give way in the race whose plan is a second way round.
-
-Where an angle of crossing is too small, the plan loops; with a larger one it goes straight.
 """
 NO_FLIGHT = "no flight was found: "
 """The words with which the explanation begins."""
@@ -61,7 +53,7 @@ def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench)
         return result
     bench = dataclasses.replace(bench, budget=bench.budget.for_an_explanation())
     trial = _Trial(bench, race, flight.stage)
-    search = Search(list(_ways(race, flight, bench)), race, trial.fly)
+    search = Search(list(relaxed_ways(race, flight, bench)), race, trial.fly)
     remedies = search.remedies()
     if search.found is not None:
         return dataclasses.replace(search.found, explored=result.explored)
@@ -96,21 +88,6 @@ def _impatient(bench: Workbench, problem: Problem) -> Workbench:
     sooner = dataclasses.replace(solver, iterations_max=min(solver.iterations_max, ITERATIONS_MAX))
     budget = Budget(PER_TRIAL * float(max(problem.intervals, FEWEST_INTERVALS)), in_vain=False)
     return dataclasses.replace(bench, settings=dataclasses.replace(settings, solver=sooner), budget=budget)
-
-
-def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
-    """Yield the ways round on which the race is relaxed: as it is planned, and as a milder race would be planned."""
-    milder = race
-    for lever in levers(race):
-        milder = lever.changed(milder, lever.at_steps(min(MILDER, 0.9 * lever.steps_max)))
-    plans = [flight.plan, with_passages(milder.plan, race.course)]
-    before: Iterate | None = None
-    for plan in plans:
-        mesh = first_mesh(plan, bench.settings.mesh)
-        start = guess(plan, mesh)
-        if before is None or not np.array_equal(before.state, start.state):
-            yield Relaxer(bench, race, dataclasses.replace(flight, plan=plan), mesh), start
-        before = start
 
 
 @dataclasses.dataclass(frozen=True)

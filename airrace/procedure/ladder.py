@@ -27,6 +27,7 @@ from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimis
 from airrace.procedure.models import iterate_of
 from airrace.procedure.one_mesh import on_one_mesh
 from airrace.procedure.proof import proved
+from airrace.procedure.relaxed_ways import torn_without_doubt
 from airrace.procedure.restart import told
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
@@ -235,6 +236,8 @@ class Ladder:
             return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
         def pieced() -> Start | StageResult:
+            if flown is None and (torn := torn_without_doubt(self._race, flight, bench)):
+                return self._torn(torn, bench)
             pieces = self._homotopy(bench).trajectory
             if self._contradiction is not None:
                 return self._impossible(self._contradiction, bench)
@@ -257,6 +260,13 @@ class Ladder:
             return self._contradiction is not None
 
         return hopeless
+
+    def _torn(self, where: str, bench: Workbench) -> StageResult:
+        """Return the result of a race whose limits contradict each other at a place."""
+        flight = self.flight(Stage.POINT_MASS)
+        mesh = first_mesh(flight.plan, bench.settings.mesh)
+        problem, message = flight.problem(mesh), f"the limits contradict each other at {where}"
+        return conclude(flight, bench, problem, guess(flight.plan, mesh), outcome=Outcome.INFEASIBLE, message=message)
 
     def _impossible(self, found: Contradiction, bench: Workbench) -> StageResult:
         """Return the result of a race that cannot be flown, which says what stands in the way."""
