@@ -11,20 +11,23 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from airrace.optimal_control.problem import Iterate
 from airrace.planning.race import Race
 from airrace.procedure.lever import Lever
 from airrace.procedure.levers import levers
 from airrace.procedure.relaxation import Relaxed, Relaxer
+from airrace.procedure.relaxed_ways import Relaxation, relaxation
 from airrace.procedure.result import Remedy, StageResult
-from airrace.procedure.suggestions import Fly, Option, Trials
+from airrace.procedure.suggestions import TOLD_MAX, Fly, Option, Trials
 
 CONFLICTS_MAX = 4
 """The largest number of conflicts that are looked for."""
-ALONE_MAX = {False: 6, True: 3}
+ALONE_MAX = {False: 5, True: 3}
 """The largest number of levers that are relaxed alone for one conflict: of rules and gates, of the aircraft."""
-ENOUGH = {False: 4, True: 2}
-"""The number of levers that help alone after which no further one is relaxed: of rules and gates, of the aircraft."""
+DEAREST = 12.0
+"""The factor on the least estimate of levers of a kind (usual steps) above which a lever is not relaxed alone.
+
+Those that helped on courses spoilt by one limit each were estimated at up to 6 times the least of them.
+"""
 LEAST_SHARE = 1e-3
 """The least share of the blame (1) with which a lever is considered."""
 OPTIMISM = 1.0
@@ -56,13 +59,13 @@ class Search:
     """A search for the conflicts of a race.
 
     Attributes:
-        ways: what relaxes it along one way round, with a flight to begin with; the way that asks least counts.
+        begun: the race with all limits relaxed, on every way round on which that was found; the least of them counts.
         race: the race.
         fly: tries suggestions in flight.
         found: a certified flight of the race as it is, if the search came across one.
     """
 
-    ways: Sequence[tuple[Relaxer, Iterate]]
+    begun: Sequence[Relaxation]
     race: Race
     fly: Fly
     found: StageResult | None = None
@@ -83,15 +86,11 @@ class Search:
     # What is in conflict.
 
     def _conflicts(self) -> Iterator[Conflict]:
-        race = self.race
+        race, begun = self.race, min(self.begun, key=lambda one: one.relaxed.steps, default=None)
         for _ in range(CONFLICTS_MAX):
-            known = levers(race)
-            relaxed = [(relaxer, relaxer.together(race, known, start)) for relaxer, start in self.ways]
-            solved = [(relaxer, at) for relaxer, at in relaxed if at is not None]
-            if not solved:
+            if begun is None:
                 return
-            relaxer, together = min(solved, key=_steps)
-            self.ways = [(relaxer, together.flight)]
+            known, relaxer, together = levers(race), begun.relaxer, begun.relaxed
             if self._needs_nothing(race, relaxer, together):
                 return
             options, last = self._options(race, known, relaxer, together), True
@@ -105,6 +104,7 @@ class Search:
             if last or not options:
                 return
             race = options[0].applied(race)
+            begun = relaxation(race, relaxer, together.flight)
 
     def _options(self, race: Race, known: Sequence[Lever], relaxer: Relaxer, together: Relaxed) -> list[Option]:
         """Return the levers that resolve the conflict alone, the least change first."""
@@ -116,17 +116,19 @@ class Search:
         )
         options: list[Option] = []
         for of_aircraft, most in ALONE_MAX.items():
-            of_a_kind = [lever for _, lever in possible if lever.of_aircraft is of_aircraft][:most]
-            helping = self._helping(race, of_a_kind, relaxer, together)
-            options += itertools.islice(helping, ENOUGH[of_aircraft])
+            of_a_kind = [one for one in possible if one[1].of_aircraft is of_aircraft][:most]
+            cheap = [one for one in of_a_kind if one[0] <= DEAREST * of_a_kind[0][0]]
+            options += itertools.islice(self._helping(race, cheap, relaxer, together), TOLD_MAX[of_aircraft])
             if self.found is not None:
                 break
         return sorted(options, key=lambda one: (not one.settable, one.lever.of_aircraft, one.cost, one.lever.key))
 
-    def _helping(self, race: Race, known: Sequence[Lever], relaxer: Relaxer, together: Relaxed) -> Iterator[Option]:
-        """Yield those of some levers that help alone, until one shows that nothing has to give way."""
-        for lever in known:
-            relaxed = relaxer.alone(race, lever, together)
+    def _helping(
+        self, race: Race, known: Sequence[tuple[float, Lever]], relaxer: Relaxer, together: Relaxed
+    ) -> Iterator[Option]:
+        """Yield those of some levers, with their estimates, that help alone, until one shows that no limit has to."""
+        for estimate, lever in known:
+            relaxed = relaxer.alone(race, lever, together, estimate)
             if relaxed is None:
                 continue
             if self._needs_nothing(race, relaxer, relaxed):
@@ -140,10 +142,6 @@ class Search:
         if race is self.race and self.found is None:
             self.found = self.fly(race, relaxer, relaxed).result
         return race is not self.race or self.found is not None
-
-
-def _steps(solved: tuple[Relaxer, Relaxed]) -> float:
-    return solved[1].steps
 
 
 def _freed(race: Race, known: Sequence[Lever], relaxer: Relaxer, together: Relaxed, share: float) -> Race:

@@ -18,7 +18,7 @@ from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, refined
 from airrace.procedure.models import iterate_of
 from airrace.procedure.relaxation import Relaxed, Relaxer
-from airrace.procedure.relaxed_ways import relaxed_ways
+from airrace.procedure.relaxed_ways import Relaxation, relaxations
 from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
@@ -40,7 +40,13 @@ NO_FLIGHT = "no flight was found: "
 OTHER_WAYS = "other ways round were not tried (--explore quick tries them)"
 
 
-def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench) -> StageResult:
+def explained(
+    result: StageResult,
+    race: Race,
+    flight: Flight,
+    bench: Workbench,
+    relaxed: Sequence[Relaxation | None] = (),
+) -> StageResult:
     """Return a stage without a flight with what stands in the way; or the flight, if there is one after all.
 
     Args:
@@ -48,12 +54,14 @@ def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench)
         race: what was to be flown.
         flight: the race as it was planned, in the equations of the stage.
         bench: what it is solved with.
+        relaxed: the race with all limits relaxed, where that was found out before.
     """
     if result.is_flight or result.outcome is Outcome.TIMEOUT:
         return result
     bench = dataclasses.replace(bench, budget=bench.budget.for_an_explanation())
     trial = _Trial(bench, race, flight.stage)
-    search = Search(list(relaxed_ways(race, flight, bench)), race, trial.fly)
+    begun = [one for one in relaxed or relaxations(race, flight, bench) if one is not None]
+    search = Search(begun, race, trial.fly)
     remedies = search.remedies()
     if search.found is not None:
         return dataclasses.replace(search.found, explored=result.explored)

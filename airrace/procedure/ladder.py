@@ -27,7 +27,7 @@ from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimis
 from airrace.procedure.models import iterate_of
 from airrace.procedure.one_mesh import on_one_mesh
 from airrace.procedure.proof import proved
-from airrace.procedure.relaxed_ways import torn_without_doubt
+from airrace.procedure.relaxed_ways import Relaxation, relaxations, torn
 from airrace.procedure.restart import told
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
@@ -89,6 +89,7 @@ class Ladder:
         self._flights: dict[Stage, Flight] = {}
         self._pieces: StageResult | None = None
         self._contradiction: Contradiction | None = None
+        self._relaxed: Sequence[Relaxation | None] = ()
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
@@ -112,7 +113,7 @@ class Ladder:
         if fidelity.guess:
             result = self._homotopy(bench)
         elif fidelity.inner_controller is None:
-            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench)
+            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench, self._relaxed)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)
@@ -236,8 +237,10 @@ class Ladder:
             return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
         def pieced() -> Start | StageResult:
-            if flown is None and (torn := torn_without_doubt(self._race, flight, bench)):
-                return self._torn(torn, bench)
+            if flown is None:  # nor has the plan led anywhere
+                self._relaxed = relaxations(self._race, flight, bench)
+                if where := torn(self._relaxed):
+                    return self._torn(where, bench)
             pieces = self._homotopy(bench).trajectory
             if self._contradiction is not None:
                 return self._impossible(self._contradiction, bench)

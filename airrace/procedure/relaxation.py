@@ -119,16 +119,22 @@ class Relaxer:
         purpose = "every limit giving way"
         return self._least(race, mild, start, purpose, OPTIONS.iterations_max, begin=1.0, furthest=FURTHEST)
 
-    def alone(self, race: Race, lever: Lever, near: Relaxed) -> Relaxed | None:
-        """Return the least relaxation of one lever; None if that alone does not help, or it is not found."""
-        mild = lever.changed(race, lever.milder)
+    def alone(self, race: Race, lever: Lever, near: Relaxed, estimate: float) -> Relaxed | None:
+        """Return the least relaxation of one lever; None if that alone does not help, or it is not found.
+
+        Args:
+            race: with its limits as they are.
+            lever: that gives way.
+            near: the race with all levers relaxed.
+            estimate: the steps by which the lever is expected to give way.
+        """
         return self._least(
             race,
-            mild,
+            lever.changed(race, lever.milder),
             near.flight,
             f"{lever.key} giving way",
             ALONE_ITERATIONS_MAX,
-            begin=min(max(near.steps, 1.0), 0.9 * lever.steps_max),
+            begin=min(estimate, 0.9 * lever.steps_max),
             furthest=lever.steps_max,
         )
 

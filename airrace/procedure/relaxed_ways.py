@@ -5,7 +5,7 @@ started from is then solved in vain.
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from airrace.planning.race import Race
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.levers import levers
-from airrace.procedure.relaxation import Relaxer
+from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.solving import Workbench
 from airrace.procedure.varied import with_passages
 
@@ -27,7 +27,15 @@ CLEAR = 0.1
 """The usual steps by which all limits have to give way together before it is plain that there is no flight."""
 
 
-def relaxed_ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
+@dataclasses.dataclass(frozen=True)
+class Relaxation:
+    """A race whose limits give way together, and what relaxed it along one way round."""
+
+    relaxer: Relaxer
+    relaxed: Relaxed
+
+
+def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
     """Yield the ways round on which the race is relaxed: as it is planned, and as a milder race would be planned."""
     milder = race
     for lever in levers(race):
@@ -42,12 +50,19 @@ def relaxed_ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple
         before = start
 
 
-def torn_without_doubt(race: Race, flight: Flight, bench: Workbench) -> str:
+def relaxation(race: Race, relaxer: Relaxer, start: Iterate) -> Relaxation | None:
+    """Return a race with all its limits relaxed, from a flight to begin with; None if that is not found."""
+    relaxed = relaxer.together(race, levers(race), start)
+    return None if relaxed is None else Relaxation(relaxer, relaxed)
+
+
+def relaxations(race: Race, flight: Flight, bench: Workbench) -> list[Relaxation | None]:
+    """Return the race relaxed as it is planned, and as a milder race would be planned; None for what is not found."""
+    return [relaxation(race, relaxer, start) for relaxer, start in _ways(race, flight, bench)]
+
+
+def torn(found: Sequence[Relaxation | None]) -> str:
     """Return the place at which limits clearly contradict each other on all ways round; empty where they may not."""
-    where = ""
-    for relaxer, start in relaxed_ways(race, flight, bench):
-        relaxed = relaxer.together(race, levers(race), start)
-        if relaxed is None or relaxed.steps < CLEAR:
-            return ""
-        where = where or relaxed.where
-    return where
+    if any(one is None or one.relaxed.steps < CLEAR for one in found):
+        return ""
+    return next((one.relaxed.where for one in found if one is not None), "")

@@ -15,10 +15,11 @@ from airrace.procedure.result import Remedy, StageResult
 
 TOLD_MAX = {False: 3, True: 2}
 """The largest number of suggestions that are told of one conflict: those of rules and gates, those of the aircraft."""
-EFFORT_MAX = {False: 2.0, True: 1.0}
-"""The effort of trials (see `Flown`) after which no further suggestion of the same kind is tried."""
-EFFORT_AGAIN_MAX = 4.0
-"""The effort of all trials of a conflict after which none is repeated with a larger margin."""
+EFFORT_MAX = 4.0
+"""The effort of the trials of a conflict (see `Flown`) after which none is repeated with a larger margin.
+
+Without a certified flight the first one is repeated all the same.
+"""
 MARGINS = ((1.1, 0.2), (1.4, 0.5), (2.0, 2.0))
 """The factors on the least relaxation, and the usual steps on top, with which a suggestion is tried in turn.
 
@@ -119,30 +120,28 @@ class Trials:
         found: list[Tried] = []
         tried = [one for of_aircraft in TOLD_MAX for one in self._with_least_margin(options, of_aircraft=of_aircraft)]
         effort = sum(one.flown.effort for one in tried)
+        certified = any(one.flown.certified for one in tried)
         for one in tried:
             last = one
             for margin in MARGINS[1:]:
-                if last.flown.certified or effort > EFFORT_AGAIN_MAX:
+                if last.flown.certified or (effort > EFFORT_MAX and (certified or one is not tried[0])):
                     break
                 milder = self._trial(one.option, margin)
                 effort += milder.flown.effort
                 last = last if milder.flown.race_time is None else milder
+            certified = certified or last.flown.certified
             if last.flown.race_time is not None:
                 found.append(last)
         return sorted(found, key=lambda one: not one.flown.certified)
 
     def _with_least_margin(self, options: Iterable[Option], *, of_aircraft: bool) -> Iterator[Tried]:
         """Yield the options of one kind as they were tried, until enough of them flew."""
-        flown, effort = 0, 0.0
+        flown = 0
         for option in options:
-            if option.lever.of_aircraft is not of_aircraft:
-                continue
-            if flown == TOLD_MAX[of_aircraft] or effort > EFFORT_MAX[of_aircraft]:
-                return
-            tried = self._trial(option, MARGINS[0])
-            effort += tried.flown.effort
-            flown += tried.flown.race_time is not None
-            yield tried
+            if option.lever.of_aircraft is of_aircraft and flown < TOLD_MAX[of_aircraft]:
+                tried = self._trial(option, MARGINS[0])
+                flown += tried.flown.race_time is not None
+                yield tried
 
     def _trial(self, option: Option, margin: tuple[float, float]) -> Tried:
         value = option.value(margin)
