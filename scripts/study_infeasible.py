@@ -198,7 +198,7 @@ KINDS: dict[str, Callable[[random.Random], Spoilt]] = {
 
 
 def fly(folder: Path, track: str, settings: Sequence[str]) -> tuple[Ran, list[Conflict]]:
-    """Fly a course in a process of its own; return what it said, in which processor time, and what conflicts it told."""
+    """Fly a course in a process of its own; return what it said and took, and its conflicts."""
     named = track
     if "\n" in track:
         named = "spoilt.yaml"
