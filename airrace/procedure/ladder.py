@@ -27,7 +27,7 @@ from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimis
 from airrace.procedure.models import iterate_of
 from airrace.procedure.one_mesh import on_one_mesh
 from airrace.procedure.proof import proved
-from airrace.procedure.relaxed_ways import Relaxation, relaxations, torn
+from airrace.procedure.relaxed_ways import Relaxations, torn
 from airrace.procedure.restart import told
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
@@ -89,7 +89,7 @@ class Ladder:
         self._flights: dict[Stage, Flight] = {}
         self._pieces: StageResult | None = None
         self._contradiction: Contradiction | None = None
-        self._relaxed: Sequence[Relaxation | None] = ()
+        self._relaxed: Relaxations | None = None
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
@@ -238,7 +238,7 @@ class Ladder:
 
         def pieced() -> Start | StageResult:
             if flown is None:  # nor has the plan led anywhere
-                self._relaxed = relaxations(self._race, flight, bench)
+                self._relaxed = Relaxations(self._race, flight, bench)
                 if where := torn(self._relaxed):
                     return self._torn(where, bench)
             pieces = self._homotopy(bench).trajectory

@@ -5,7 +5,7 @@ started from is then solved in vain.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -56,13 +56,29 @@ def relaxation(race: Race, relaxer: Relaxer, start: Iterate) -> Relaxation | Non
     return None if relaxed is None else Relaxation(relaxer, relaxed)
 
 
-def relaxations(race: Race, flight: Flight, bench: Workbench) -> list[Relaxation | None]:
-    """Return the race relaxed as it is planned, and as a milder race would be planned; None for what is not found."""
-    return [relaxation(race, relaxer, start) for relaxer, start in _ways(race, flight, bench)]
+class Relaxations:
+    """A race relaxed as it is planned, and as a milder race would be planned; None where that is not found.
+
+    Each of them is found when it is first asked for, and kept.
+    """
+
+    def __init__(self, race: Race, flight: Flight, bench: Workbench) -> None:
+        self._race = race
+        self._ways = _ways(race, flight, bench)
+        self._found: list[Relaxation | None] = []
+
+    def __iter__(self) -> Iterator[Relaxation | None]:
+        yield from tuple(self._found)
+        for relaxer, start in self._ways:
+            self._found.append(relaxation(self._race, relaxer, start))
+            yield self._found[-1]
 
 
-def torn(found: Sequence[Relaxation | None]) -> str:
+def torn(found: Iterable[Relaxation | None]) -> str:
     """Return the place at which limits clearly contradict each other on all ways round; empty where they may not."""
-    if any(one is None or one.relaxed.steps < CLEAR for one in found):
-        return ""
-    return next((one.relaxed.where for one in found if one is not None), "")
+    where = ""
+    for one in found:
+        if one is None or one.relaxed.steps < CLEAR:
+            return ""
+        where = where or one.relaxed.where
+    return where
