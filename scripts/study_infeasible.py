@@ -8,10 +8,10 @@ Each course is spoilt by one limit, which is known, as is the place where it hur
 
 import json
 import random
+import resource
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +30,7 @@ FLY = (
     "--set",
     "settings.solver.fallback=fatrop",
 )
-LONGEST = 120.0  # s, on a machine with other work
+LONGEST = 30.0  # s of processor time
 Conflict = dict[str, Any]  # Any: JSON
 CALM = 60.0  # m, half the width of the corridor
 
@@ -83,7 +83,7 @@ def low_ceiling(rng: random.Random) -> Spoilt:
 
 
 def weak_loop(rng: random.Random) -> Spoilt:
-    changed = (f"rules.n_z_max={rng.uniform(2.0, 3.2):.1f}", f"rules.ceiling_m={rng.choice((220, 240))}")
+    changed = (f"rules.n_z_max={rng.uniform(1.8, 2.3):.1f}", f"rules.ceiling_m={rng.choice((220, 240))}")
     return Spoilt(
         "half_cuban_eight", changed, ("rules.n_z_max",), ("entry", "vertical", "down_line", "upright", "exit")
     )
@@ -102,15 +102,18 @@ def slow_roll(rng: random.Random) -> Spoilt:
 
 
 def strict_bank(rng: random.Random) -> Spoilt:
-    distance = rng.uniform(7, 11)
+    """A roll of 80 deg between two gates that 60 m/s and 200 deg/s leave 60 deg for."""
+    distance = rng.uniform(12, 15)
     knife = f"d: {{type: knife-edge, north_m: {500 + distance:.1f}, east_m: 0, heading_deg: 0, bank: right}}"
-    changed = f"gates.c.bank_tolerance_deg={rng.uniform(1, 4):.0f}"
-    keys = ("gates.c.bank_tolerance_deg", "gates.d.bank_tolerance_deg")
-    return Spoilt(corridor(row(knife, distance)), (changed,), keys, ("c", "d"))
+    gates = row(knife, distance)
+    gates[2] = gate("c", 500, 0.0, ", bank_tolerance_deg: 30")
+    track = corridor(gates, rules=", roll_rate_max_deg_s: 200")
+    changed = ("aircraft.envelope.speed_min_m_s=60", f"gates.c.bank_tolerance_deg={rng.uniform(1, 4):.0f}")
+    return Spoilt(track, changed, ("gates.c.bank_tolerance_deg",), ("c", "d"))
 
 
 def high_gate(rng: random.Random) -> Spoilt:
-    distance = rng.uniform(40, 60)
+    distance = rng.uniform(36, 45)
     track = corridor(row(gate("d", 500 + distance), distance), ceiling=100)
     low = rng.uniform(75, 85)
     changed = tuple(
@@ -195,13 +198,13 @@ KINDS: dict[str, Callable[[random.Random], Spoilt]] = {
 
 
 def fly(folder: Path, track: str, settings: Sequence[str]) -> tuple[Ran, list[Conflict]]:
-    """Fly a course in a process of its own; return what it said, and the conflicts that it told."""
+    """Fly a course in a process of its own; return what it said and took, and its conflicts."""
     named = track
     if "\n" in track:
         named = "spoilt.yaml"
         (folder / named).write_text(track, encoding="utf-8")
     changed = [text for one in settings for text in ("--set", one)]
-    began = time.monotonic()
+    began = processor_time()
     ended = subprocess.run(
         [*COMMAND, "optimize", named, *FLY, *changed, "--out", "run.h5", "--force"],
         cwd=folder,
@@ -211,7 +214,13 @@ def fly(folder: Path, track: str, settings: Sequence[str]) -> tuple[Ran, list[Co
         timeout=1200.0,
         check=False,
     )
-    return Ran(ended.returncode, ended.stdout, ended.stderr, time.monotonic() - began), conflicts_of(ended.stdout)
+    return Ran(ended.returncode, ended.stdout, ended.stderr, processor_time() - began), conflicts_of(ended.stdout)
+
+
+def processor_time() -> float:
+    """The processor time of all processes that this one has started and that have ended, s."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
 
 
 def conflicts_of(out: str) -> list[Conflict]:
@@ -229,7 +238,8 @@ def trial(rng: random.Random, number: int) -> Record:
         ran, conflicts = fly(Path(name), spoilt.track, spoilt.changed)
         first = [one["remedies"][0] for one in conflicts if one["remedies"]]
         suggested = [f"{one['key']}={one['needed']:g}" for one in first if one["key"]]
-        again = fly(Path(name), spoilt.track, [*spoilt.changed, *suggested])[0].code if suggested else None
+        flown = fly(Path(name), spoilt.track, [*spoilt.changed, *suggested])[0] if suggested else None
+    again = None if flown is None else flown.code
     keys = {way["key"] for one in conflicts for way in one["remedies"]}
     places = {at.partition(":")[2] for one in conflicts for at in one["where"].split(" -> ")}
     faults = ran.faults(LONGEST)
@@ -243,6 +253,7 @@ def trial(rng: random.Random, number: int) -> Record:
         "kind": kind,
         "outcome": "works" if again == 0 else outcome(ran.code),
         "seconds": ran.seconds,
+        "again_seconds": None if flown is None else flown.seconds,
         "faults": faults,
         "changed": list(spoilt.changed),
         "suggested": suggested,

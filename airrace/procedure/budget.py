@@ -31,10 +31,17 @@ SPENT = "the budget of iterations is spent"
 
 @dataclass
 class Budget:
-    """The work in vain that a stage may take, and what is spent of it."""
+    """The work in vain that a stage may take, and what is spent of it.
+
+    Attributes:
+        work: that may be spent.
+        spent: of it so far.
+        in_vain: whether only what ends without an optimum is counted.
+    """
 
     work: float = math.inf
     spent: int = 0
+    in_vain: bool = True
 
     @classmethod
     def of(cls, plan: Plan, settings: MeshSettings) -> "Budget":
@@ -60,9 +67,10 @@ class Budget:
         left = (self.work - self.spent) / _cost(problem, solver)
         return most if left >= most else max(0, math.ceil(left))
 
-    def spend(self, problem: Problem, solver: str, iterations: int) -> None:
-        """Take note of what a solver has done in vain."""
-        self.spent += iterations * _cost(problem, solver)
+    def spend(self, problem: Problem, solver: str, iterations: int, *, in_vain: bool) -> None:
+        """Take note of what a solver has done, and whether that was in vain."""
+        if in_vain or not self.in_vain:
+            self.spent += iterations * _cost(problem, solver)
 
 
 def _cost(problem: Problem, solver: str) -> int:

@@ -6,42 +6,47 @@ all is flown.
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-
-from airrace.optimal_control.problem import Iterate
+from airrace.optimal_control.problem import Problem
 from airrace.planning.race import Race
+from airrace.procedure.budget import FEWEST_INTERVALS, Budget
 from airrace.procedure.conflicts import Search
 from airrace.procedure.diagnosis import diagnose
 from airrace.procedure.flight import Flight, mesh_of, stage_flight
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, refined
-from airrace.procedure.levers import levers
 from airrace.procedure.models import iterate_of
 from airrace.procedure.relaxation import Relaxed, Relaxer
+from airrace.procedure.relaxed_ways import Relaxations
 from airrace.procedure.result import Outcome, Remedy, StageResult
 from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
-from airrace.procedure.varied import with_passages
+from airrace.procedure.suggestions import NOTHING, Flown
 
-MESHES_MAX = 2
-"""The number of meshes after the first on which a suggestion is tried.
+ITERATIONS_MAX = 150
+"""The number of iterations of a trial's solve.
 
-Certifying each suggestion took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
+The flights of trials that were certified took 4 to 105 on each mesh.
 """
-MILDER = 4.0
-"""The usual steps by which all levers give way in the race whose plan is a second way round.
+PER_TRIAL = 300
+"""The work of a trial per interval of its first mesh: so many iterations on that mesh.
 
-Where an angle of crossing is too small, the plan loops; with a larger one it goes straight.
+Certifying whatever flies took minutes on courses in a narrow corridor: 1646 intervals on the fourth mesh.
 """
 NO_FLIGHT = "no flight was found: "
 """The words with which the explanation begins."""
 OTHER_WAYS = "other ways round were not tried (--explore quick tries them)"
 
 
-def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench) -> StageResult:
+def explained(
+    result: StageResult,
+    race: Race,
+    flight: Flight,
+    bench: Workbench,
+    relaxed: Relaxations | None = None,
+) -> StageResult:
     """Return a stage without a flight with what stands in the way; or the flight, if there is one after all.
 
     Args:
@@ -49,12 +54,14 @@ def explained(result: StageResult, race: Race, flight: Flight, bench: Workbench)
         race: what was to be flown.
         flight: the race as it was planned, in the equations of the stage.
         bench: what it is solved with.
+        relaxed: the race with all limits relaxed, where that was asked for before.
     """
     if result.is_flight or result.outcome is Outcome.TIMEOUT:
         return result
     bench = dataclasses.replace(bench, budget=bench.budget.for_an_explanation())
     trial = _Trial(bench, race, flight.stage)
-    search = Search(list(_ways(race, flight, bench)), race, trial.fly)
+    begun = [one for one in relaxed or Relaxations(race, flight, bench) if one is not None]
+    search = Search(begun, race, trial.fly)
     remedies = search.remedies()
     if search.found is not None:
         return dataclasses.replace(search.found, explored=result.explored)
@@ -82,60 +89,51 @@ def _on_record(result: StageResult, bench: Workbench) -> StageResult:
     return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
 
 
-def _impatient(bench: Workbench) -> Workbench:
-    """Return a workbench with which a flight is solved on few meshes, whatever its certificate says."""
+def _impatient(bench: Workbench, problem: Problem) -> Workbench:
+    """Return a workbench that gives a flight up which takes much work."""
     settings = bench.settings
-    fewer = dataclasses.replace(settings.mesh, refinements_max=min(settings.mesh.refinements_max, MESHES_MAX))
-    return dataclasses.replace(bench, settings=dataclasses.replace(settings, mesh=fewer))
-
-
-def _ways(race: Race, flight: Flight, bench: Workbench) -> Iterator[tuple[Relaxer, Iterate]]:
-    """Yield the ways round on which the race is relaxed: as it is planned, and as a milder race would be planned."""
-    milder = race
-    for lever in levers(race):
-        milder = lever.changed(milder, lever.at_steps(min(MILDER, 0.9 * lever.steps_max)))
-    plans = [flight.plan, with_passages(milder.plan, race.course)]
-    before: Iterate | None = None
-    for plan in plans:
-        mesh = first_mesh(plan, bench.settings.mesh)
-        start = guess(plan, mesh)
-        if before is None or not np.array_equal(before.state, start.state):
-            yield Relaxer(bench, race, dataclasses.replace(flight, plan=plan), mesh), start
-        before = start
+    solver = settings.solver
+    sooner = dataclasses.replace(solver, iterations_max=min(solver.iterations_max, ITERATIONS_MAX))
+    budget = Budget(PER_TRIAL * float(max(problem.intervals, FEWEST_INTERVALS)), in_vain=False)
+    return dataclasses.replace(bench, settings=dataclasses.replace(settings, solver=sooner), budget=budget)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Trial:
-    """Trials of races with other numbers: from their own plans, as they would be flown, else near a relaxed flight."""
+    """Trials of races with other numbers: near a relaxed flight, else from their own plans."""
 
     bench: Workbench
     race: Race
     stage: Stage
 
-    def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> tuple[StageResult | None, float]:
-        """Return the flight of a race on three meshes, None if there is none, and the work: iterations times intervals.
-
-        The race as it is given is certified, or there is none.
+    def fly(self, race: Race, relaxer: Relaxer, near: Relaxed) -> Flown:
+        """Return a trial of a race; the flight of the race as it is given is certified, or there is none.
 
         Raises:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
-        before, along = len(self.bench.attempts), relaxer.flight(race)
+        along = relaxer.flight(race)
         relaxed = Start(along, along.problem(relaxer.mesh), near.flight, PIECED_BARRIER)
         if race is self.race:  # whose plan has led nowhere
             found = refined(self.bench, relaxed, self.bench.settings.solver.primary)
-            return (found if isinstance(found, StageResult) and found.certified else None), 0.0
+            certified = found if isinstance(found, StageResult) and found.certified else None
+            return dataclasses.replace(NOTHING, certified=certified is not None, result=certified)
+        first = self._flown(relaxed)
+        if first.race_time is not None:
+            return first
         flight = stage_flight(self.stage, race, self.bench.settings)
         mesh = first_mesh(flight.plan, self.bench.settings.mesh)
-        planned = Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
-        flown = self._flown(planned) or self._flown(relaxed)
-        intervals = planned.problem.intervals if flown is None else len(flown.trajectory.time) - 1
-        return flown, sum(one.iterations for one in self.bench.attempts[before:]) * float(intervals)
+        planned = self._flown(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER))
+        return dataclasses.replace(planned, effort=first.effort + planned.effort)
 
-    def _flown(self, start: Start) -> StageResult | None:
-        bench = _impatient(self.bench)
+    def _flown(self, start: Start) -> Flown:
+        bench = _impatient(self.bench, start.problem)
         found = refined(bench, start, bench.settings.solver.primary)
-        return found if isinstance(found, StageResult) else None
+        effort = bench.budget.spent / bench.budget.work
+        if isinstance(found, StageResult):
+            return Flown(found.trajectory.race_time, certified=found.certified, effort=effort, result=found)
+        race_time = None if found.coarser is None else found.coarser.race_time
+        return Flown(race_time, certified=False, effort=effort)
 
 
 def told(remedies: Sequence[Remedy]) -> str:

@@ -62,10 +62,14 @@ class Start:
 
 @dataclass(frozen=True)
 class Failure:
-    """A start without an optimum; `solution` is where the solver gave up, None if it never came back."""
+    """A start without an optimum; `solution` is where the solver gave up, None if it never came back.
+
+    `coarser` is the optimum on the mesh before, None if the first one led to none.
+    """
 
     start: Start
     solution: Solution | None
+    coarser: Solved | None = None
 
 
 def optimise_jointly(
@@ -169,6 +173,7 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
     flight = start.flight
     draft, coarser, barrier, solvers = first.draft, first.coarser, first.barrier, first.solvers
     multipliers = first.multipliers
+    optimum: Solved | None = None
     for refinement in range(first.refinement, total + 1):
         problem = flight.problem(draft.mesh)
         purpose = announced(bench, problem, refinement)
@@ -177,7 +182,7 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
             problem, draft.guess, purpose, barrier=barrier, solvers=solvers, passing=passing, multipliers=multipliers
         )
         if solution is None or not solution.success:
-            return Failure(start, solution)
+            return Failure(start, solution, optimum)
         evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
         optimum = Solved(problem, solution.iterate, draft, evidence)
         certificate = None if coarser is None else certificate_of(optimum, solution, coarser.race_time, limits)

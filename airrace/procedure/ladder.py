@@ -27,6 +27,7 @@ from airrace.procedure.joint import COLD_BARRIER, PIECED_BARRIER, Start, optimis
 from airrace.procedure.models import iterate_of
 from airrace.procedure.one_mesh import on_one_mesh
 from airrace.procedure.proof import proved
+from airrace.procedure.relaxed_ways import Relaxations, torn
 from airrace.procedure.restart import told
 from airrace.procedure.result import Explored, Outcome, Stage, StageResult
 from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
@@ -88,6 +89,7 @@ class Ladder:
         self._flights: dict[Stage, Flight] = {}
         self._pieces: StageResult | None = None
         self._contradiction: Contradiction | None = None
+        self._relaxed: Relaxations | None = None
         self.done = {result.stage: result for result in finished}
         self.flight(first)  # inputs that contradict each other are told before anything is solved
 
@@ -111,7 +113,7 @@ class Ladder:
         if fidelity.guess:
             result = self._homotopy(bench)
         elif fidelity.inner_controller is None:
-            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench)
+            result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench, self._relaxed)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
             climbing = (below, *below.rivals)
@@ -235,6 +237,10 @@ class Ladder:
             return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
         def pieced() -> Start | StageResult:
+            if flown is None:  # nor has the plan led anywhere
+                self._relaxed = Relaxations(self._race, flight, bench)
+                if where := torn(self._relaxed):
+                    return self._torn(where, bench)
             pieces = self._homotopy(bench).trajectory
             if self._contradiction is not None:
                 return self._impossible(self._contradiction, bench)
@@ -257,6 +263,13 @@ class Ladder:
             return self._contradiction is not None
 
         return hopeless
+
+    def _torn(self, where: str, bench: Workbench) -> StageResult:
+        """Return the result of a race whose limits contradict each other at a place."""
+        flight = self.flight(Stage.POINT_MASS)
+        mesh = first_mesh(flight.plan, bench.settings.mesh)
+        problem, message = flight.problem(mesh), f"the limits contradict each other at {where}"
+        return conclude(flight, bench, problem, guess(flight.plan, mesh), outcome=Outcome.INFEASIBLE, message=message)
 
     def _impossible(self, found: Contradiction, bench: Workbench) -> StageResult:
         """Return the result of a race that cannot be flown, which says what stands in the way."""

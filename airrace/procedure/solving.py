@@ -202,8 +202,7 @@ class Workbench:
             return None
         if not solution.success and solution.kkt.largest <= self.settings.certificate.kkt_error:
             solution = replace(solution, success=True, status=f"{solution.status}; {MEASURED}")
-        if not solution.success:
-            self.budget.spend(problem, solver, solution.iterations)
+        self.budget.spend(problem, solver, solution.iterations, in_vain=not solution.success)
         self.derivative_seconds += solution.derivative_seconds
         self.attempts.append(
             Attempt(purpose, solver, solution.status, solution.success, solution.iterations, solution.seconds)
