@@ -1,4 +1,4 @@
-"""What is suggested where a race has no flight: levers that resolve a conflict alone, flown on the whole race first.
+"""The suggestions where a race has no flight: levers that resolve a conflict alone, flown on the whole race first.
 
 Rules and gates come first, for those are a race director's; then the aircraft, whose numbers may be as much to blame.
 A suggestion that was certified in its trial is told before one that only flew.
