@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from airrace.errors import CheckpointError
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import GateSplit, StageResult
 from airrace.trajectory import Array, Trajectory
 
 ROUNDED = 1e-9
@@ -32,7 +32,7 @@ def ensure_possible(result: StageResult, path: str) -> None:
         path: its place in the file.
 
     Raises:
-        CheckpointError: histories, times or multipliers are not finite or larger than `LARGEST`; time runs
+        CheckpointError: histories, times, multipliers or splits are not finite or larger than `LARGEST`; time runs
             backwards, does not begin at 0, or does not pass as the durations of the phases have it; a quaternion is
             no attitude.
     """
@@ -48,9 +48,15 @@ def ensure_possible(result: StageResult, path: str) -> None:
         ("bound_multipliers", result.bound_multipliers),
     ):
         ensure_sizes(values, f"{path}/{name}")
+    ensure_sizes(np.array([_numbers(split) for split in result.splits]), f"{path}/splits")
     _ensure_time_passes(flown, path)
     rows = {one.name: values for one, values in zip(flown.states, flown.state, strict=True)}
     ensure_attitudes(rows, f"{path}/states")
+
+
+def _numbers(split: GateSplit) -> list[float]:
+    """Return all numbers of a gate split."""
+    return [value for value in vars(split).values() if isinstance(value, float)]
 
 
 def ensure_sizes(values: Array, path: str) -> None:

@@ -36,7 +36,7 @@ def integrate(
         first_step: length that is tried first, s; by default the integrator looks for one.
 
     Returns:
-        The states at these times, shape (m, n).
+        The states at these times, shape (m, n); NaN from where the integrator found no step that is small enough.
     """
     # Imported here, see `load_in_background`; scipy ships no types.
     from scipy.integrate import solve_ivp as untyped  # pyright: ignore[reportUnknownVariableType]
@@ -46,4 +46,9 @@ def integrate(
     asked = times if len(times) > 2 else None  # both ends are there without interpolation
     flown = solve_ivp(rates, span, start, "DOP853", asked, rtol=relative, atol=absolute, first_step=first_step)
     states = np.asarray(flown.y, dtype=np.float64)
-    return states if asked is not None else states[:, [0, -1]]
+    if flown.success:
+        return states if asked is not None else states[:, [0, -1]]
+    reached = states.shape[1] if asked is not None else 1
+    result = np.full((len(start), len(times)), np.nan)
+    result[:, :reached] = states[:, :reached]
+    return result

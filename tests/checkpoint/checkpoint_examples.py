@@ -134,7 +134,14 @@ def with_possible_numbers(result: StageResult) -> StageResult:
         control=_possible(flown.control),
     )
     multipliers = _possible(result.constraint_multipliers)
-    return dataclasses.replace(result, trajectory=possible, constraint_multipliers=multipliers)
+    splits = tuple(GateSplit(one.name, *_possible(np.array(_numbers(one))).tolist()) for one in result.splits)
+    return dataclasses.replace(result, trajectory=possible, constraint_multipliers=multipliers, splits=splits)
+
+
+def _numbers(split: GateSplit) -> list[float]:
+    """All but the name."""
+    _, *values = dataclasses.astuple(split)
+    return values
 
 
 def _possible(values: np.ndarray) -> np.ndarray:

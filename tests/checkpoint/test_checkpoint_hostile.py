@@ -223,6 +223,10 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "an endless phase": (lambda f: f[f"{STAGE}/durations"].__setitem__(0, np.inf), "durations: holds numbers that"),
     "a state that is no number": (lambda f: f[f"{STAGE}/states/z"].__setitem__(3, np.nan), "states: holds numbers"),
     "an infinite control": (lambda f: f[f"{STAGE}/controls/sink"].__setitem__(2, -np.inf), "controls: holds numbers"),
+    "a split that is no number": (
+        lambda f: f[f"{STAGE}/splits"].__setitem__((0, "heading"), np.inf),
+        "splits: holds numbers that are not finite",
+    ),
     "a price that is no number": (
         lambda f: f[f"{STAGE}/constraint_multipliers"].__setitem__(1, np.nan),
         "constraint_multipliers: holds numbers",

@@ -1,0 +1,35 @@
+"""The reference integration: as exact as it was asked to be, and honest about where it had to stop."""
+
+import numpy as np
+import pytest
+
+from airrace.optimal_control.reference_integration import integrate
+
+
+def growing(_time: float, x: np.ndarray) -> np.ndarray:
+    """Rates of x' = x^2, whose solution 1 / (1 - t) from x(0) = 1 ends at t = 1."""
+    return x**2
+
+
+EXACT = 1e-12
+
+
+@pytest.mark.parametrize("times", [np.array([0.0, 0.5]), np.linspace(0.0, 0.9, 7)])
+def test_states_are_the_solution_at_the_times_that_were_asked(times: np.ndarray) -> None:
+    states = integrate(growing, np.ones(1), times, relative=EXACT, absolute=EXACT)
+    assert states.shape == (1, len(times))
+    assert states[0] == pytest.approx(1 / (1 - times), rel=1e-9)
+
+
+def test_both_ends_are_told_apart_from_an_end_that_was_not_reached() -> None:
+    states = integrate(growing, np.ones(1), np.array([0.0, 2.0]), relative=EXACT, absolute=EXACT)
+    assert states[0, 0] == 1.0
+    assert np.isnan(states[0, 1])
+
+
+def test_nothing_is_told_of_times_after_the_end_of_the_solution() -> None:
+    times = np.array([0.0, 0.5, 0.9, 1.5, 2.0])
+    states = integrate(growing, np.ones(1), times, relative=EXACT, absolute=EXACT)
+    assert states.shape == (1, len(times))
+    assert states[0, :3] == pytest.approx(1 / (1 - times[:3]), rel=1e-9)
+    assert np.isnan(states[0, 3:]).all()
