@@ -15,8 +15,9 @@ numbers or whole histories (one numpy row per quantity):
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Generic, Self, TypeVar, dataclass_transform
+
+from airrace.records import record
 
 T = TypeVar("T")
 
@@ -24,7 +25,7 @@ KNOT = 1852.0 / 3600.0
 """One knot in m/s."""
 
 
-@dataclass(frozen=True)
+@record
 class Quantity:
     """A declared scalar: its name, unit, scale, bounds and meaning.
 
@@ -46,7 +47,7 @@ class Quantity:
     rate_of: str = dataclasses.field(default="", metadata={"counts": "where set"})
 
 
-@dataclass(frozen=True)
+@record
 class Interval:
     """A closed range of a quantity; `Interval.exactly(v)` has no width."""
 
@@ -86,10 +87,10 @@ def quantity(
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(quantity,))
 def vector(cls: type[T]) -> type[T]:
     """Make a subclass of `Vector` a frozen, keyword-only dataclass (a class decorator)."""
-    return dataclass(frozen=True, kw_only=True)(cls)
+    return record(kw_only=True)(cls)
 
 
-@dataclass(frozen=True, kw_only=True)
+@record(kw_only=True)
 class Vector(Generic[T]):
     """The base of all typed vectors; the order of the fields is the order of the components."""
 

@@ -4,12 +4,12 @@ Nothing here knows of aircraft; dynamics builds systems, optimal control optimis
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 
 from airrace.quantities import Quantity, Vector, vector
+from airrace.records import record
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
 
@@ -19,7 +19,7 @@ class NoQuantities(Vector[Any]):  # Any: there is no component whose type it cou
     """A vector without components, such as the controls of a free fall."""
 
 
-@dataclass(frozen=True)
+@record
 class System:
     """A controlled dynamical system `x_dot = f(x, u, p)` with quantities `c(x, u, p)` to be limited along the path.
 
@@ -53,7 +53,7 @@ class System:
                 raise ValueError(f"{one.name} is declared to be the rate of {one.rate_of}, which is no state")
 
 
-@dataclass(frozen=True)
+@record
 class Observation:
     """A set of quantities seen at one instant, e.g. where and how an aircraft crosses a gate.
 

@@ -1,11 +1,10 @@
 """Aircraft: frozen numbers with units, without equations. Symbols follow the flight model; SI and radians."""
 
-from dataclasses import dataclass
-
 from airrace.quantities import Interval
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Airframe:
     """The mass and size of an aircraft: `m` kg; `S` m2; `b`, `cbar` m; moments of inertia kg m2."""
 
@@ -19,7 +18,7 @@ class Airframe:
     I_xz: float
 
 
-@dataclass(frozen=True)
+@record
 class Lift:
     """The coefficients of lift, rounded off at `C_L_max` and `C_L_min`.
 
@@ -34,7 +33,7 @@ class Lift:
     C_L_min: float
 
 
-@dataclass(frozen=True)
+@record
 class Drag:
     """The coefficients of drag; their fit ends at the sideslip `beta_A_max` (rad).
 
@@ -48,7 +47,7 @@ class Drag:
     beta_A_max: float
 
 
-@dataclass(frozen=True)
+@record
 class SideForce:
     """The derivatives of `C_Y`."""
 
@@ -59,7 +58,7 @@ class SideForce:
     zeta: float
 
 
-@dataclass(frozen=True)
+@record
 class RollMoment:
     """The derivatives of `C_l`; `r_per_C_L` adds to `r` in proportion to the lift coefficient."""
 
@@ -71,7 +70,7 @@ class RollMoment:
     zeta: float
 
 
-@dataclass(frozen=True)
+@record
 class PitchMoment:
     """The coefficient `C_m0` and the derivatives of `C_m`."""
 
@@ -82,7 +81,7 @@ class PitchMoment:
     eta: float
 
 
-@dataclass(frozen=True)
+@record
 class YawMoment:
     """The derivatives of `C_n`; `p_per_C_L` adds to `p` in proportion to the lift coefficient."""
 
@@ -94,7 +93,7 @@ class YawMoment:
     zeta: float
 
 
-@dataclass(frozen=True)
+@record
 class Propulsion:
     """The numbers of the thrust: `P_max` W, `T_static` N, lag `tau_T` s, efficiency `eta_p`.
 
@@ -107,7 +106,7 @@ class Propulsion:
     tau_T: float
 
 
-@dataclass(frozen=True)
+@record
 class Propeller:
     """A propeller whose torque and angular momentum act on the aircraft.
 
@@ -120,7 +119,7 @@ class Propeller:
     Omega: float
 
 
-@dataclass(frozen=True)
+@record
 class Mode:
     """A second-order motion: natural frequency `omega` (rad/s) and damping ratio `D`."""
 
@@ -128,7 +127,7 @@ class Mode:
     D: float
 
 
-@dataclass(frozen=True)
+@record
 class LinearLoops:
     """The dynamics of the linear inner loops, where they are known better than the aircraft's derivatives tell.
 
@@ -144,7 +143,7 @@ class LinearLoops:
     tau_p: float | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Surfaces:
     """The travels of the control surfaces (rad) and the fastest rate at which a stick moves them (rad/s)."""
 
@@ -154,7 +153,7 @@ class Surfaces:
     rate: float
 
 
-@dataclass(frozen=True)
+@record
 class PointMassLimits:
     """The limits of the point mass's controls, which stand in for the missing rotational dynamics.
 
@@ -168,7 +167,7 @@ class PointMassLimits:
     p_dot: float
 
 
-@dataclass(frozen=True)
+@record
 class Envelope:
     """The structural and speed limits: `V` is the allowed kinematic speed (m/s), `n_z` the load factor (g)."""
 
@@ -176,7 +175,7 @@ class Envelope:
     n_z: Interval
 
 
-@dataclass(frozen=True)
+@record
 class Aircraft:
     """An aircraft, complete for a race.
 

@@ -5,7 +5,7 @@ wrong in the same way, so are the others. What is not looked at here, or wrong i
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice, zip_longest
 
 from airrace.batch.job import Job
@@ -14,6 +14,7 @@ from airrace.documents import inputs_from_documents
 from airrace.documents.nodes import Place
 from airrace.documents.overrides import FILE as SET_OPTION
 from airrace.errors import Finding, InputError
+from airrace.records import record
 
 CHECKED_MAX = 300
 """The largest number of jobs that are checked."""
@@ -24,7 +25,7 @@ SWEPT = Place("--sweep", 0, 0)
 Findings = tuple[Finding, ...]
 
 
-@dataclass(frozen=True)
+@record
 class Family:
     """A family of jobs of one course and aircraft, which differ by the values of the sweeps.
 

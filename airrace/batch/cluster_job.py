@@ -8,7 +8,7 @@ process of its own, with its time limit.
 import hashlib
 import sys
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,6 +18,7 @@ from airrace.batch.executor import Ended, Ending, Fault, Order, StageFinished, S
 from airrace.batch.job import Job
 from airrace.batch.local import LocalExecutor
 from airrace.errors import AirraceError
+from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 POLL = 0.5
@@ -28,7 +29,7 @@ class DamagedParcel(AirraceError):
     """An error of a parcel whose content is not what was sent."""
 
 
-@dataclass(frozen=True)
+@record
 class Parcel:
     """A file on its way: its bytes, and their sha256 (hex) where they were sent from."""
 
@@ -60,7 +61,7 @@ class Parcel:
         return self.content
 
 
-@dataclass(frozen=True)
+@record
 class Sending:
     """An attempt at a job, as it travels to a worker.
 
@@ -81,7 +82,7 @@ class Sending:
     command: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@record
 class Flown:
     """The result of an attempt, as it travels back.
 

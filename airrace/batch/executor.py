@@ -1,7 +1,6 @@
 """The interface between supervision and those who fly the jobs: orders one way, events the other."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from types import TracebackType
@@ -9,9 +8,10 @@ from typing import Any, Protocol, Self
 
 from airrace.batch.job import Job
 from airrace.errors import Finding
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Order:
     """A job to be flown.
 
@@ -40,7 +40,7 @@ class Fault(Enum):
     STOPPED = "stopped"
 
 
-@dataclass(frozen=True)
+@record
 class Ending:
     """The end of one attempt at a job.
 
@@ -62,7 +62,7 @@ class Ending:
     fault: Fault = Fault.NONE
 
 
-@dataclass(frozen=True)
+@record
 class Started:
     """An event: an attempt is under way; `where` names the machine, empty for this one."""
 
@@ -70,7 +70,7 @@ class Started:
     where: str = ""
 
 
-@dataclass(frozen=True)
+@record
 class StageStarted:
     """An event: a stage of a job is under way."""
 
@@ -78,7 +78,7 @@ class StageStarted:
     stage: str
 
 
-@dataclass(frozen=True)
+@record
 class StageFinished:
     """An event: a stage of a job is finished and in its checkpoint; `race_time` (s) is None if it found no flight."""
 
@@ -89,7 +89,7 @@ class StageFinished:
     certified: bool
 
 
-@dataclass(frozen=True)
+@record
 class Ended:
     """An event: an attempt is over. It comes exactly once for every order, as the last event of it."""
 

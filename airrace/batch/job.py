@@ -3,14 +3,15 @@
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from functools import cache
 from typing import Any, Self
 
 from airrace.documents import Document
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Fingerprint:
     """All that the result of a job depends on; each part is a hash or a short text, so that a change can be named.
 
@@ -37,7 +38,7 @@ class Fingerprint:
         ]
 
 
-@dataclass(frozen=True)
+@record
 class Job:
     """A course to be flown once. It holds texts, not files, so it means the same on any machine.
 

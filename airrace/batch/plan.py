@@ -1,7 +1,6 @@
 """The plan of a batch: its jobs, which of them are done already, and why the others are flown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +9,11 @@ from airrace.batch.record import Record
 from airrace.batch.sweep import Combination
 from airrace.batch.ways import Ways, ways_of
 from airrace.errors import Finding
+from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 
-@dataclass(frozen=True)
+@record
 class Result:
     """The end of a job in short, for there may be thousands.
 
@@ -63,7 +63,7 @@ def invalid(findings: tuple[Finding, ...]) -> Result:
     return Result(ExitCode.INVALID_INPUT, message, findings=findings)
 
 
-@dataclass(frozen=True)
+@record
 class Step:
     """A job of the plan and what is done with it.
 
@@ -106,7 +106,7 @@ class Step:
         }
 
 
-@dataclass(frozen=True)
+@record
 class Plan:
     """The plan of a batch: all of its jobs, in order.
 

@@ -1,7 +1,7 @@
 """Planning of a batch: every combination becomes a job, is named, compared with what is done, and checked."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from airrace.batch.cache import Choice, reason_to_fly
@@ -14,6 +14,7 @@ from airrace.batch.sweep import Combination, combinations, count
 from airrace.documents import Document, read_documents
 from airrace.documents.document import read_document
 from airrace.errors import Finding, InputError, UsageError
+from airrace.records import record
 
 JOBS_MAX = 100_000
 """The largest number of jobs of a batch."""
@@ -22,7 +23,7 @@ AIRCRAFT_KEY = "aircraft"
 """The key with which a track names its aircraft; it may be set and swept like any other."""
 
 
-@dataclass(frozen=True)
+@record
 class _Steps:
     """The steps of one course and aircraft."""
 

@@ -20,13 +20,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted
 from airrace.errors import Finding
 from airrace.process import ONE_THREAD
+from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 GRACE = 5.0
@@ -39,7 +39,7 @@ JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
 """The command that runs a job in a process of its own, without the number of the file descriptor."""
 
 
-@dataclass(frozen=True)
+@record
 class _Answer:
     """The last report of a process on the job it has run."""
 

@@ -1,10 +1,10 @@
 """The ranking of the jobs of a batch: who is first, and by how much."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from airrace.batch.plan import Plan, Result, Step
 from airrace.flights.comparison import TIE
+from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 STATES: Mapping[int, str] = {
@@ -21,7 +21,7 @@ STATES: Mapping[int, str] = {
 """The words for how a job ended, by its exit code."""
 
 
-@dataclass(frozen=True)
+@record
 class Row:
     """A job, and how far it is behind.
 

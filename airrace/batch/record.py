@@ -7,13 +7,14 @@ checkpoint well enough to notice one that is missing or was changed.
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
 from airrace.batch.job import Fingerprint
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import AirraceError, Finding
+from airrace.records import record
 
 SCHEMA = "airrace/job/1"
 SIZE_MAX = 64 * 1024 * 1024
@@ -24,7 +25,7 @@ class RecordError(AirraceError):
     """An error of a job's record that cannot be used."""
 
 
-@dataclass(frozen=True)
+@record
 class FileMark:
     """A mark that tells whether a file has changed: its size (bytes), sha256 (hex) and time of change (ns)."""
 
@@ -61,7 +62,7 @@ class FileMark:
         return ""
 
 
-@dataclass(frozen=True)
+@record
 class Record:
     """A job's record as it is stored on disk.
 

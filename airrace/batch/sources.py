@@ -3,7 +3,7 @@
 import glob
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from airrace.batch.patterns import TooWideError, matching
@@ -13,11 +13,12 @@ from airrace.documents.document import Document, read_document
 from airrace.documents.nodes import MappingNode, Place, Reporter
 from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError
+from airrace.records import record
 
 SWEEP_OPTION = "--sweep"
 
 
-@dataclass(frozen=True)
+@record
 class Manner:
     """The way in which courses are to be flown.
 
@@ -38,7 +39,7 @@ class Manner:
     places: Mapping[str, Place] = field(default_factory=dict[str, Place])
 
 
-@dataclass(frozen=True)
+@record
 class Group:
     """A group of courses that are flown alike."""
 
@@ -46,7 +47,7 @@ class Group:
     manner: Manner
 
 
-@dataclass(frozen=True)
+@record
 class Sources:
     """The groups of courses that were meant, and what is wrong with the way they were named."""
 

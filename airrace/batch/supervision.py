@@ -15,6 +15,7 @@ from airrace.batch.job import Job
 from airrace.batch.plan import Plan, Result, Step, result_of
 from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record
 from airrace.errors import StorageError
+from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 PATIENCE = 0.25
@@ -23,7 +24,7 @@ ACCIDENTS = (Fault.CRASHED, Fault.KILLED, Fault.LOST)
 """The faults that may well not occur the next time."""
 
 
-@dataclass(frozen=True)
+@record
 class Policy:
     """The patience of supervision: its time limit, its retries, and what it flies again.
 

@@ -7,9 +7,10 @@ with 315. Numbers are decimal, so `0:1:0.1` has no rounding in it, and have one 
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from itertools import product
+
+from airrace.records import record
 
 VALUES_MAX = 100_000
 """The largest number of values of a sweep."""
@@ -22,7 +23,7 @@ Combination = tuple[tuple[str, str], ...]
 _NUMBER = re.compile(r"[-+]?(0|[1-9][0-9]*)(\.[0-9]+)?")
 
 
-@dataclass(frozen=True)
+@record
 class Sweep:
     """A key as `--set` takes it, and the values it is given in turn, as texts."""
 

@@ -1,11 +1,12 @@
 """The way round in which a job was flown, and the one that came next."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from airrace.records import record
 
-@dataclass(frozen=True)
+
+@record
 class Ways:
     """The ways round that a job has tried, in short.
 

@@ -6,11 +6,11 @@ straight line that fits race time against wind speed best.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.batch.ranking import Row
 from airrace.documents.units import KNOT
+from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 DIRECTION = "environment.wind.from_deg"
@@ -18,7 +18,7 @@ SPEEDS: Mapping[str, float] = {"environment.wind.speed_kt": 1.0, "environment.wi
 """The keys of the wind's speed, and the knots in one of their units."""
 
 
-@dataclass(frozen=True)
+@record
 class Bearing:
     """The race times in one direction of the wind.
 
@@ -33,7 +33,7 @@ class Bearing:
     per_knot: float | None
 
 
-@dataclass(frozen=True)
+@record
 class WindSummary:
     """The race times of one course in several winds.
 

@@ -11,15 +11,16 @@ mesh.
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from airrace.checkpoint.digest import content_digest
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage import STAGES, Stage
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class StoredDocument:
     """A YAML input: the path it was read from and its text, unchanged."""
 
@@ -27,7 +28,7 @@ class StoredDocument:
     text: str
 
 
-@dataclass(frozen=True)
+@record
 class StoredInputs:
     """The inputs of a run, as documents and as resolved.
 
@@ -46,7 +47,7 @@ class StoredInputs:
     resolved: str
 
 
-@dataclass(frozen=True)
+@record
 class StoredStage:
     """A finished stage, the hash of the inputs it was computed from and its link of the chain (both hex)."""
 
@@ -55,7 +56,7 @@ class StoredStage:
     chain_hash: str
 
 
-@dataclass(frozen=True)
+@record
 class Checkpoint:
     """A run as it is stored: its inputs and its finished stages.
 

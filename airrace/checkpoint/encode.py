@@ -23,7 +23,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +33,7 @@ from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, Remedy, StageResult, Timings, Way
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 SCHEMA = 4
@@ -43,7 +43,7 @@ CONTENT = "content"
 QUANTITY_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
 
 
-@dataclass(frozen=True)
+@record
 class Version:
     """A row of the table of versions."""
 
@@ -51,7 +51,7 @@ class Version:
     version: str
 
 
-@dataclass(frozen=True)
+@record
 class ExploredSummary:
     """The one row that says how exploring went, see `Explored`."""
 

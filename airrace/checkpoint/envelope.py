@@ -18,9 +18,9 @@ module only carries it.
 import hashlib
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from airrace.errors import CheckpointError
+from airrace.records import record
 
 BLOCK_SIZE = 512
 """The size of the user block, bytes."""
@@ -34,7 +34,7 @@ _HEADER = struct.Struct("<16sIQ32s")
 _SIGNED = struct.Struct(f"{KEY_SIZE}s{SIGNATURE_SIZE}s")
 
 
-@dataclass(frozen=True)
+@record
 class Signature:
     """A signature: the public key of whoever claims to have signed, what was signed, and the signature itself."""
 

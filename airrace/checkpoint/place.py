@@ -1,7 +1,6 @@
 """A group of a tree that nobody vouches for, asked for its members by name and kind."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Never
 
 import numpy as np
@@ -9,10 +8,11 @@ from numpy.typing import NDArray
 
 from airrace.checkpoint.tree import Column, Group, Node, Numbers, Series, Table
 from airrace.errors import CheckpointError
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Place:
     """A group of a tree and its path, which every message names."""
 

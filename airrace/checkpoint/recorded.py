@@ -1,7 +1,6 @@
 """A flown log as it is stored: what it was imported with, what was recorded, and the flight that was made of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +8,11 @@ from numpy.typing import NDArray
 from airrace.checkpoint.checkpoint import StoredInputs
 from airrace.logs.breach import Breach
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class StoredHistory:
     """A history: its declaration, its values over the flight's time axis, and whether it was measured or derived."""
 
@@ -21,7 +21,7 @@ class StoredHistory:
     basis: str
 
 
-@dataclass(frozen=True)
+@record
 class StoredPassing:
     """A passing, with its time, s after the start; NaN where it was not made."""
 
@@ -29,7 +29,7 @@ class StoredPassing:
     time: float
 
 
-@dataclass(frozen=True)
+@record
 class RecordedLog:
     """The part of a log that the flight was made from, as it was read.
 
@@ -54,7 +54,7 @@ class RecordedLog:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True)
+@record
 class Recorded:
     """All that the file of a flown log holds.
 

@@ -1,20 +1,21 @@
 """A checkpoint as a tree of groups, texts, series and tables: what HDF5 stores, without HDF5."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Any, ClassVar, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import CheckpointError
+from airrace.records import record
 
 Attribute = str | float | int
 Numbers = NDArray[np.float64 | np.int64]
 Column = tuple[str, ...] | Numbers
 
 
-@dataclass(frozen=True)
+@record
 class Series:
     """A row of numbers, shape (n,), with attributes.
 
@@ -26,14 +27,14 @@ class Series:
     axis: str = ""
 
 
-@dataclass(frozen=True)
+@record
 class Table:
     """A table: columns of equal length, by name."""
 
     columns: Mapping[str, Column]
 
 
-@dataclass(frozen=True)
+@record
 class Group:
     """A group of named members, with attributes."""
 

@@ -3,7 +3,7 @@
 import math
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from airrace.batch import github
@@ -17,6 +17,7 @@ from airrace.batch.wind import WindSummary, wind_summaries
 from airrace.cli.batch_tables import ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError
+from airrace.records import record
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 from airrace.runs.output import ensure_free, write_text
@@ -25,7 +26,7 @@ FINDINGS_MAX = 500
 """The largest number of findings that are printed for a batch."""
 
 
-@dataclass(frozen=True)
+@record
 class Reports:
     """The files that are written at the end, each None if it is not wanted. Every call replaces them."""
 

@@ -4,7 +4,7 @@ import sys
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TextIO, cast
 
 from rich.console import Console, Group, RenderableType
@@ -17,6 +17,7 @@ from airrace.batch.plan import Plan, Result, Step
 from airrace.batch.ranking import STATES
 from airrace.batch.supervision import Watcher
 from airrace.cli.batch_answer import plan_line
+from airrace.records import record
 from airrace.views.plain_console import PlainConsole
 from airrace.views.streams import Watched
 from airrace.views.watching import commands_cursor
@@ -95,7 +96,7 @@ class BatchLines:
         print(f"[{self._clock() - self._began:7.1f} s] {text}", file=self._stream, flush=True)
 
 
-@dataclass(frozen=True)
+@record
 class _Seen:
     """A job under way."""
 

@@ -1,11 +1,11 @@
 """A drawing of dots in a terminal, in layers and with texts over them. Eight square dots make a character cell."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from rich.text import Text
 
+from airrace.records import record
 from airrace.trajectory import Array
 
 ACROSS, DOWN = 2, 4
@@ -15,7 +15,7 @@ _BLANK = 0x2800
 _BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 
-@dataclass(frozen=True)
+@record
 class Layer:
     """The look of a kind of dots: its style on a terminal, and its character where there are no Braille patterns."""
 

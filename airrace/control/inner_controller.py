@@ -7,7 +7,6 @@ quantity `y` that is affine in `c`, the value of `c` that makes it `y_des` is
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -19,6 +18,7 @@ from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors_of_mot
 from airrace.environment.elementary import maximum
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.system import System
 
 # Any: casadi overloads these by the type of their arguments
@@ -37,7 +37,7 @@ LEAST_AXIAL_EFFECT = 0.05
 Named = dict[str, Scalar]
 
 
-@dataclass(frozen=True)
+@record
 class InnerController:
     """The functions that make a model follow the commands of the outer loop.
 

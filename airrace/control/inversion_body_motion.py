@@ -14,7 +14,6 @@ alpha'`.)
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from airrace.control.inner_controller import (
     FOLLOWER,
@@ -33,6 +32,7 @@ from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment.atmosphere import g0
 from airrace.environment.elementary import cos, maximum, minimum, sin
 from airrace.frames import Scalar
+from airrace.records import record
 
 K_ALPHA, K_BETA = 8.0, 4.0
 """The gains of the angles of attack and of sideslip, 1/s."""
@@ -51,7 +51,7 @@ LEAST_SIDE_SLOPE = 0.2
 Triple = tuple[Scalar, Scalar, Scalar]
 
 
-@dataclass(frozen=True)
+@record
 class Chain:
     """The causal chain through which a model rotates.
 
@@ -68,7 +68,7 @@ class Chain:
     body_rates: Callable[[Named], Triple]
 
 
-@dataclass(frozen=True)
+@record
 class _Wanted:
     """The wanted angles (rad), and the missing parts of `(w_x, w_y, w_z)` (rad/s)."""
 

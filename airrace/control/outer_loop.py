@@ -20,7 +20,6 @@ for no inner loop can follow them, and along with it goes its rate, for a loop w
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.control.reference import ReferencePoint, sum_of_products
 from airrace.dynamics.outer_loop import FlightPathState
@@ -28,9 +27,10 @@ from airrace.environment.atmosphere import g0
 from airrace.environment.elementary import atan2, cos, maximum, minimum, sin, sqrt
 from airrace.frames import Scalar, normalised, product, rotation
 from airrace.quantities import T, Vector, quantity, vector
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class PathGains:
     """The gains with which errors are fed back.
 

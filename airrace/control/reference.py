@@ -1,7 +1,6 @@
 """The reference, a flight to be followed: histories over its own clock `s`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from airrace.frames import Scalar, rotation
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.points import at_points
 from airrace.quantities import T, Vector, quantity, vector
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 SOFTENING = 0.2
@@ -75,7 +75,7 @@ class ReferencePoint(Vector[T]):
         return self.q0, self.q1, self.q2, self.q3
 
 
-@dataclass(frozen=True)
+@record
 class Reference:
     """A flight over its own clock.
 

@@ -7,7 +7,6 @@ Many steps are one call.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -22,6 +21,7 @@ from airrace.dynamics.flight_model import FlightModel, column, named_symbols
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.points import at_points
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.system import System
 from airrace.trajectory import Array
 
@@ -44,7 +44,7 @@ K_COUNTER = 1.0
 """The rate constant with which errors of roll counters are wound back, 1/s."""
 
 
-@dataclass(frozen=True)
+@record
 class Followed:
     """The flight of a model along a reference.
 
@@ -95,7 +95,7 @@ def follow(
     return _followed(model.system, reference, nodes, flown)
 
 
-@dataclass(frozen=True)
+@record
 class _Flown:
     """The samples of a simulation: `state` (n_x, K), `control` (n_u, K), and rows of shape (K,)."""
 

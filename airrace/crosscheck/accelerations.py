@@ -1,7 +1,6 @@
 """A comparison of JSBSim with our own equations in the same states: what accelerometers and gyroscopes would read."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,13 +14,14 @@ from airrace.environment.atmosphere import AtmosphereParameters, g0
 from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import rotation
+from airrace.records import record
 from airrace.trajectory import Array
 
 AT_REST = SurfaceControl[float](eta_dot=0.0, xi_dot=0.0, zeta_dot=0.0, delta_T_cmd=0.0)
 STILL = WindField.of(Air())
 
 
-@dataclass(frozen=True)
+@record
 class Differences:
     """The differences of JSBSim from our equations at many states.
 

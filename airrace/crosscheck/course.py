@@ -9,20 +9,20 @@ that with half the step, and 0.5 mm for an aircraft without `C_malphadot`.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.crosscheck.flown import STEP, Flown, body_attitude
 from airrace.dynamics.inner_loop_controls import SurfaceControl
 from airrace.dynamics.six_dof import SixDofState
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 PIECE = 1.0
 """The time for which JSBSim flies without being put back onto the optimum, s."""
 
 
-@dataclass(frozen=True)
+@record
 class Miss:
     """The distance from the optimum at which a piece of a flight by JSBSim ends.
 

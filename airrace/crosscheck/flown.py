@@ -7,7 +7,6 @@ level.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,14 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState
 from airrace.environment.atmosphere import T_ISA, AtmosphereParameters, density
 from airrace.frames import angles, rotation
+from airrace.records import record
 from airrace.trajectory import Array
 
 STEP = 1e-3
 """The step of JSBSim's integration, s."""
 
 
-@dataclass(frozen=True)
+@record
 class Accelerations:
     """The specific force (what accelerometers read, m/s2) and the angular acceleration (rad/s2).
 
@@ -43,7 +43,7 @@ def body_attitude(state: SixDofState[float]) -> Array:
     return np.array(rotation(state.q)) @ np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64).T
 
 
-@dataclass(frozen=True)
+@record
 class Flown:
     """An aircraft flown by JSBSim in still air.
 

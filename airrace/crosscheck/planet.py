@@ -6,17 +6,16 @@ one is a sphere that does not turn, so large that neither its curvature nor the 
 its ground has the gravity `g0`.
 """
 
-from dataclasses import dataclass
-
 from airrace.crosscheck.expressions import Element, element
 from airrace.crosscheck.units import FOOT
 from airrace.environment.atmosphere import g0
+from airrace.records import record
 
 FLAT_RADIUS = 1e9
 """The radius of the flat planet, m; positions of 1e9 m still resolve 1e-7 m, and gravity falls by 2e-6 over 1000 m."""
 
 
-@dataclass(frozen=True)
+@record
 class Planet:
     """A planet: its name, whether it is JSBSim's own Earth, and the geodetic `latitude` (rad) of the flights."""
 

@@ -2,16 +2,16 @@
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.errors import Finding
+from airrace.records import record
 
 SIZE_MAX = 2 * 1024 * 1024
 """The size of the largest input file that is read, bytes; the largest real course needs a hundredth of it."""
 
 
-@dataclass(frozen=True)
+@record
 class Document:
     """The text of an input file. `path` is what the user gave, not made absolute."""
 

@@ -3,16 +3,15 @@
 It is mostly one passage; a quad or a vertical roll is flown as two.
 """
 
-from dataclasses import dataclass
-
 from airrace.documents.nodes import KeyPath
+from airrace.records import record
 from airrace.track.course import Direction
 from airrace.track.element import Element
 from airrace.track.limits import Roll
 from airrace.track.polygons import Point
 
 
-@dataclass(frozen=True)
+@record
 class Step:
     """A passage of a feature.
 
@@ -26,7 +25,7 @@ class Step:
     roll: Roll | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Feature:
     """An entry of `gates` by its name, as the passages it is flown as.
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import TypeVar
@@ -32,6 +31,7 @@ from airrace.errors import Finding, InputError
 from airrace.logs.penalties import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
+from airrace.records import record
 
 FINDINGS_MAX = 100
 """The largest number of findings that are reported for one document."""
@@ -45,7 +45,7 @@ NO_SETTINGS = Document("<no settings file>", f"schema: {SETTINGS_SCHEMA}\n")
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@record
 class Inputs:
     """The inputs of a run, as documents and as objects.
 
@@ -144,7 +144,7 @@ def inputs_from_documents(
     return run.inputs(opened_track, opened_aircraft, settings_file)
 
 
-@dataclass(frozen=True)
+@record
 class _Language:
     """A kind of document: what the command line calls it, how it begins, what it holds."""
 
@@ -158,7 +158,7 @@ _AIRCRAFT = _Language("aircraft", AIRCRAFT_SCHEMA, lambda: AircraftEntry)
 _SETTINGS = _Language("settings", SETTINGS_SCHEMA, lambda: SettingsEntry)
 
 
-@dataclass(frozen=True)
+@record
 class _Opened:
     """A document that is YAML of the right schema, with the overrides made."""
 

@@ -1,17 +1,18 @@
 """The tree of a YAML text between reader and schemas, in which every key and value keeps its place."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from airrace.documents.spelling import Speller
 from airrace.errors import Finding
+from airrace.records import record
 
 ScalarValue = str | int | float | bool | None
 JSON = ScalarValue | list["JSON"] | dict[str, "JSON"]
 KeyPath = tuple[str | int, ...]
 
 
-@dataclass(frozen=True)
+@record
 class Place:
     """A place in a file; `line` and `column` count from 1, and both are 0 outside of a file."""
 
@@ -20,7 +21,7 @@ class Place:
     column: int
 
 
-@dataclass(frozen=True)
+@record
 class ScalarNode:
     """A single value."""
 
@@ -31,7 +32,7 @@ class ScalarNode:
         return self.value
 
 
-@dataclass(frozen=True)
+@record
 class SequenceNode:
     """A list."""
 
@@ -42,7 +43,7 @@ class SequenceNode:
         return [item.plain() for item in self.items]
 
 
-@dataclass(frozen=True)
+@record
 class Entry:
     """A key of a mapping with its value."""
 
@@ -50,7 +51,7 @@ class Entry:
     value: "Node"
 
 
-@dataclass(frozen=True)
+@record
 class MappingNode:
     """A mapping: keys and values in the order of the file."""
 
@@ -74,7 +75,7 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(part) for part in path)
 
 
-@dataclass(frozen=True)
+@record
 class Reporter:
     """A reporter that turns remarks about entries of one document into findings with their place.
 

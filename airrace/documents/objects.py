@@ -8,7 +8,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 from functools import cache
 from types import NoneType, UnionType
@@ -20,6 +19,7 @@ from airrace.documents.nodes import JSON
 from airrace.documents.resolved import field_names
 from airrace.environment.air import Air
 from airrace.errors import Finding, InputError
+from airrace.records import record
 from airrace.track.course import Course
 
 OBJECTS_SCHEMA = "airrace/objects/1"
@@ -30,7 +30,7 @@ BEGIN = json.dumps({"schema": OBJECTS_SCHEMA})[:-1]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@record
 class Scene:
     """A course and the air of the day: what a track file says of a race."""
 

@@ -2,18 +2,18 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from airrace.documents.features import Feature, Step
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.surroundings import room_beside
 from airrace.documents.track_schema import PASSAGES_MAX, CourseEntry, FlownEntry
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.course import Direction, Passage
 from airrace.track.limits import SafetyLine
 
 
-@dataclass(frozen=True)
+@record
 class Mention:
     """A passing as the file asks for it; `path` and `direction_path` are where it does. The start has lap 0."""
 

@@ -1,11 +1,11 @@
 """Overrides: `--set key=value` replaces, adds or (with `null`) takes out single values of the documents."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from airrace.documents.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.documents.yaml_reader import plain_scalar, read_yaml
 from airrace.errors import Finding, InputError
+from airrace.records import record
 
 FILE = "--set"
 PLACE = Place(FILE, 0, 0)
@@ -13,7 +13,7 @@ PREFIXED = ("aircraft", "settings")
 """The documents other than the track, whose names stand before the key."""
 
 
-@dataclass(frozen=True)
+@record
 class Override:
     """A replacement: in which document (`track`, `aircraft`, `settings`), where, by what."""
 

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from xml.etree.ElementTree import Element
 from airrace.documents.document import SIZE_MAX
 from airrace.logs.recording import refuse
 from airrace.logs.safe_xml import xml_tree
+from airrace.records import record
 
 PLACEMARKS_MAX = 1000
 """The largest number of placemarks that are read."""
@@ -25,7 +25,7 @@ class Shape(Enum):
     AREA = "area"
 
 
-@dataclass(frozen=True)
+@record
 class Placemark:
     """A place with a name.
 

@@ -5,12 +5,12 @@ north-east-down frame; its height in that frame (the earth's curvature) is ignor
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.documents.nodes import KeyPath, Reporter
 from airrace.documents.place_schema import OriginEntry, PlacedEntry
+from airrace.records import record
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
@@ -26,7 +26,7 @@ METRIC = ("north_m", "east_m")
 GEODETIC = ("latitude_deg", "longitude_deg")
 
 
-@dataclass(frozen=True)
+@record
 class Places:
     """The positions of one document; what is wrong with them goes to the reporter."""
 

@@ -4,14 +4,14 @@ It works on the tree alone, so that a fault elsewhere hides nothing.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 from airrace.documents.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
 from airrace.documents.track_schema import PASSAGES_MAX
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class _Named:
     """A name that stands in the course."""
 
@@ -19,7 +19,7 @@ class _Named:
     path: KeyPath
 
 
-@dataclass(frozen=True)
+@record
 class _Mention:
     """A passing as far as it can be read; `gate` is None if it cannot."""
 

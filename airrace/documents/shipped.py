@@ -1,17 +1,17 @@
 """Courses and aircraft that come with the package, found by name, unless a file has that name."""
 
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from airrace.documents.document import Document, missing_file, read_document
 from airrace.errors import Finding
+from airrace.records import record
 from airrace.resources import shipped_folder
 
 SUFFIX = ".yaml"
 
 
-@dataclass(frozen=True)
+@record
 class Collection:
     """A collection of documents of one kind that come along, each under the name of its file without the suffix.
 

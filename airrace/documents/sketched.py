@@ -9,12 +9,12 @@ outside of the turn.
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.documents.placemarks import Placemark, Shape
 from airrace.logs.recording import refuse
+from airrace.records import record
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 from airrace.track.polygons import Point
@@ -28,7 +28,7 @@ RESERVED = frozenset({"true", "false", "null", "yes", "no", "on", "off", "y", "n
 SIDES = re.compile(r"^(?P<name>.*?)[ _-]*\b(?P<side>left|right|l|r)$", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
+@record
 class _Sketch:
     """An element: its name, its two pylons or its only one, as the file has them and in metres."""
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 from airrace.documents.features import Feature
@@ -11,6 +10,7 @@ from airrace.documents.place_schema import PlaceEntry
 from airrace.documents.places import NOWHERE, Places
 from airrace.documents.surroundings_schema import CrowdEntry, SafetyLineEntry
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track import polygons
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
@@ -162,7 +162,7 @@ def _turns_back(before: Point, corner: Point, after: Point) -> bool:
     return nearest < SAME_PLACE_M
 
 
-@dataclass(frozen=True)
+@record
 class _Box:
     """The extent of some corners, which tells at once that most gates are far from most people."""
 

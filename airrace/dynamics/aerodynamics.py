@@ -1,19 +1,19 @@
 """The flow relative to the aircraft, and its lift and drag coefficients."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.aircraft.aircraft import Lift
 from airrace.dynamics.aircraft_parameters import AircraftParameters
 from airrace.environment.elementary import smooth_clip, sqrt
 from airrace.environment.wind import WindField
 from airrace.frames import Matrix, Scalar
+from airrace.records import record
 
 STALL_BLEND = 0.05
 """The width, in C_L, of the transition from the linear lift curve to its limits (1)."""
 
 
-@dataclass(frozen=True)
+@record
 class Airflow:
     """The velocity relative to the air in Kbar, m/s: `V_A a = (u, v, w)` with the unit vector `a`.
 

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol, TypeVar
 
 import casadi as ca
@@ -18,6 +18,7 @@ from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, Vector
+from airrace.records import record
 from airrace.system import System
 
 State = TypeVar("State", bound=FlightPathState[Scalar])
@@ -89,7 +90,7 @@ def assemble(
 # Any in what follows: the vectors of an arbitrary model, which fit its equations as `assemble` demands.
 
 
-@dataclass(frozen=True)
+@record
 class _Structure:
     """Everything that the functions of a model depend on.
 

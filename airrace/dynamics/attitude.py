@@ -6,16 +6,15 @@
 The aerodynamic frame A is built from alpha_A and beta_A as Kbar is from alpha_K and beta_K.
 """
 
-from dataclasses import dataclass
-
 from airrace.dynamics.aerodynamics import Airflow
 from airrace.environment.elementary import atan2, cos, sin, sqrt
 from airrace.frames import Matrix, Scalar
+from airrace.records import record
 
 IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
-@dataclass(frozen=True)
+@record
 class Incidence:
     """The direction of the flow relative to the body.
 

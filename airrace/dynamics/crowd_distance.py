@@ -15,7 +15,6 @@ Over ground, the distance from an area is negative within it, so that there is a
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
@@ -23,6 +22,7 @@ from airrace.dynamics.flight_model import column, named_symbols
 from airrace.environment.elementary import atan2, maximum, minimum, smooth_clip, smooth_maximum, sqrt
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.system import Observation
 from airrace.track.limits import Crowd, CrowdShape
 from airrace.track.polygons import area
@@ -42,7 +42,7 @@ Place = tuple[Scalar, Scalar]
 """A position over ground: north and east, m."""
 
 
-@dataclass(frozen=True)
+@record
 class CrowdKind:
     """The structure of a crowd's distance: everything that shapes its equations but the numbers."""
 

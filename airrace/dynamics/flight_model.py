@@ -1,7 +1,7 @@
 """A flight model: a controlled system together with the numbers of one aircraft in one air."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import casadi as ca
 import numpy as np
@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from airrace.frames import Scalar, normalised
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.system import System
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
 ATTITUDE = ("q0", "q1", "q2", "q3")
 
 
-@dataclass(frozen=True)
+@record
 class FlightModel:
     """A model ready to fly: a system and the numbers of one aircraft in one air.
 

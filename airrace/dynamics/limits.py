@@ -3,12 +3,12 @@
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from airrace.aircraft.aircraft import Aircraft, Lift
 from airrace.dynamics.aerodynamics import lift_curve
 from airrace.errors import Finding, InputError
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.track.course import Rules
 
 LEAST_ROOM = 1e-2
@@ -20,7 +20,7 @@ for its first step for ever. Straight on 0.1 mm of room was enough; of two cours
 """
 
 
-@dataclass(frozen=True)
+@record
 class Limits:
     """The allowed ranges along the whole flight, (16) of the paper; SI, rad, g.
 

@@ -11,7 +11,6 @@ The modes leave the product of inertia out, the matrices of the lateral motion d
 """
 
 import dataclasses
-from dataclasses import dataclass
 
 from airrace.aircraft.aircraft import Aircraft, Mode
 from airrace.dynamics.aerodynamics import drag_coefficient
@@ -20,11 +19,12 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_lo
 from airrace.dynamics.rigid_body import uncoupled
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.frames import Scalar
+from airrace.records import record
 
 Pair = tuple[Scalar, Scalar]
 
 
-@dataclass(frozen=True)
+@record
 class Lags:
     """The constants of the three modes: `stiffness` omega^2 (1/s2), `damping` 2 D omega (1/s), `roll` 1/tau_p (1/s)."""
 
@@ -35,7 +35,7 @@ class Lags:
     roll: Scalar
 
 
-@dataclass(frozen=True)
+@record
 class Pitching:
     """The pitch derivatives, rad/s2 per rad and rad/s.
 
@@ -49,7 +49,7 @@ class Pitching:
     eta: Scalar
 
 
-@dataclass(frozen=True)
+@record
 class LateralMotion:
     """The lateral derivatives: `(p_s', r_s')` per unit of each cause, in stability axes.
 

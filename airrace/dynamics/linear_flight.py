@@ -11,8 +11,6 @@ The derivatives follow airspeed, density and angle of attack; `n_x` is the point
 whole aircraft is the stall and what couples the two motions: products of rates above all.
 """
 
-from dataclasses import dataclass
-
 from airrace.dynamics.aerodynamics import Airflow, airflow
 from airrace.dynamics.attitude import Incidence, body_axes, incidence, stability_axes
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
@@ -32,6 +30,7 @@ from airrace.environment.atmosphere import density, g0
 from airrace.environment.weather import Weather
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector
+from airrace.records import record
 
 
 @vector
@@ -49,7 +48,7 @@ BODY_MOTION = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
 """The states of the inner loop: the attitude and rotation of the body in the flight path."""
 
 
-@dataclass(frozen=True)
+@record
 class Deflections:
     """The deflections of elevator, ailerons and rudder, rad."""
 
@@ -58,7 +57,7 @@ class Deflections:
     zeta: Scalar
 
 
-@dataclass(frozen=True)
+@record
 class Surrounding:
     """The conditions that the inner loop is scheduled with.
 
@@ -79,7 +78,7 @@ class Surrounding:
     pull: Scalar
 
 
-@dataclass(frozen=True)
+@record
 class LinearMotion:
     """The load factors (g), the total lift coefficient, and the rates of angles (rad/s) and body rates (rad/s2)."""
 

@@ -10,15 +10,14 @@ Starred rates are dimensionless: `b / (2 V_A)` times p and r, `cbar / (2 V_A)` t
 `C_np` grow with the lift coefficient. A positive deflection makes a negative moment about its own axis.
 """
 
-from dataclasses import dataclass
-
 from airrace.dynamics.aerodynamics import STALL_BLEND
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.environment.elementary import smooth_clip
 from airrace.frames import Scalar
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Sideways:
     """The arguments of the lateral coefficients: sideslip, dimensionless rates, ailerons and rudder (rad)."""
 

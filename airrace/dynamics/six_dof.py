@@ -8,8 +8,6 @@ With `s = p cos(alpha) + r sin(alpha)` and aerodynamic force `qbar S (-C_D, C_Y,
 Nothing is linear and nothing left out: this is the aircraft that the other models simplify.
 """
 
-from dataclasses import dataclass
-
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.aerodynamics import airflow, drag_coefficient
 from airrace.dynamics.assembly import assemble
@@ -40,6 +38,7 @@ from airrace.environment.atmosphere import density, g0
 from airrace.environment.weather import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, quantity, vector
+from airrace.records import record
 from airrace.track.course import Rules
 
 
@@ -66,7 +65,7 @@ class SixDofPath(BodyPath[T]):
     p_Kbar: T = quantity("rad/s", scale=3.0, text="roll rate about the velocity")
 
 
-@dataclass(frozen=True)
+@record
 class Forces:
     """The load factors in Kbar (g) and the lift coefficient that they come with."""
 

@@ -13,8 +13,6 @@ and then the deflections that make these accelerations. The surfaces' own forces
 `r_Kbar` are linear in them, so that the equations remain linear, one for the elevator, two for ailerons and rudder.
 """
 
-from dataclasses import dataclass
-
 from airrace.dynamics.attitude import body_axes
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.linear_derivatives import Pair, pitching
@@ -31,9 +29,10 @@ from airrace.dynamics.outer_loop import turn_rates
 from airrace.dynamics.rigid_body import coupled
 from airrace.environment.atmosphere import g0
 from airrace.frames import Scalar
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Gains:
     """The bandwidths of the links of the causal chain, 1/s."""
 
@@ -47,7 +46,7 @@ class Gains:
 GAINS = Gains()
 
 
-@dataclass(frozen=True)
+@record
 class Commands:
     """The load factors (g) and the roll rate (rad/s) to be flown."""
 

@@ -1,8 +1,9 @@
 """The air of the day: deviations from the standard atmosphere, wind and thermals (numbers only)."""
 
 import math
-from dataclasses import dataclass
 from enum import Enum
+
+from airrace.records import record
 
 
 class Profile(Enum):
@@ -13,7 +14,7 @@ class Profile(Enum):
     LOG = "log"
 
 
-@dataclass(frozen=True)
+@record
 class StaticWind:
     """A wind from `origin` (the azimuth it blows from, rad) with `speed` (m/s) at `reference_height` (m).
 
@@ -38,7 +39,7 @@ class StaticWind:
         return -self.speed * math.sin(self.origin)
 
 
-@dataclass(frozen=True)
+@record
 class Thermal:
     """An updraft after Allen (2006): centre (m), convective velocity scale `w_star` (m/s), mixing-layer depth (m)."""
 
@@ -48,7 +49,7 @@ class Thermal:
     mixing_height: float
 
 
-@dataclass(frozen=True)
+@record
 class Air:
     """The air of the day: offsets from ISA at sea level (K, Pa), the elevation of the track's origin (m) and the wind.
 

@@ -1,14 +1,14 @@
 """The weather in which a model flies: the numbers of the day's air, and its wind."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.environment.atmosphere import AtmosphereParameters
 from airrace.environment.wind import WindField
 from airrace.frames import Scalar
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Weather:
     """The air and the wind as the equations of a model see them, in symbols or numbers.
 

@@ -2,16 +2,16 @@
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.environment.air import Air, Profile
 from airrace.environment.static_wind import StaticWindParameters, static_wind, static_wind_parameters
 from airrace.environment.thermals import ThermalParameters, thermal_parameters, updraft
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class WindField:
     """The structure of the wind, i.e. which kinds of wind blow; fields of equal structure share one compiled kernel.
 

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.export.sampling import QUATERNION, Samples
 from airrace.frames import rotation
 from airrace.quantities import KNOT, Quantity
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 DEGREE = math.pi / 180.0  # rad
@@ -18,7 +18,7 @@ SPEEDS = ("V_K", "V_A", "V_I")
 Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
 
 
-@dataclass(frozen=True)
+@record
 class Column:
     """A column of a table: its header and its values, shape (n,)."""
 

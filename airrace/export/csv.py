@@ -5,7 +5,6 @@ The stream is to be opened with `newline=""`. Numbers have ten significant digit
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TextIO
 
 import numpy as np
@@ -16,10 +15,11 @@ from airrace.export.globe import printable
 from airrace.export.sampling import Sampler
 from airrace.flights import Flight
 from airrace.procedure.result import GateSplit, StageResult
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Provenance:
     """The origin of a flight: names of track and aircraft, and the version of airrace that found it."""
 

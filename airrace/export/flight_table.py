@@ -1,7 +1,6 @@
 """A flight as columns over time, ready to be written in any format."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -10,12 +9,13 @@ from airrace.export.columns import DEGREE, Column, Derived, columns_of
 from airrace.export.sampling import Sampler, Samples, at_nodes, at_rate
 from airrace.procedure.result import GateSplit
 from airrace.quantities import KNOT, Quantity
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 NO_DERIVED: Derived = MappingProxyType({})
 
 
-@dataclass(frozen=True)
+@record
 class FlightTable:
     """A flight as a table of n rows, at the times of `samples`.
 

@@ -1,7 +1,6 @@
 """The formats that flights can be written in, by the names that users give them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 
 from airrace.export.acmi import acmi
@@ -14,9 +13,10 @@ from airrace.export.mat import mat
 from airrace.export.netcdf import netcdf
 from airrace.export.parquet import parquet
 from airrace.flights import Flight
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Format:
     """One format.
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from enum import Enum
 
@@ -11,6 +11,7 @@ import numpy as np
 from airrace.errors import UsageError
 from airrace.flights import Basis, Flight, History
 from airrace.flights.glossary import GLOSSARY
+from airrace.records import record
 from airrace.track.course import Course, Origin
 from airrace.track.geodetic import geodetic, placed
 from airrace.track.polygons import Point
@@ -27,7 +28,7 @@ class Shape(Enum):
     AREA = "area"
 
 
-@dataclass(frozen=True)
+@record
 class Feature:
     """Something of a course, on the globe.
 

@@ -1,12 +1,12 @@
 """A flight sampled at given times."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import UsageError
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 # Returns named histories at given times (s, shape (n,)), at least of all states, e.g. by integration between nodes.
@@ -17,7 +17,7 @@ ROWS_MAX = 10_000_000
 """The largest number of rows that are sampled at a fixed rate."""
 
 
-@dataclass(frozen=True)
+@record
 class Samples:
     """The histories of a flight at the times of the rows.
 

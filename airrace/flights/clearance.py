@@ -6,7 +6,6 @@ Where a flight knows no height, the slant distance from people is that over grou
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from airrace.flights.flight import Flight
 from airrace.flights.glossary import BODY_ATTITUDE
 from airrace.flights.legs import Leg, legs_of
 from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.records import record
 from airrace.track.element import Element
 from airrace.track.limits import Crowd, SafetyLine
 from airrace.track.passing import Passing, Tolerant
@@ -26,7 +26,7 @@ PYLON_HEIGHT = 25.0
 """The height of the air-filled pylons of the races from 2014 to 2019, m."""
 
 
-@dataclass(frozen=True)
+@record
 class Clearance:
     """The least distance from one thing on one leg.
 
@@ -59,7 +59,7 @@ class Clearance:
         return f"{self.kind} {self.name}".rstrip()
 
 
-@dataclass(frozen=True)
+@record
 class Distance:
     """The distance from one thing all along a flight, m, shape (n,); NaN where the flight does not tell.
 

@@ -13,7 +13,6 @@ way `L` and the mean `w` of the time per metre, so what is lost on it is, exactl
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from airrace.flights.differences import Difference, differences
 from airrace.flights.flight import Flight
 from airrace.flights.legs import Lap, Leg, laps_of, legs_of, way
 from airrace.procedure.passings import passings_of
+from airrace.records import record
 from airrace.trajectory import Array
 
 TIE = 0.005
@@ -33,7 +33,7 @@ SHARES = np.linspace(0.0, 1.0, 41)
 """The shares of every leg at which the difference of time is told."""
 
 
-@dataclass(frozen=True)
+@record
 class LegComparison:
     """One leg in two flights.
 
@@ -67,7 +67,7 @@ class LegComparison:
         return abs(self.difference) <= TIE
 
 
-@dataclass(frozen=True)
+@record
 class Progress:
     """The difference of time along the course.
 
@@ -82,7 +82,7 @@ class Progress:
     passings: Array
 
 
-@dataclass(frozen=True)
+@record
 class Comparison:
     """One flight held against a reference.
 

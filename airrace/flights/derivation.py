@@ -5,7 +5,7 @@ told itself is never computed again; so a recording of positions and speeds gets
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from airrace.flights.glossary import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE
 from airrace.flights.history import Basis, Histories, History
 from airrace.planning.race import Race
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.track.geodetic import geodetic, placed
 from airrace.trajectory import Array
 
 Known = Mapping[str, Array]
 
 
-@dataclass(frozen=True)
+@record
 class Rule:
     """One derivation.
 

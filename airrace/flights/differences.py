@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from airrace.flights.flight import Flight
 from airrace.flights.history import Basis
 from airrace.flights.legs import Leg, way
 from airrace.quantities import KNOT
+from airrace.records import record
 
 ROLLING = 1.0
 """The roll rate from which the aircraft is said to roll, rad/s."""
@@ -17,7 +17,7 @@ MOST = 4
 """The greatest number of differences that are told of one leg."""
 
 
-@dataclass(frozen=True)
+@record
 class Difference:
     """One thing that two flights do otherwise on a leg.
 
@@ -37,7 +37,7 @@ class Difference:
     weight: float
 
 
-@dataclass(frozen=True)
+@record
 class Measure:
     """The way in which one thing is measured on a leg.
 

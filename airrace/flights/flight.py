@@ -13,6 +13,7 @@ from airrace.flights.history import Basis, Histories, History
 from airrace.planning.race import Race
 from airrace.procedure.result import State
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.course import Course, Passage
 from airrace.trajectory import Array
 
@@ -20,7 +21,7 @@ ANGLES = frozenset({"chi", "mu", "psi", "phi", "longitude"})
 """Histories that jump by a full turn."""
 
 
-@dataclass(frozen=True)
+@record
 class Crossing:
     """One passing of the course, as it was flown.
 
@@ -54,7 +55,7 @@ class Crossing:
         return self.values.get(name, math.nan)
 
 
-@dataclass(frozen=True)
+@record
 class Source:
     """The source of a flight: what it is called, and where it comes from.
 

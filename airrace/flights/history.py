@@ -1,10 +1,10 @@
 """A history: the values of one quantity over the time axis of a flight, and where they come from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum
 
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 
@@ -19,7 +19,7 @@ class Basis(Enum):
     DERIVED = "derived"
 
 
-@dataclass(frozen=True)
+@record
 class History:
     """One quantity over time.
 

@@ -1,16 +1,16 @@
 """The facts that are told of every leg: time, load factors, heights, speeds, roll rate, energy, and clearances."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.flights.clearance import Clearance, distances, least
 from airrace.flights.flight import Flight
 from airrace.flights.legs import Leg, legs_of
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Range:
     """The least and the greatest value on a leg; NaN where the flight does not tell."""
 
@@ -18,7 +18,7 @@ class Range:
     greatest: float
 
 
-@dataclass(frozen=True)
+@record
 class LegFacts:
     """One leg in numbers, SI units and radians.
 

@@ -2,16 +2,16 @@
 
 import itertools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.flights.flight import Crossing, Flight
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Leg:
     """The part of a flight from one passing to the next.
 
@@ -48,7 +48,7 @@ class Leg:
         return math.isfinite(self.time)
 
 
-@dataclass(frozen=True)
+@record
 class Lap:
     """One lap: from the last passing before it to its own last one.
 

@@ -6,13 +6,14 @@ or after, and may be closer to a pylon then. Nothing at all keeps the wing away 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from airrace.flights.clearance import Clearance, Distance, at_row, pylons
 from airrace.flights.flight import Crossing, Flight
 from airrace.flights.legs import passings_around
+from airrace.records import record
 
 TOLERANCE = 0.1
 """The length by which a clearance is missed before it is told, m: nobody beside the course could see less."""
@@ -22,7 +23,7 @@ BESIDE = 0.25
 """The time before and after a passing within which a near miss belongs to it, s."""
 
 
-@dataclass(frozen=True)
+@record
 class NearMiss:
     """One pylon passed closely.
 

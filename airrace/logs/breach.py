@@ -1,12 +1,12 @@
 """A breach: a rule that a flown run would break."""
 
-from dataclasses import dataclass
+from airrace.records import record
 
 SURE = 2.0
 """The number of standard deviations of a measurement beyond which a breach is taken for certain."""
 
 
-@dataclass(frozen=True)
+@record
 class Breach:
     """A rule that a flight would break.
 

@@ -3,11 +3,11 @@
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, tzinfo
 
 import numpy as np
 
+from airrace.records import record
 from airrace.trajectory import Array
 
 DAY = 86400.0
@@ -18,7 +18,7 @@ _IN_MILLISECONDS = 1e11
 """The number beyond which milliseconds are counted from 1970; as seconds it would be the year 5138."""
 
 
-@dataclass(frozen=True)
+@record
 class Clock:
     """A way to write times.
 

@@ -4,13 +4,13 @@ import csv
 import math
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.logs.clock import Clock, clock_for, first_backwards, instant, unwrapped
 from airrace.logs.fields import FIELDS, Field, recognised, unit_named
 from airrace.logs.recording import Layout, Recording, listed, refuse
+from airrace.records import record
 from airrace.trajectory import Array
 
 ROWS_MAX = 6_000_000
@@ -19,7 +19,7 @@ DELIMITERS = (",", ";", "\t", "|")
 _POSITIONS = (("latitude", "longitude"), ("north", "east"))
 
 
-@dataclass(frozen=True)
+@record
 class Column:
     """A column of the file: where it stands, what it records, and the factor of its unit to SI."""
 

@@ -3,10 +3,10 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from airrace.environment.atmosphere import g0
 from airrace.quantities import KNOT
+from airrace.records import record
 
 FOOT = 0.3048
 """The foot, m, exactly."""
@@ -17,7 +17,7 @@ CLOCK_UNITS = ("s", "ms", "iso", "clock", "unix", "unix ms")
 """The ways in which a time may be written: seconds or milliseconds of any clock, ISO 8601, `hh:mm:ss.s`, since 1970."""
 
 
-@dataclass(frozen=True)
+@record
 class Field:
     """One quantity that a log may record.
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from airrace.logs.placing import in_frame, in_order
 from airrace.logs.recording import Recording, counted, refuse
 from airrace.logs.smoothing import EDGE, LONGEST, Path, smoothed
 from airrace.planning.race import Race
+from airrace.records import record
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
@@ -73,7 +74,7 @@ TOLD = 5
 """The greatest number of gaps that are told one by one."""
 
 
-@dataclass(frozen=True)
+@record
 class Flown:
     """A flown run through a course.
 

@@ -6,7 +6,7 @@ standard deviation of its measurement is told as uncertain.
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,12 +22,13 @@ from airrace.logs.penalties import Penalties
 from airrace.planning.race import Race
 from airrace.procedure.statement import crossing_parameters
 from airrace.quantities import KNOT, Interval
+from airrace.records import record
 from airrace.track.course import Passage
 from airrace.track.element import Element
 from airrace.track.passing import Passing, Tolerant
 
 
-@dataclass(frozen=True)
+@record
 class Deviations:
     """Standard deviations of what is known at a passing.
 

@@ -8,11 +8,11 @@ passed between its neighbours, where the path comes nearest to what is asked.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.planning.race import Race
+from airrace.records import record
 from airrace.track.course import Passage
 from airrace.trajectory import Array
 
@@ -26,7 +26,7 @@ PACE = 0.05
 """The cost of a second, so that a run is not mixed with another one."""
 
 
-@dataclass(frozen=True)
+@record
 class Passed:
     """A crossing of the line across an element.
 
@@ -41,7 +41,7 @@ class Passed:
     aside: float
 
 
-@dataclass(frozen=True)
+@record
 class PassedRun:
     """A run through the course: one entry per passage, None where it was not passed or stands nowhere."""
 

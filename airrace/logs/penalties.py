@@ -1,13 +1,14 @@
 """The penalties of a season: what a broken rule adds to the race time, or that it ends the race."""
 
 import math
-from dataclasses import dataclass
+
+from airrace.records import record
 
 ENDS_RACE = math.inf
 """The penalty that ends the race."""
 
 
-@dataclass(frozen=True)
+@record
 class Penalties:
     """Seconds that are added for what is broken; `ENDS_RACE` where the race is over, None where no rule says.
 

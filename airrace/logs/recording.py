@@ -1,7 +1,7 @@
 """A recording as it was read: named columns over time, in SI units, with the lines that they come from."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import datetime, tzinfo
 from typing import Never
 
@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import Finding, InputError
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Recording:
     """The samples of a log, as it records them.
 
@@ -41,7 +42,7 @@ class Recording:
         return Recording(self.path, self.format, self.time[rows], columns, self.lines[rows], self.begins, told)
 
 
-@dataclass(frozen=True)
+@record
 class Layout:
     """The meaning of a log where it does not say so itself.
 

@@ -12,11 +12,10 @@ rolls of a race are smeared, or the noise is followed: on an optimum sampled at 
 off by 15 degrees (root mean square, where the aircraft does not roll), and by 6 with this one.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.records import record
 from airrace.trajectory import Array
 
 STEP = 0.05
@@ -46,7 +45,7 @@ LONGEST = 1200.0
 """The time of the longest path that is smoothed, s."""
 
 
-@dataclass(frozen=True)
+@record
 class Path:
     """A smoothed path on evenly spaced nodes.
 

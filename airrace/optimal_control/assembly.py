@@ -7,7 +7,6 @@ states them as casadi's expressions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -18,10 +17,11 @@ from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Indices, Layout, Sighting
 from airrace.optimal_control.repeated import kinds
 from airrace.optimal_control.sums import Contributions, Sums
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Calls:
     """All calls of one kernel. Parameters are told by their places in (p, 0), p and a zero behind it.
 
@@ -59,7 +59,7 @@ class Calls:
         return np.minimum(np.arange(self.batches * self.kernel.lanes), len(self.inputs) - 1)
 
 
-@dataclass(frozen=True)
+@record
 class FinalCost:
     """The cost `sum_i weights_i c_i(y)` of the final state y (a Mayer term), as an observation sees it.
 
@@ -76,7 +76,7 @@ class FinalCost:
     own: Indices
 
 
-@dataclass(frozen=True)
+@record
 class Penalty:
     """The regularisation `sum_k T_k fraction_k sum_j weights_j w_kj^2` in scaled controls.
 

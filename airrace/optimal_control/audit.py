@@ -4,7 +4,7 @@ The numbers come from the replay and from the problem's own bounds, not from wha
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from airrace.optimal_control.problem import Boundary, Iterate, Problem, Watch
 from airrace.optimal_control.replay import Replay
 from airrace.points import at_points
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Tolerance:
     """The excess allowed to quantities of some units between nodes (`path`) and at boundaries (`boundary`).
 
@@ -31,7 +32,7 @@ class Tolerance:
     boundary_name: str = ""
 
 
-@dataclass(frozen=True)
+@record
 class Audit:
     """The items of a certificate, and the errors and excesses within the intervals.
 
@@ -83,7 +84,7 @@ def audit(
     return Audit(tuple(items), defect.max(axis=0), multiples)
 
 
-@dataclass(frozen=True)
+@record
 class _Excess:
     """The largest excess of a quantity over its range in each interval; `largest` has shape (N,)."""
 

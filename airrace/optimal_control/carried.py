@@ -6,7 +6,6 @@ the dynamics are left at zero: a solver finds them from those of the limits.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.refinement import Marks
 from airrace.optimal_control.solvers import Multipliers
+from airrace.records import record
 from airrace.trajectory import Array
 
 
@@ -26,7 +26,7 @@ class Kind(Enum):
     DURATION = "duration"
 
 
-@dataclass(frozen=True)
+@record
 class Limit:
     """A limit on one quantity, in n places.
 

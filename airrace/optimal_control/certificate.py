@@ -3,13 +3,13 @@
 A result is certified only if every item holds and one of them compares it with the optimum on a coarser mesh.
 """
 
-from dataclasses import dataclass
+from airrace.records import record
 
 RACE_TIME_CHANGE = "race_time_change"
 """The item that compares a race time with that on a coarser mesh: without it nothing is known of what the mesh does."""
 
 
-@dataclass(frozen=True)
+@record
 class Item:
     """A measured value with the largest one that still holds.
 
@@ -33,7 +33,7 @@ class Item:
         return self.value <= self.limit
 
 
-@dataclass(frozen=True)
+@record
 class Certificate:
     """All measured items of one result, and the solver's own words."""
 

@@ -13,7 +13,6 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -21,6 +20,7 @@ import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, Watch
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
@@ -41,7 +41,7 @@ PATH: Owner = ("path", 0, 0)
 """The owner of the ranges that hold all along the flight."""
 
 
-@dataclass(frozen=True)
+@record
 class Shift:
     """The change of both ends of a range from the one problem to the milder one; 0 where both are infinite."""
 
@@ -60,7 +60,7 @@ NO_SHIFT = Shift()
 """The change of a range that stays."""
 
 
-@dataclass(frozen=True)
+@record
 class Moves:
     """The differences between two problems of the same structure.
 
@@ -257,7 +257,7 @@ def _owners(problem: Problem) -> Iterator[tuple[Owner, "Boundary | Watch | _Alon
             yield ("watch", index, number), watch
 
 
-@dataclass(frozen=True)
+@record
 class _Along:
     """The ranges that hold all along a flight."""
 

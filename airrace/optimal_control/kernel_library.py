@@ -7,13 +7,13 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 
 from airrace.errors import KernelError
 from airrace.optimal_control.private_folder import is_private, make_private
+from airrace.records import record
 
 logger = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ It is straight-line scalar arithmetic, which -O2 makes no faster in twice the co
 HIDDEN_FLAGS = (*GENERATED_FLAGS, '-DCASADI_SYMBOL_EXPORT=__attribute__((visibility("hidden")))')
 
 
-@dataclass(frozen=True)
+@record
 class Source:
     """The content of a C file that is to be compiled.
 

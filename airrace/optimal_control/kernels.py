@@ -16,7 +16,6 @@ import hashlib
 import logging
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -29,6 +28,7 @@ from airrace.optimal_control.lane_interface import Shape, interface_source, inte
 from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_kernel import StepSources, driver_text, step_sources
+from airrace.records import record
 from airrace.system import Observation, System
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ It is raised with every change of the form, so that no cached library of another
 """
 
 
-@dataclass(frozen=True)
+@record
 class Kernel:
     """A function and its derivatives in y, shapes (n_y,), (n_own,), (n_shared,) -> (n_c,).
 
@@ -82,7 +82,7 @@ class Kernel:
     lanes: int = 1
 
 
-@dataclass(frozen=True)
+@record
 class Kernels:
     """The kernels of a system; `path` is None for a system without path quantities."""
 

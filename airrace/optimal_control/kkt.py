@@ -1,11 +1,10 @@
 """The errors of the first-order optimality conditions, measured from the program's functions alone."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.layout import Layout
+from airrace.records import record
 from airrace.trajectory import Array
 
 MULTIPLIER_SCALE = 100.0
@@ -15,7 +14,7 @@ It is IPOPT's `s_max` [Wächter & Biegler 2006, (6)], so that the error means th
 """
 
 
-@dataclass(frozen=True)
+@record
 class KktError:
     """The largest violations in scaled units: `primal` feasibility, `dual` stationarity, `complementarity`."""
 

@@ -5,17 +5,17 @@ The replay calls them row by row, see `compiled_rates.py`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
 
 from airrace.optimal_control.c_tables import encoded, integers, library_function_text
 from airrace.optimal_control.lane_code import header
+from airrace.records import record
 from airrace.system import System
 
 
-@dataclass(frozen=True)
+@record
 class Shape:
     """The patterns of a function of one interval, whose third argument is shared."""
 

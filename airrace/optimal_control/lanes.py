@@ -1,12 +1,13 @@
 """The number of intervals that this machine's processor evaluates at once, one per lane of its vector registers."""
 
 import platform
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from airrace.records import record
 
-@dataclass(frozen=True)
+
+@record
 class InstructionSet:
     """A set of vector instructions.
 

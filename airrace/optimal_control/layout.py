@@ -9,7 +9,6 @@ Unknowns and constraints are scaled here, once, by their quantities' scales; eve
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,10 +18,11 @@ from airrace.optimal_control.rows import Block, Indices, Limit, Row, Rows, limit
 from airrace.optimal_control.sightings import Sighting, boundaries_of, sightings_of
 from airrace.optimal_control.validity import require_valid
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Layout:
     """The index arrays of one problem (N intervals, n_x states, n_u controls, n phases)."""
 

@@ -6,18 +6,18 @@ Systems and observations are large and few: they are sent once and then named, b
 import hashlib
 import io
 import pickle
-from dataclasses import dataclass
 from typing import IO, Any
 
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.records import record
 from airrace.system import Observation, System
 
 COMPILING = "compiling the equations (once per model and machine)"
 """The notice that the equations are being compiled, which may take a while."""
 
 
-@dataclass(frozen=True)
+@record
 class SolveRequest:
     """A request to solve `problem` from `guess`."""
 
@@ -30,7 +30,7 @@ class SolveRequest:
     threads: int
 
 
-@dataclass(frozen=True)
+@record
 class IterationReport:
     """A line of a solver's progress: iteration, objective, largest scaled infeasibility."""
 
@@ -39,14 +39,14 @@ class IterationReport:
     infeasibility: float
 
 
-@dataclass(frozen=True)
+@record
 class Notice:
     """A text for people on what the worker does besides solving."""
 
     text: str
 
 
-@dataclass(frozen=True)
+@record
 class WorkerFailure:
     """An answer that a request could not be worked on; a bug, not a failed solve."""
 
@@ -56,7 +56,7 @@ class WorkerFailure:
 Reply = IterationReport | Notice | Solution | WorkerFailure
 
 
-@dataclass(frozen=True)
+@record
 class _Definition:
     """A shared object under the name by which later messages refer to it."""
 

@@ -10,18 +10,19 @@ whose rate is zero; a periodic condition ties a state to such a constant through
 
 import bisect
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 from airrace.quantities import Interval, Vector
+from airrace.records import record
 from airrace.system import Observation, System
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class Boundary:
     """A set of conditions at one instant, the start of the first phase or the end of a phase.
 
@@ -38,7 +39,7 @@ class Boundary:
     values: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
+@record
 class Watch:
     """A set of conditions on an observation all along a phase: at every node of it, both ends included.
 
@@ -63,7 +64,7 @@ class Watch:
         return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
 
 
-@dataclass(frozen=True)
+@record
 class Phase:
     """A stretch of a flight, with its mesh, duration and conditions.
 
@@ -89,7 +90,7 @@ class Phase:
     jump: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
-@dataclass(frozen=True)
+@record
 class Objective:
     """The minimised functional: the time, a cost of the final state, and a cost of moving the controls.
 
@@ -113,7 +114,7 @@ class Objective:
     values: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True)
+@record
 class Problem:
     """An optimal control problem of one or several phases.
 
@@ -186,7 +187,7 @@ class Problem:
         return list({id(one): one for one in seen}.values())
 
 
-@dataclass(frozen=True)
+@record
 class Iterate:
     """The values of all unknowns of a problem: a guess, or a solution.
 

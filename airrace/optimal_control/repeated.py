@@ -6,13 +6,13 @@ holds, and for each stage where its numbers begin.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control import summation
 from airrace.optimal_control.sums import Indices, Sums
+from airrace.records import record
 from airrace.trajectory import Array
 
 
@@ -31,7 +31,7 @@ def chosen(first: Indices, count: int) -> NDArray[np.bool_]:
     return mask
 
 
-@dataclass(frozen=True)
+@record
 class Entries:
     """The places that nonzeros go to, as many as there are sums; all shapes are (n,).
 
@@ -48,7 +48,7 @@ class Entries:
     factors: Indices
 
 
-@dataclass(frozen=True)
+@record
 class Memory:
     """Matrices that are written to.
 
@@ -61,7 +61,7 @@ class Memory:
     begins: Indices
 
 
-@dataclass(frozen=True)
+@record
 class Factors:
     """Factors of some nonzeros, and where those of each stage begin, shape (stages,)."""
 

@@ -7,13 +7,13 @@ phases side by side.
 """
 
 import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.optimal_control.compiled_rates import PointFunctions
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import integrate
+from airrace.records import record
 from airrace.trajectory import Array
 
 SAMPLES = 10
@@ -47,7 +47,7 @@ a scale of 100 km; 1e-6 leaves eight times as much and takes little less time.
 """
 
 
-@dataclass(frozen=True)
+@record
 class Replay:
     """A flight that was flown again by the independent integrator.
 

@@ -4,7 +4,6 @@ A limit is stated once and holds at many nodes; a row is a limit at one of them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
@@ -46,7 +46,7 @@ class Block(NamedTuple):
     limits: Sequence[Limit]
 
 
-@dataclass(frozen=True)
+@record
 class Rows:
     """All n rows of a program, node by node.
 

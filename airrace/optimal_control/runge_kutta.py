@@ -1,13 +1,14 @@
 """The explicit Runge-Kutta schemes for one shooting interval."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
+
+from airrace.records import record
 
 Column = Any  # of symbols or numbers: one formula serves casadi and numpy alike
 
 
-@dataclass(frozen=True)
+@record
 class RungeKutta:
     """A Butcher tableau, applied `steps` times within an interval.
 

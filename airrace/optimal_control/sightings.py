@@ -1,14 +1,14 @@
 """The sightings of a problem: every look that it takes at an observation, at boundaries and along watched phases."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.system import Observation
 
 
-@dataclass(frozen=True)
+@record
 class Sighting:
     """A look at an observation at one node.
 

@@ -6,7 +6,6 @@ A solve that fails is a value: `Solution.success` is False and `status` holds th
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import casadi as ca
@@ -21,10 +20,11 @@ from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.transcription import transcribed
+from airrace.records import record
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class SolverOptions:
     """The tolerance, the number of iterations and the barrier that a solver is given.
 
@@ -42,7 +42,7 @@ class SolverOptions:
     exact: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Multipliers:
     """The multipliers of the scaled program: of its constraints (n_g,) and of its simple bounds (n_w,)."""
 
@@ -50,7 +50,7 @@ class Multipliers:
     bounds: Array
 
 
-@dataclass(frozen=True)
+@record
 class Solution:
     """The answer of a solver, whether it found an optimum or not.
 
@@ -113,7 +113,7 @@ class Solution:
         )
 
 
-@dataclass(frozen=True)
+@record
 class Answer:
     """The result of a solver: the last unknowns w (n_w,), the multipliers of the constraints (n_g,), how it went."""
 
@@ -166,7 +166,7 @@ class Fatrop(Solver):
         return _ReadyFatrop(FatropSolver(functions, fatrop_options(options), exact=options.exact))
 
 
-@dataclass(frozen=True)
+@record
 class _ReadyFatrop:
     solver: FatropSolver
 

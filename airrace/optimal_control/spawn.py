@@ -7,13 +7,14 @@ import atexit
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
+
+from airrace.records import record
 
 _spares: "list[WorkerProcess]" = []
 
 
-@dataclass(frozen=True)
+@record
 class WorkerProcess:
     """A solver process: requests go to its standard input, its answers arrive on `replies`."""
 

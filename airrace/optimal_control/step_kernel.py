@@ -6,7 +6,6 @@ that it reads: sizes, scheme and patterns.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
@@ -15,6 +14,7 @@ import numpy as np
 from airrace.optimal_control.c_tables import encoded, integers, library_function_text
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_patterns import Derivatives, Pattern, StepPatterns, derivatives, step_patterns
+from airrace.records import record
 from airrace.system import System
 
 GROUP = 4
@@ -25,7 +25,7 @@ nothing is padded.
 """
 
 
-@dataclass(frozen=True)
+@record
 class StepSources:
     """The sources of the library's functions `step_jacobian` and `step_hessian`.
 

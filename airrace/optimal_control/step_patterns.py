@@ -5,18 +5,18 @@ of two is true where some path leads through both.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.records import record
 
 Pattern = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@record
 class Derivatives:
     """A function of z (and of parameters) and its derivatives in z.
 
@@ -39,7 +39,7 @@ class Derivatives:
     untouched: Pattern
 
 
-@dataclass(frozen=True)
+@record
 class StepPatterns:
     """The patterns of the derivatives of a step.
 

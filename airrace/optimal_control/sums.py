@@ -5,7 +5,6 @@ straight from the arrays that kernels write to, or stated as a casadi expression
 same bits.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -13,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control import summation
+from airrace.records import record
 from airrace.trajectory import Array
 
 Indices = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@record
 class Summands:
     """One summand of each of some nonzeros: `weights * drawn[sources]` is added to `values[nonzeros]`.
 
@@ -30,7 +30,7 @@ class Summands:
     sources: Indices
 
 
-@dataclass(frozen=True)
+@record
 class Flat:
     """The summands of n nonzeros, one behind the other: those of nonzero i from `begins[i]` to `begins[i + 1]`."""
 
@@ -39,7 +39,7 @@ class Flat:
     sources: NDArray[np.int32]
 
 
-@dataclass(frozen=True)
+@record
 class Blocks:
     """The blocks of drawn numbers, one behind the other.
 
@@ -52,7 +52,7 @@ class Blocks:
     at: Indices
 
 
-@dataclass(frozen=True)
+@record
 class Sums:
     """A sparse matrix of sums.
 

@@ -7,19 +7,18 @@ index arrays of `assembly.py` in time linear in the program's length, and evalua
 number of phases.
 """
 
-from dataclasses import dataclass
-
 import casadi as ca
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.mapping import Part, hessian_of, jacobian_of, mapped, value_of
+from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
 
 
-@dataclass(frozen=True)
+@record
 class NonlinearProgram:
     """The casadi functions of the scaled unknowns x and parameters p, named as casadi's solvers name them.
 

@@ -8,7 +8,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from airrace.planning.cruise import Cruise
 from airrace.planning.plan import Plan, plan, stops_of
 from airrace.planning.waypoints import Waypoint, candidates
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.track.course import Course
 from airrace.track.manoeuvre import STEEP
 from airrace.trajectory import Array, Trajectory
@@ -95,7 +95,7 @@ def way_as_flown(course: Course, index: int, q: Array) -> Waypoint:
     return dataclasses.replace(nearest, heading=nearest.heading + angle_between(heading, nearest.heading))
 
 
-@dataclass(frozen=True)
+@record
 class TrackTurn:
     """The angle by which a track over ground turns, rad, positive to the right.
 

@@ -6,14 +6,15 @@ to which side the path turns between two passages, to which side a roll or a kni
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from airrace.planning.waypoints import Waypoint, candidates
+from airrace.records import record
 from airrace.track.course import Course
 from airrace.track.limits import Roll, Turning
 
 
-@dataclass(frozen=True)
+@record
 class Choices:
     """The choices that are made already, by the index of the passage concerned; the others are free.
 

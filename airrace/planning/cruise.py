@@ -1,10 +1,10 @@
 """The pace at which a race is planned: a typical speed and load factor of the aircraft, from its own numbers."""
 
 import math
-from dataclasses import dataclass
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import g0
+from airrace.records import record
 from airrace.track.course import Rules
 
 AIR_DENSITY = 1.225
@@ -21,7 +21,7 @@ STANDSTILL = 1.0
 """The speed below which no aircraft flies, m/s."""
 
 
-@dataclass(frozen=True)
+@record
 class Cruise:
     """The planning speed `V` (m/s), load factor `n` in turns (g) and roll rate `p` (rad/s)."""
 

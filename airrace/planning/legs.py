@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from airrace.environment.atmosphere import g0
 from airrace.planning.cruise import AIR_DENSITY, Cruise, top_speed
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
+from airrace.records import record
 from airrace.track.course import Passage
 
 PLANNED_MAX = 400
@@ -21,7 +21,7 @@ LEAST_LOAD_FACTOR = 1.01
 """The least load factor of the tightest turns, g; with less an aircraft flies straight on, and there is no turn."""
 
 
-@dataclass(frozen=True)
+@record
 class Turn:
     """The tightest level way between two passages: first and last heading, and how much it turns in all, rad."""
 
@@ -30,7 +30,7 @@ class Turn:
     turning: float
 
 
-@dataclass(frozen=True)
+@record
 class Leg:
     """The stretch from one place to the next.
 

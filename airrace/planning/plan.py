@@ -10,7 +10,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from airrace.planning.cruise import Cruise
 from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turned
 from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.course import Course, Passage
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
 from airrace.track.limits import Roll
@@ -32,7 +32,7 @@ Nothing flies from a place to itself but round a circle.
 """
 
 
-@dataclass(frozen=True)
+@record
 class Leg:
     """The stretch from one waypoint to the next.
 
@@ -42,7 +42,7 @@ class Leg:
     path: DubinsPath | None
 
 
-@dataclass(frozen=True)
+@record
 class Plan:
     """The waypoints of all passages and the legs between them.
 
@@ -67,7 +67,7 @@ class Plan:
         return _turn(a, b, last=self.last)
 
 
-@dataclass(frozen=True)
+@record
 class _Stop:
     """A passage that is planned for itself.
 

@@ -1,16 +1,16 @@
 """The race: all that defines one optimisation besides the settings, i.e. course, aircraft and air, and its plan."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
 from airrace.planning.cruise import Cruise, cruise
 from airrace.planning.plan import Plan, plan
+from airrace.records import record
 from airrace.track.course import Course
 
 
-@dataclass(frozen=True)
+@record
 class Race:
     """A course, the aircraft that flies it and the air of the day."""
 

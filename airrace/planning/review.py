@@ -6,7 +6,6 @@ It yields remarks, not errors: the course stays valid. What the planned line com
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import Enum
 
 from airrace.dynamics import handling
@@ -17,6 +16,7 @@ from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
 from airrace.planning.race import Race
 from airrace.planning.slips import exchanged_axes, idle_pylons
 from airrace.quantities import KNOT, Interval
+from airrace.records import record
 from airrace.track.course import Course, Direction, Passage
 
 WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
@@ -51,7 +51,7 @@ class Kind(Enum):
         return cls(subject) if any(subject == one.value for one in cls) else cls.ELEMENT
 
 
-@dataclass(frozen=True)
+@record
 class Remark:
     """A remark of one sentence about a course.
 

@@ -1,12 +1,11 @@
 """Waypoints: where and how a passage may be planned, as a few candidates per element."""
 
-from dataclasses import dataclass
-
 from airrace.frames import quaternion
+from airrace.records import record
 from airrace.track.course import Course, Passage
 
 
-@dataclass(frozen=True)
+@record
 class Waypoint:
     """A passage as planned.
 

@@ -1,8 +1,9 @@
 """The price of one number of the inputs, and the usual steps by which prices are compared."""
 
 import math
-from dataclasses import dataclass
 from enum import Enum
+
+from airrace.records import record
 
 ONE_PER_CENT = 0.01
 """The usual step of numbers whose unit has no step of its own, as a share of the value."""
@@ -58,7 +59,7 @@ class Activity(Enum):
     FREE = "free"
 
 
-@dataclass(frozen=True)
+@record
 class Price:
     """The derivative of the objective by one number of the inputs.
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from airrace.documents.inputs import Inputs
 from airrace.documents.variation import Variation
@@ -14,6 +13,7 @@ from airrace.prices.worth import OtherStructureError, Value, Worth
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Outcome, StageResult
 from airrace.procedure.varied import VariedProblem
+from airrace.records import record
 
 STEP = 1e-3
 """The share of a usual step by which a number is changed."""
@@ -81,7 +81,7 @@ def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:
     return Worth(problem, iterate, result.constraint_multipliers, result.bound_multipliers, kernels)
 
 
-@dataclass(frozen=True)
+@record
 class _Slopes:
     """The derivatives of the value to one side, s per unit: by surely active limits, and by weakly active ones."""
 
@@ -93,7 +93,7 @@ class _Slopes:
         return self.strong + self.weak
 
 
-@dataclass(frozen=True)
+@record
 class _Pricer:
     """A pricer of numbers, one by one; `now` is the value of the race as flown, `value` that with a number changed."""
 

@@ -20,6 +20,7 @@ from airrace.optimal_control.layout import Layout, narrowed
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.transcription import constraint_function
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 SHARE = 1e-5
@@ -42,7 +43,7 @@ class OtherStructureError(Exception):
     """An error of a problem that differs from the one that was solved in more than numbers."""
 
 
-@dataclass(frozen=True)
+@record
 class Value:
     """The part of a problem's value that its numbers decide, s: by surely active limits, and by weakly active ones."""
 
@@ -61,7 +62,7 @@ class _Pull:
         (self.weak if weak else self.strong)[1 if multiplier > 0.0 else 0] += multiplier
 
 
-@dataclass(frozen=True)
+@record
 class _Ends:
     """The pulls on one quantity at one place, and how its limits there are read from a problem."""
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from airrace.optimal_control.hamiltonian import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
 from airrace.procedure.settings import CertificateLimits
+from airrace.records import record
 from airrace.trajectory import Array
 
 ACCELERATIONS = (
@@ -26,7 +26,7 @@ MOMENT = 0.05
 """The time in which the excess of a load factor's rate may add up to the allowed excess of the load factor, s."""
 
 
-@dataclass(frozen=True)
+@record
 class Evidence:
     """The measurements of an optimum, apart from the solver's own claims.
 

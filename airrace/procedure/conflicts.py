@@ -18,6 +18,7 @@ from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.relaxed_ways import Relaxation, relaxation
 from airrace.procedure.result import Remedy, StageResult
 from airrace.procedure.suggestions import TOLD_MAX, Fly, Option, Trials
+from airrace.records import record
 
 CONFLICTS_MAX = 4
 """The largest number of conflicts that are looked for."""
@@ -46,7 +47,7 @@ Where two conflicts ask for about as much, both have blame, and only the lever w
 """
 
 
-@dataclass(frozen=True)
+@record
 class Conflict:
     """A place at which limits contradict each other, and what would resolve that, the least change first."""
 

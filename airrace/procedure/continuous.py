@@ -1,7 +1,6 @@
 """The histories of a stored stage between its nodes: every state, control and derived quantity, as close as wanted."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,10 +10,11 @@ from airrace.procedure.derived import derived_histories
 from airrace.procedure.models import stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 
-@dataclass(frozen=True)
+@record
 class Continuous:
     """Histories over a time axis that holds all nodes of the mesh.
 

@@ -7,17 +7,17 @@ flight either, so nothing else need be tried from which all of it would be solve
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure.diagnosis import OPTIONS, window_around
 from airrace.procedure.solving import Workbench
+from airrace.records import record
 
 ITERATIONS_MAX = 300
 """The largest number of iterations in which a solver may make its claim; IPOPT took 90 to 260 where it made one."""
 
 
-@dataclass(frozen=True)
+@record
 class Contradiction:
     """The place of a contradiction: the phase `torn` of a problem, around which a guess leads to no flight.
 

@@ -1,7 +1,6 @@
 """The quantities that follow from the states and controls of a flight: angles, coefficients, load factors, forces."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ from airrace.procedure.fidelity import Histories
 from airrace.procedure.models import stage_model
 from airrace.procedure.result import StageResult
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.trajectory import Array
 
 FORCES = (
@@ -24,7 +24,7 @@ FORCES = (
 )
 
 
-@dataclass(frozen=True)
+@record
 class _Group:
     """Quantities that one function of the named histories yields together."""
 

@@ -2,12 +2,12 @@
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.settled import SIDE_ACCELERATION, settled_observation
 from airrace.optimal_control.problem import Boundary
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.system import Observation, side_by_side
 from airrace.track.course import Course, EndState
 
@@ -15,7 +15,7 @@ EndCondition = Callable[[Boundary], Boundary]
 """A function that adds the conditions of an end of the race to those of the passage that it is."""
 
 
-@dataclass(frozen=True)
+@record
 class Ends:
     """The additions to the conditions of the first passage and to those of the last."""
 
@@ -23,7 +23,7 @@ class Ends:
     finish: EndCondition
 
 
-@dataclass(frozen=True)
+@record
 class Settled:
     """The condition that the inner loop is settled, see `airrace.dynamics.settled`.
 

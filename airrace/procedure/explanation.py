@@ -24,6 +24,7 @@ from airrace.procedure.settings import Explore
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
 from airrace.procedure.suggestions import NOTHING, Flown
+from airrace.records import record
 
 ITERATIONS_MAX = 150
 """The number of iterations of a trial's solve.
@@ -98,7 +99,7 @@ def _impatient(bench: Workbench, problem: Problem) -> Workbench:
     return dataclasses.replace(bench, settings=dataclasses.replace(settings, solver=sooner), budget=budget)
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class _Trial:
     """Trials of races with other numbers: near a relaxed flight, else from their own plans."""
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 from airrace.aircraft.aircraft import Aircraft
@@ -12,6 +12,7 @@ from airrace.environment.air import Air
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RungeKutta
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.track.course import Rules
 from airrace.trajectory import Array
 
@@ -25,7 +26,7 @@ class Builder(Protocol):
     def __call__(self, aircraft: Aircraft, rules: Rules, air: Air, *, counting: bool = False) -> FlightModel: ...
 
 
-@dataclass(frozen=True)
+@record
 class Handover:
     """The way in which a stage is started from the optimum of the stage below it.
 
@@ -41,7 +42,7 @@ class Handover:
     retold: Stage | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Fidelity:
     """A model of the aircraft as a stage of the ladder.
 

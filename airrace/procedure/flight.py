@@ -1,7 +1,6 @@
 """A race made ready for optimisation: its plan, the equations of the aircraft and the problem on any mesh."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,11 +23,12 @@ from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings
 from airrace.procedure.statement import race_problem
 from airrace.procedure.watches import leg_watches
+from airrace.records import record
 from airrace.system import Observation
 from airrace.trajectory import Array, Trajectory
 
 
-@dataclass(frozen=True)
+@record
 class Flight:
     """The model of one stage flying a planned race; `weights` of its squared, scaled controls, by name."""
 

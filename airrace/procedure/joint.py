@@ -6,7 +6,7 @@ counts: the primary solver from all starts, then the fallback from those from wh
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from airrace.optimal_control.carried import carried
@@ -23,6 +23,7 @@ from airrace.procedure.meshing import Draft, Solved, adapted, halved, mended, re
 from airrace.procedure.result import NO_FACTS, Facts, MeshRecord, Outcome, StageResult
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solving import Workbench
+from airrace.records import record
 
 ADAPTATIONS_MAX = 2
 """The number of adaptations of a first mesh that is not wrong, before its intervals are halved."""
@@ -44,7 +45,7 @@ CARRIED_BARRIER = 1e-5
 """The first value of the barrier parameter of a solve from an optimum on another mesh, with its multipliers."""
 
 
-@dataclass(frozen=True)
+@record
 class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
@@ -60,7 +61,7 @@ class Start:
     multipliers: Multipliers | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Failure:
     """A start without an optimum; `solution` is where the solver gave up, None if it never came back.
 
@@ -117,7 +118,7 @@ Refinement = Callable[[Workbench, Start, str], StageResult | Failure]
 """A way from a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted."""
 
 
-@dataclass(frozen=True)
+@record
 class Compared:
     """The optimum on a coarser mesh, whose race time a finer one's is compared with; `solved` measures all of it."""
 
@@ -130,7 +131,7 @@ class Compared:
         return cls(optimum.race_time, lambda: optimum)
 
 
-@dataclass(frozen=True)
+@record
 class Upcoming:
     """The mesh to be solved on next.
 

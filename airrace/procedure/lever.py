@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from airrace.planning.race import Race
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Lever:
     """A number that may be relaxed.
 

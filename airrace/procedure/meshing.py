@@ -9,7 +9,6 @@ and Air Race X 2024, straight from the plan and proved. Of the three, the proved
 after 2, 4 and 7 solves.
 """
 
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -23,6 +22,7 @@ from airrace.procedure.certification import Evidence
 from airrace.procedure.holding import foreseen, measured
 from airrace.procedure.result import Why
 from airrace.procedure.settings import CertificateLimits
+from airrace.records import record
 from airrace.trajectory import Array
 
 SAFETY = 0.5
@@ -99,7 +99,7 @@ FEWEST = 4
 """The smallest number of intervals to which joining reduces a phase."""
 
 
-@dataclass(frozen=True)
+@record
 class Draft:
     """A mesh to be solved on, with a guess.
 
@@ -122,7 +122,7 @@ class Draft:
         return cls(problem.mesh, guess, why, np.ones(problem.intervals + 1, dtype=np.bool_))
 
 
-@dataclass(frozen=True)
+@record
 class Solved:
     """An optimum on a draft, and its measurements."""
 

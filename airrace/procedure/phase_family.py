@@ -7,7 +7,6 @@ multiplied by it, and so is the prescribed bank. Part 0 has both gates in line; 
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,11 +18,12 @@ from airrace.planning.plan import Leg, Plan
 from airrace.planning.rotation_time import rotated, rotation_time
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.guess import guess
+from airrace.records import record
 from airrace.track.dubins import DubinsPath
 from airrace.trajectory import Array
 
 
-@dataclass(frozen=True)
+@record
 class PhaseFamily:
     """The members of one phase's family.
 

@@ -1,12 +1,12 @@
 """The progress of a run, which the procedure reports to a `Progress`; the default one is silent."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 
 from airrace.procedure.result import Stage, StageResult
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Iteration:
     """A solver's iteration: its number, the objective (s) and the largest scaled infeasibility."""
 

@@ -7,7 +7,6 @@ the limits are the blame: what a usual step of each lever would spare of the rel
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,6 +32,7 @@ from airrace.procedure.flight import Flight
 from airrace.procedure.lever import Lever
 from airrace.procedure.solving import Workbench
 from airrace.procedure.varied import VariedProblem
+from airrace.records import record
 from airrace.trajectory import Array
 
 WEIGHT = 100.0
@@ -58,7 +58,7 @@ NO_BLAME = 1e-7
 """The multiplier (per scale) below which a limit is not to blame."""
 
 
-@dataclass(frozen=True)
+@record
 class Relaxed:
     """A flight with limits that have given way.
 

@@ -17,6 +17,7 @@ from airrace.procedure.levers import levers
 from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.solving import Workbench
 from airrace.procedure.varied import with_passages
+from airrace.records import record
 
 MILDER = 4.0
 """The usual steps by which all levers give way in the race whose plan is a second way round.
@@ -27,7 +28,7 @@ CLEAR = 0.1
 """The usual steps by which all limits have to give way together before it is plain that there is no flight."""
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class Relaxation:
     """A race whose limits give way together, and what relaxed it along one way round."""
 

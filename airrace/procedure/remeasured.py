@@ -7,7 +7,7 @@ records are taken over as they are, and `HEARSAY` of `result.py` names them.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,10 +32,11 @@ from airrace.procedure.result import Attempt, GateSplit, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 
-@dataclass(frozen=True)
+@record
 class Believed:
     """All that is believed of a stored stage.
 
@@ -61,7 +62,7 @@ class Believed:
         return cls(result.stage, result.trajectory, result.constraint_multipliers, coarser)
 
 
-@dataclass(frozen=True)
+@record
 class Measured:
     """All that follows from what is believed of a stage.
 

@@ -10,7 +10,7 @@ for and no lower stage is solved. Where the certificate does not hold on these m
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -39,6 +39,7 @@ from airrace.procedure.passings import Passing, ensure_same_passings
 from airrace.procedure.result import Facts, Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench
 from airrace.quantities import Quantity
+from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
@@ -58,7 +59,7 @@ took 28 instead of 31 in one case, and 47 instead of 43 in another.
 """
 
 
-@dataclass(frozen=True)
+@record
 class Another:
     """Another run, under the name that users know, with the stages that it holds."""
 
@@ -79,7 +80,7 @@ class Flights(Protocol):
     def as_flown(self, stage: Stage, optimum: StageResult) -> Flight: ...
 
 
-@dataclass(frozen=True)
+@record
 class Restart:
     """The outcome of a start from another run.
 

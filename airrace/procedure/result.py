@@ -1,6 +1,5 @@
 """The result of a finished stage, for the next stage, the checkpoint and the terminal."""
 
-from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure.stage import Stage
+from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 HEARSAY = (
@@ -47,7 +47,7 @@ class State(Enum):
     TIMEOUT = "timeout"
 
 
-@dataclass(frozen=True)
+@record
 class GateSplit:
     """The passing of one gate, in SI and radians; `name` is the passage's, e.g. `1:g4`."""
 
@@ -61,7 +61,7 @@ class GateSplit:
     heading: float
 
 
-@dataclass(frozen=True)
+@record
 class Attempt:
     """A call of a solver: which one, what it was for, its verbatim status and its iterations."""
 
@@ -73,7 +73,7 @@ class Attempt:
     seconds: float
 
 
-@dataclass(frozen=True)
+@record
 class Timings:
     """The times of a stage, s.
 
@@ -85,7 +85,7 @@ class Timings:
     wall: float
 
 
-@dataclass(frozen=True)
+@record
 class Facts:
     """The start of a stage, and the cost of its regularisation.
 
@@ -118,7 +118,7 @@ class Why(IntEnum):
     RACE_TIME = 5
 
 
-@dataclass(frozen=True)
+@record
 class MeshRecord:
     """The record of a mesh: where its nodes come from, and the measurements of its N intervals.
 
@@ -141,7 +141,7 @@ NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0),
 """The empty record."""
 
 
-@dataclass(frozen=True)
+@record
 class Way:
     """A way round that was tried.
 
@@ -158,7 +158,7 @@ class Way:
     priced: str
 
 
-@dataclass(frozen=True)
+@record
 class Explored:
     """The ways that exploring tried before a race was optimised.
 
@@ -183,7 +183,7 @@ NOT_EXPLORED = Explored()
 """The record of a stage without exploring."""
 
 
-@dataclass(frozen=True)
+@record
 class Remedy:
     """A number that resolves a conflict of limits when it is changed alone.
 
@@ -208,7 +208,7 @@ class Remedy:
     race_time: float
 
 
-@dataclass(frozen=True)
+@record
 class StageResult:
     """The result of one finished stage.
 

@@ -7,7 +7,6 @@ import logging
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from airrace.dynamics import handling
 from airrace.optimal_control.service import SolverService
@@ -22,6 +21,7 @@ from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
+from airrace.records import record
 
 logger = logging.getLogger(__name__)
 
@@ -102,7 +102,7 @@ def optimize(
         yield from _climbed(ladder, wanted, until, found, bench)
 
 
-@dataclass(frozen=True)
+@record
 class _Found:
     """The outcome of a start from another run; without one, nothing.
 

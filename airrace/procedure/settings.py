@@ -1,8 +1,10 @@
 """The settings of a run: everything that can change its result besides the course and the aircraft."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
+
+from airrace.records import record
 
 
 class GuessKind(Enum):
@@ -30,7 +32,7 @@ class Proof(Enum):
     ALL = "all"
 
 
-@dataclass(frozen=True)
+@record
 class MeshSettings:
     """The settings of the meshes.
 
@@ -43,7 +45,7 @@ class MeshSettings:
     refinements_max: int = 10
 
 
-@dataclass(frozen=True)
+@record
 class SolverSettings:
     """The settings of the solvers.
 
@@ -63,7 +65,7 @@ LONG_RACE = 120.0
 """The duration from which on the change of a race time may grow with it, s; races of the series take 50 to 80."""
 
 
-@dataclass(frozen=True)
+@record
 class CertificateLimits:
     """The largest values that a certified result may show; lengths in m, angles in rad, load factors in g.
 
@@ -95,7 +97,7 @@ class CertificateLimits:
         return self.race_time * max(1.0, duration / LONG_RACE)
 
 
-@dataclass(frozen=True)
+@record
 class Settings:
     """The settings of a run.
 

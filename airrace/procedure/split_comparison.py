@@ -1,12 +1,12 @@
 """The comparison of two stages by their gate splits, leg by leg: where time was won and where it was lost."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.procedure.result import StageResult
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class LegTimes:
     """The times of one leg in two flights.
 
@@ -27,7 +27,7 @@ class LegTimes:
         return self.after - self.before
 
 
-@dataclass(frozen=True)
+@record
 class SplitComparison:
     """The comparison of two flights of the same passings.
 

@@ -5,13 +5,13 @@ A suggestion that was certified in its trial is told before one that only flew.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from airrace.errors import InputError
 from airrace.planning.race import Race
 from airrace.procedure.lever import Lever
 from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.result import Remedy, StageResult
+from airrace.records import record
 
 TOLD_MAX = {False: 3, True: 2}
 """The largest number of suggestions that are told of one conflict: those of rules and gates, those of the aircraft."""
@@ -30,7 +30,7 @@ the least. Where a roll from one gate to the next takes 28 deg/s at least, 33 an
 """
 
 
-@dataclass(frozen=True)
+@record
 class Option:
     """A lever that resolves a conflict alone, with the relaxed flight, and what relaxed it."""
 
@@ -58,7 +58,7 @@ class Option:
         return self.lever.changed(race, self.value(MARGINS[1]))
 
 
-@dataclass(frozen=True)
+@record
 class Flown:
     """A trial of a race.
 
@@ -81,7 +81,7 @@ Fly = Callable[[Race, Relaxer, Relaxed], Flown]
 """A trial: flies a whole race, from its plan or near a relaxed flight."""
 
 
-@dataclass(frozen=True)
+@record
 class Tried:
     """An option that was tried with some value."""
 
@@ -97,7 +97,7 @@ class Tried:
         return Remedy(number, where, key, lever.told, lever.unit, lever.value, value, time)
 
 
-@dataclass(frozen=True)
+@record
 class Trials:
     """Trials of the options of one conflict.
 

@@ -34,10 +34,11 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from airrace.records import record
 from airrace.trajectory import Array
 
 FORMAT = "airrace-report/1"
@@ -45,7 +46,7 @@ POSE = ("north", "east", "height", "q0", "q1", "q2", "q3")
 """Histories that every flight has."""
 
 
-@dataclass(frozen=True)
+@record
 class FlightContents:
     """One flight as the page sees it.
 
@@ -78,7 +79,7 @@ class FlightContents:
         }
 
 
-@dataclass(frozen=True)
+@record
 class Strip:
     """Histories of one kind over time.
 
@@ -109,7 +110,7 @@ class Strip:
         }
 
 
-@dataclass(frozen=True)
+@record
 class Scale:
     """A history by which the line in space can be coloured; `signed` scales are symmetric about zero."""
 
@@ -120,7 +121,7 @@ class Scale:
     signed: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Difference:
     """The delay (s) with which a flight was where the first one was at the times `time` (s); each of shape (n,)."""
 
@@ -132,7 +133,7 @@ class Difference:
         return {"flight": self.flight, "time": packed(self.time), "difference": packed(self.difference)}
 
 
-@dataclass(frozen=True)
+@record
 class Contents:
     """All the data that the script of a report is told."""
 

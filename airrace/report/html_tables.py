@@ -3,13 +3,14 @@
 import html
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+from airrace.records import record
 
 DASH = "\N{EN DASH}"
 """Stands where nothing is known."""
 
 
-@dataclass(frozen=True)
+@record
 class Head:
     """The head of a column.
 
@@ -24,7 +25,7 @@ class Head:
     text: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Cell:
     """A cell that is more than its text.
 
@@ -41,7 +42,7 @@ class Cell:
     bad: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Row:
     """Cells of a row; `passing` is the number of the passing that begins what it tells of, None where there is none."""
 

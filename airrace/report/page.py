@@ -10,9 +10,9 @@ import hashlib
 import html
 import string
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+from airrace.records import record
 from airrace.report.contents import Contents
 from airrace.report.html_tables import number
 from airrace.report.script import LIBRARIES, page_script
@@ -24,7 +24,7 @@ STYLES = (
 )
 
 
-@dataclass(frozen=True)
+@record
 class Reading:
     """A number of the present instant that is shown over the scene; `wraps` as of a strip."""
 
@@ -35,7 +35,7 @@ class Reading:
     wraps: float = 0.0
 
 
-@dataclass(frozen=True)
+@record
 class Page:
     """The page of a report: its texts, readings, drawing and tables, and what its script is told.
 

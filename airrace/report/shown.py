@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from airrace.flights import Flight
 from airrace.quantities import KNOT
+from airrace.records import record
 from airrace.report.contents import Scale, Strip
 from airrace.report.page import Reading
 from airrace.trajectory import Array
@@ -13,7 +13,7 @@ from airrace.trajectory import Array
 DEGREE = math.pi / 180.0
 
 
-@dataclass(frozen=True)
+@record
 class Drawn:
     """A strip as it is planned: histories of a flight with their unit, `factor` in SI units or radians.
 

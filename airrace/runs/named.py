@@ -1,12 +1,12 @@
 """Flights as they are asked for: a file, and a stage of the run in it."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.errors import UsageError
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Named:
     """A flight as it was asked for: a file, and a stage or None for the last one."""
 

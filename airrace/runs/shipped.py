@@ -1,14 +1,15 @@
 """The courses, aircraft and rule books that come with the package, by the names that every door takes."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from airrace.documents import load_inputs
 from airrace.documents.presets import preset_names
 from airrace.documents.shipped import AIRCRAFT, SUFFIX, TRACKS, Collection
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class ShippedTrack:
     """A course that comes along.
 
@@ -27,7 +28,7 @@ class ShippedTrack:
     aircraft: str
 
 
-@dataclass(frozen=True)
+@record
 class ShippedAircraft:
     """An aircraft that comes along: its name, its name as the file gives it, and its mass (kg)."""
 
@@ -36,7 +37,7 @@ class ShippedAircraft:
     mass: float
 
 
-@dataclass(frozen=True)
+@record
 class Shipped:
     """All that comes along; `rules` are the names that a track file's `rules` may give."""
 

@@ -1,13 +1,13 @@
 """The content of a checkpoint as `airrace show` tells it: its stages, and legs and laps of one of them."""
 
 import logging
-from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.errors import InputError, UsageError
 from airrace.flights import Flight
 from airrace.procedure.result import StageResult
+from airrace.records import record
 from airrace.runs.leg_object import legs_object
 from airrace.runs.run import Run
 from airrace.runs.run_object import is_certified, run_object, stage_object, standing
@@ -17,7 +17,7 @@ from airrace.views.plain_text import one_line
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@record
 class Shown:
     """Stages to be shown.
 

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -17,6 +17,7 @@ from airrace.procedure.passings import ensure_same_passings, passings_of
 from airrace.procedure.restart import Another, startable
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import Proof
+from airrace.records import record
 from airrace.runs.run import Run
 from airrace.runs.stored import document_of, library_versions, new_run, resolved_text, stored_run
 
@@ -26,7 +27,7 @@ PROOF = "settings.proof="
 """The beginning of an override that says which stages are proved."""
 
 
-@dataclass(frozen=True)
+@record
 class Changes:
     """The differences of a run from the one it is started from; None and empty stand for what stays as it is."""
 

@@ -1,7 +1,7 @@
 """Tasks: what is to be flown of a run, decided before anything is computed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from airrace.checkpoint import Sign
@@ -9,10 +9,11 @@ from airrace.procedure import run as procedure
 from airrace.procedure.restart import Another
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import GuessKind
+from airrace.records import record
 from airrace.runs.run import Run
 
 
-@dataclass(frozen=True)
+@record
 class Step:
     """A stage of a task.
 
@@ -35,7 +36,7 @@ class Step:
         return {"stage": self.stage.value, "action": self.action, "reason": self.reason or self.unproved}
 
 
-@dataclass(frozen=True)
+@record
 class Task:
     """A run and what is to be flown of it.
 

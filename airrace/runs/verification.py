@@ -1,12 +1,12 @@
 """The verification of a run: all that its file tells, measured again or held against what was measured."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from airrace.errors import NotCertified
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, StageResult
+from airrace.records import record
 from airrace.runs.discrepancies import discrepancies, in_one_sentence
 from airrace.runs.hearsay import contradictions, missing_stages, other_versions
 from airrace.runs.run import Run
@@ -17,7 +17,7 @@ ONE_MESH = "solved on one mesh, without a proof of its race time on a second one
 GUESS = "a guess, of which nothing but its gate splits can be verified"
 
 
-@dataclass(frozen=True)
+@record
 class Verification:
     """A stage as stored, as it was measured again, and what speaks against it (empty if nothing).
 

@@ -1,10 +1,10 @@
 """The course: its elements in the order in which they are flown, and the rules that hold between them."""
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.element import Direction, Element
 from airrace.track.limits import Crowd, Roll, SafetyLine
 from airrace.track.polygons import Point
@@ -23,7 +23,7 @@ class EndState(Enum):
     FREE = "free"
 
 
-@dataclass(frozen=True)
+@record
 class Passage:
     """A passing of an element, and what holds on the leg that leads to it.
 
@@ -44,7 +44,7 @@ class Passage:
     roll: Roll | None = None
 
 
-@dataclass(frozen=True)
+@record
 class Rules:
     """The limits that hold along the whole flight.
 
@@ -65,7 +65,7 @@ class Rules:
     height: Interval = Interval(lower=0.0)
 
 
-@dataclass(frozen=True)
+@record
 class Origin:
     """The place of the track's frame: WGS 84 (rad) if it is known, and its height above mean sea level (m)."""
 
@@ -74,7 +74,7 @@ class Origin:
     elevation: float = 0.0
 
 
-@dataclass(frozen=True)
+@record
 class Course:
     """A race: at least two passages, the first is the start, the last the finish.
 

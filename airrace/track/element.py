@@ -8,11 +8,11 @@ metres; positions in the track's north-east frame, heights above its origin.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 from airrace.quantities import Interval, Quantity
+from airrace.records import record
 from airrace.track.polygons import Point
 
 
@@ -24,7 +24,7 @@ class Direction(Enum):
     PLANNED = "planned"
 
 
-@dataclass(frozen=True)
+@record
 class Crossing:
     """A way in which an element may be crossed, for the plan to choose from.
 
@@ -45,7 +45,7 @@ class Crossing:
     free: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Frame:
     """The place of a crossing and the directions it is measured against.
 
@@ -71,7 +71,7 @@ Symbols = Mapping[str, Any]
 """Symbols by name. Any: casadi's SX, which plain arithmetic and `airrace.environment.elementary` take."""
 
 
-@dataclass(frozen=True)
+@record
 class Sight:
     """The quantities that a kind of element observes of an aircraft besides those of every crossing.
 
@@ -91,7 +91,7 @@ class Sight:
     values: Callable[[Symbols, Symbols], Sequence[Any]]
 
 
-@dataclass(frozen=True)
+@record
 class Drawing:
     """The drawing of an element as seen from above.
 

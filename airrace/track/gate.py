@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.element import Crossing, Direction, Drawing, Frame, climb_condition
 from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO, Passing, Tolerances, Tolerant, offsets
 
@@ -19,7 +19,7 @@ MOST_STEPS = 6
 """The largest number of courses that the plan tries to either side of the axis."""
 
 
-@dataclass(frozen=True)
+@record
 class Gate(Tolerant):
     """Two pylons, flown between at a prescribed bank: 0 for a level gate, +-pi/2 for a knife-edge gate.
 

@@ -1,13 +1,13 @@
 """The limits of a course besides its elements: safety lines, crowds, and rolls on the way."""
 
-from dataclasses import dataclass
 from enum import Enum
 
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.polygons import Point
 
 
-@dataclass(frozen=True)
+@record
 class SafetyLine:
     """A line not to be crossed, endless to both sides, on the legs that name it.
 
@@ -32,7 +32,7 @@ class CrowdShape(Enum):
     AREA = "area"
 
 
-@dataclass(frozen=True)
+@record
 class Crowd:
     """A group of people to keep away from.
 
@@ -59,7 +59,7 @@ class Turning(Enum):
     EITHER = "either"
 
 
-@dataclass(frozen=True)
+@record
 class Roll:
     """A roll on a line: flown on the leg that ends with the passage that carries it.
 

@@ -1,11 +1,11 @@
 """Manoeuvres: attitudes to be reached somewhere."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.element import Crossing, Direction, Drawing, Element, Frame, climb_condition
 from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO
 
@@ -20,7 +20,7 @@ VERTICAL = 1e-6
 """The distance from +-pi/2 within which a climb angle is vertical, rad."""
 
 
-@dataclass(frozen=True)
+@record
 class Manoeuvre(Element):
     """An attitude to be reached at a position that is free within bounds (top of a loop, a 45 degree line, ...).
 

@@ -1,12 +1,12 @@
 """Passings of gates and pylons: how strictly they are flown, and what they tolerate."""
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.element import Standing
 from airrace.trajectory import Array
 
@@ -24,7 +24,7 @@ class Passing(Enum):
     WINDOW = "window"
 
 
-@dataclass(frozen=True)
+@record
 class Tolerances:
     """The tolerances of a `window` passing at a gate; `point` passings ignore all but `climb` and `crossing`.
 

@@ -3,10 +3,11 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Point:
     """A place on the ground: north and east of the track's origin, m."""
 

@@ -1,9 +1,9 @@
 """Single pylons, which are passed on one side."""
 
 import math
-from dataclasses import dataclass
 
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.element import Crossing, Direction, Drawing, Frame, climb_condition
 from airrace.track.passing import NOT_POSITIVE, ZERO, Passing, Tolerances, Tolerant, offsets
 
@@ -16,7 +16,7 @@ The crossing angle may be larger than at a gate.
 """
 
 
-@dataclass(frozen=True)
+@record
 class Pylon(Tolerant):
     """A single pylon passed on one side, bank free (slalom, turning point).
 

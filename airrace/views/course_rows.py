@@ -2,19 +2,19 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
 
 from airrace.frames import angle_between
 from airrace.planning.race import Race
 from airrace.planning.review import Remark
 from airrace.quantities import Interval
+from airrace.records import record
 from airrace.track.course import Passage
 from airrace.track.limits import Crowd, Roll, SafetyLine
 from airrace.track.polygons import Point
 
 
-@dataclass(frozen=True)
+@record
 class Row:
     """A passage in a table; SI and radians, None for what the element leaves free.
 

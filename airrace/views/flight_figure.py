@@ -1,13 +1,13 @@
 """A flight as a drawing in a file: plan and profile in the colours of the load factor, histories with their limits."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from airrace.flights import Flight
 from airrace.quantities import KNOT
+from airrace.records import record
 from airrace.trajectory import Array
 from airrace.views.course_drawing import write_labels
 from airrace.views.drawing import COLOURS, GREY, RED, Axes, Figure, names_as_they_are, new_figure, save_figure
@@ -20,7 +20,7 @@ LOAD = "n_z"
 DEGREES = 180.0 / math.pi
 
 
-@dataclass(frozen=True)
+@record
 class Strip:
     """Histories that share a pair of axes: names, words, and the factor from SI to the unit of the label.
 

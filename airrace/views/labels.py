@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from airrace.records import record
 from airrace.trajectory import Array
 
 DIRECTIONS = 12
@@ -19,7 +19,7 @@ GAPS = (1.0, 2.0, 3.5, 5.5)
 """The distances between a place and its label that are tried, as multiples of the gap asked for."""
 
 
-@dataclass(frozen=True)
+@record
 class Box:
     """A rectangle with edges along the axes, in any unit."""
 

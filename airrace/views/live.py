@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from rich.console import Console, RenderableType
 from rich.live import Live
@@ -13,6 +13,7 @@ from rich.text import Text
 
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
+from airrace.records import record
 from airrace.views.lines import outcome_line, place
 
 BOX_WIDTH = 76
@@ -22,7 +23,7 @@ NAME_WIDTH = 13
 ROWS = ("stage", "doing", "", "iteration", "race time", "infeasibility")
 
 
-@dataclass(frozen=True)
+@record
 class _Seen:
     """The stage under way: which one, its number in the run, since when, and what it is doing."""
 

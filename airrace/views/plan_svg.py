@@ -2,13 +2,13 @@
 
 import html
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from airrace.documents.units import KNOT
+from airrace.records import record
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
@@ -31,7 +31,7 @@ COLOURS = ("#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c00f")  # 
 BLACK, GREY, RED, AMBER, BLUE = "#222222", "#9a9a9a", "#c0392b", "#b8860b", "#34568b"
 
 
-@dataclass(frozen=True)
+@record
 class _Sheet:
     """The mapping from places to the drawing: `scale` pixels per metre, the corner in the north-west."""
 

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from airrace.flights.legs import legs_of
 from airrace.flights.planned import is_planned, planned_flight
 from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race
+from airrace.records import record
 from airrace.track.course import Course, Direction, Passage
 from airrace.track.element import Element
 from airrace.track.limits import SafetyLine
@@ -25,7 +26,7 @@ BEYOND = 0.4
 """The share of the course's extent in which people and borders beside it are still shown."""
 
 
-@dataclass(frozen=True)
+@record
 class Mark:
     """An element at its place on the ground.
 
@@ -48,7 +49,7 @@ class Mark:
         return list(courses.values())
 
 
-@dataclass(frozen=True)
+@record
 class Way:
     """A part of a lap: north and east, shape (n, 2), m; either `planned` or straight from place to place."""
 
@@ -57,7 +58,7 @@ class Way:
     planned: bool
 
 
-@dataclass(frozen=True)
+@record
 class Scenery:
     """A course from above, and the frame to show: least and largest north and east, m."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import griffe
 import pytest
 import typer.main
 import yaml
@@ -150,6 +151,15 @@ def test_names_that_share_a_description_get_one_each(generators: Modules) -> Non
         "What it is.\n\nAttributes:\n    x: position,\n        m.\n    y: position,\n        m.\n    z: height.\n"
     )
     assert generators["grouped_names"].separated(docstring) == expected
+
+
+def test_the_parameters_of_a_record_are_shown() -> None:
+    extensions = griffe.load_extensions(ROOT / "scripts" / "documentation" / "records.py")
+    package = griffe.load("airrace", extensions=extensions, search_paths=[ROOT])
+    plain, by_name = package["quantities.Quantity"], package["quantities.Vector"]
+    assert [one.name for one in plain.parameters][:4] == ["self", "name", "unit", "scale"]
+    assert "dataclass" in plain.labels
+    assert "dataclass" in by_name.labels
 
 
 def test_every_page_stands_in_the_navigation(generators: Modules) -> None:

@@ -24,6 +24,7 @@ from airrace.documents.kinds.passing import (
 from airrace.documents.nodes import KeyPath
 from airrace.documents.place_schema import Azimuth, PlacedEntry, PlaceEntry
 from airrace.documents.places import GEODETIC, METRIC, NOWHERE, Places
+from airrace.records import record
 from airrace.track.course import Direction
 from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing
 from airrace.track.polygons import Point
@@ -123,7 +124,7 @@ class QuadEntry(TwoPylonEntry):
         )
 
 
-@dataclasses.dataclass(frozen=True)
+@record
 class _Stand:
     """The place of a gate: its centre, its axis (rad) and its width (m)."""
 

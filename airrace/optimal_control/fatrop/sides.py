@@ -8,11 +8,10 @@ barrier parameter mu, slack times multiplier is mu from the first iteration on, 
 A row that presses on one of its limits becomes two rows then, one for each side, for the far side has another factor.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from airrace.optimal_control.layout import Indices
+from airrace.records import record
 from airrace.trajectory import Array
 
 LEAST_FACTOR = 1e-2
@@ -28,7 +27,7 @@ RELAXED = 1e-8
 """The part of a bound, of 1 at least, by which fatrop relaxes it: its `bound_relax_factor`."""
 
 
-@dataclass(frozen=True)
+@record
 class Known:
     """The point that a solve begins with, scaled.
 
@@ -43,7 +42,7 @@ class Known:
     barrier: float
 
 
-@dataclass(frozen=True)
+@record
 class Sides:
     """Inequalities `lower <= factors * v[items] + shifts <= upper`, in the order of their rows.
 

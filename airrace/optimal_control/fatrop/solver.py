@@ -6,7 +6,6 @@ or bounds that belong to another one.
 
 import ctypes
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from airrace.optimal_control.fatrop.probe import require_known_interface
 from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
 from airrace.optimal_control.fatrop.targets import Targets
+from airrace.records import record
 from airrace.trajectory import Array
 
 # `IpSolverReturnFlag`, in its order
@@ -61,7 +61,7 @@ NOT_FINITE = "the derivatives are not finite at an iterate"
 _DOUBLE = 8
 
 
-@dataclass(frozen=True)
+@record
 class FatropResult:
     """The answer of fatrop.
 
@@ -85,7 +85,7 @@ class FatropResult:
     derivative_seconds: float
 
 
-@dataclass(frozen=True)
+@record
 class _Outcome:
     """The raw result of fatrop: its return value, why it ended (`STATUS`), and its vectors."""
 

@@ -11,7 +11,6 @@ Entries of matrices are counted column by column, stage by stage. Those that a p
     RSQrqt = [R S^T; S Q; r^T q^T]: nonzeros of the Hessian, the gradient
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +22,7 @@ from airrace.optimal_control.fatrop.sides import Known, plain, unrelaxed, weighe
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.repeated import Entries, Factors, RepeatedSums, chosen, kinds
 from airrace.optimal_control.sums import Sums
+from airrace.records import record
 from airrace.trajectory import Array
 
 INEQUALITIES = 2
@@ -35,7 +35,7 @@ linear-quadratic problem in 7 to 10 iterations, to the same digits; with 1e15 th
 """
 
 
-@dataclass(frozen=True)
+@record
 class Bounds:
     """The bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
 
@@ -108,7 +108,7 @@ class Stages:
         return self.matrices.offsets(stage, self.sizes[stage], self.place_in_stage)
 
 
-@dataclass(frozen=True)
+@record
 class Columns:
     """Columns of the matrices BAbt (family 0) and both Ggt (1 and 2), one per constraint of fatrop's.
 

@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from airrace.environment.atmosphere import g0
 from airrace.planning.cruise import Cruise
 from airrace.procedure.settings import Explore
+from airrace.records import record
 
 
-@dataclass(frozen=True)
+@record
 class Radius:
     """A factor on the planned turning radius; reached by a higher load factor, or by flying slower."""
 
@@ -17,7 +18,7 @@ class Radius:
     slower: bool = False
 
 
-@dataclass(frozen=True)
+@record
 class Effort:
     """The amount of exploring.
 

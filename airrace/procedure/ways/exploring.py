@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.service import SolverService
@@ -20,6 +19,7 @@ from airrace.procedure.ways.search import Found, Search, Tried, TriedWindow
 from airrace.procedure.ways.sketch import AGAIN_BARRIER, Draught, Sketch, sketched
 from airrace.procedure.ways.stretches import Stretch, differing, same_way, shape, stretches
 from airrace.procedure.ways.words import flight_in_words, named, shape_in_words, way_in_words
+from airrace.records import record
 from airrace.track.course import Course
 
 FINAL_BARRIER = 1e-4
@@ -40,7 +40,7 @@ The latter is there because short legs swing out.
 """
 
 
-@dataclass(frozen=True)
+@record
 class Exploration:
     """The outcome of exploring.
 

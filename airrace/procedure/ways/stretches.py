@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from airrace.planning.as_flown import ATTITUDE, POSITION, track_turn
 from airrace.planning.plan import stops_of
 from airrace.procedure.pieces import phase_piece
 from airrace.procedure.ways.sketch import Sketch
+from airrace.records import record
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
@@ -25,7 +25,7 @@ ROLLED = math.radians(70.0)
 """The largest angle between the attitudes at which two flights still fly the same way, rad."""
 
 
-@dataclass(frozen=True)
+@record
 class Stretch:
     """A part of the course from one stop to the next.
 
@@ -42,7 +42,7 @@ def stretches(course: Course) -> list[Stretch]:
     return [Stretch(number, *pair) for number, pair in enumerate(itertools.pairwise(stops_of(course)))]
 
 
-@dataclass(frozen=True)
+@record
 class Shape:
     """The shape of a stretch as a flight takes it.
 
