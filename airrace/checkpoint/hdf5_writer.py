@@ -7,7 +7,7 @@ contiguously, of 64-bit numbers, of fixed-length UTF-8 strings, or of rows of bo
 # h5py ships no types: what comes from it is unknown to the checker, and becomes known in the functions below.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import h5py
@@ -28,49 +28,65 @@ def image_of(root: Group) -> bytes:
         CheckpointError: a text contains a NUL character.
     """
     with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
-        _write_group(file, root)
-        _attach_axes(file, root, "")
+        _attach_axes(list(_Writer().written(h5py.h5g.open(file.id, b"/"), root, "")))
         file.flush()
         return bytes(file.id.get_file_image())
 
 
-def _write_group(place: Handle, group: Group) -> None:
-    _write_attributes(place, group.attributes)
-    for name, node in group.members.items():
-        match node:
-            case Group():
-                _write_group(place.create_group(name), node)
-            case str():
-                place.create_dataset(name, data=_text(node))
-            case Series():
-                _write_attributes(place.create_dataset(name, data=node.values), node.attributes)
-            case Table():
-                place.create_dataset(name, data=_rows(node))
+class _Writer:
+    """A writer by HDF5's own calls, which take half of the time that h5py's objects take."""
+
+    def __init__(self) -> None:
+        self._of_groups = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
+        self._of_datasets = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        for properties in (self._of_groups, self._of_datasets):
+            properties.set_obj_track_times(False)  # the same contents are the same bytes, whenever they are written
+
+    def written(self, place: Handle, group: Group, path: str) -> Iterator[tuple[str, str, Handle]]:
+        """Write what a group holds; yield the path, the path of the axis and the dataset of every series."""
+        _write_attributes(place, group.attributes)
+        for name, node in group.members.items():
+            match node:
+                case Group():
+                    below = h5py.h5g.create(place, name.encode("ascii"), gcpl=self._of_groups)
+                    yield from self.written(below, node, f"{path}/{name}")
+                case str():
+                    self._dataset(place, name, _text(node))
+                case Series():
+                    dataset = self._dataset(place, name, node.values)
+                    _write_attributes(dataset, node.attributes)
+                    yield f"{path}/{name}", node.axis, dataset
+                case Table():
+                    self._dataset(place, name, _rows(node))
+
+    def _dataset(self, place: Handle, name: str, values: NDArray[Any]) -> Handle:  # Any: numbers, strings or rows
+        kind, space = h5py.h5t.py_create(values.dtype, logical=True), h5py.h5s.create_simple(values.shape)
+        dataset = h5py.h5d.create(place, name.encode("ascii"), kind, space, dcpl=self._of_datasets)
+        dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, np.ascontiguousarray(values))
+        return dataset
 
 
 def _write_attributes(place: Handle, attributes: Mapping[str, Attribute]) -> None:
     for name, value in attributes.items():
         match value:
             case str():
-                place.attrs.create(name, _text(value))
+                one = _text(value)
             case int():
-                place.attrs.create(name, np.int64(value))
+                one = np.array(value, np.int64)
             case float():
-                place.attrs.create(name, np.float64(value))
+                one = np.array(value, np.float64)
+        kind = h5py.h5t.py_create(one.dtype, logical=True)
+        h5py.h5a.create(place, name.encode("ascii"), kind, h5py.h5s.create_simple(())).write(one)
 
 
-def _attach_axes(file: Handle, group: Group, path: str) -> None:
-    """Declare the dimension scales once all datasets exist."""
-    for name, node in group.members.items():
-        match node:
-            case Group():
-                _attach_axes(file, node, f"{path}/{name}")
-            case Series(axis=axis) if axis:
-                if not file[axis].is_scale:
-                    file[axis].make_scale(axis.rsplit("/", 1)[-1])
-                file[f"{path}/{name}"].dims[0].attach_scale(file[axis])
-            case _:
-                pass
+def _attach_axes(series: Sequence[tuple[str, str, Handle]]) -> None:
+    """Declare the dimension scales, once all datasets exist."""
+    datasets = {path: dataset for path, _, dataset in series}
+    for _, axis, dataset in series:
+        if axis:
+            if not h5py.h5ds.is_scale(datasets[axis]):
+                h5py.h5ds.set_scale(datasets[axis], axis.rsplit("/", 1)[-1].encode("ascii"))
+            h5py.h5ds.attach_scale(dataset, datasets[axis], 0)
 
 
 def _text(text: str) -> NDArray[np.bytes_]:
