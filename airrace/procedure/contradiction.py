@@ -30,7 +30,9 @@ class Contradiction:
     worst: str
 
 
-def contradiction(bench: Workbench, problem: Problem, torn: int, guesses: Sequence[Iterate]) -> Contradiction | None:
+def contradiction(
+    bench: Workbench, problem: Problem, torn: int, guesses: Sequence[Iterate], *, plain: bool = False
+) -> Contradiction | None:
     """Return the contradiction around a phase; None unless all agree that there is one.
 
     The primary solver has to fail from every guess, and the fallback has to claim that there is no flight near. Finding
@@ -41,10 +43,13 @@ def contradiction(bench: Workbench, problem: Problem, torn: int, guesses: Sequen
         problem: of the race.
         torn: the phase that could not be added.
         guesses: of the race, flights of which that phase and those around it are used.
+        plain: whether limits are known to have to give way along the plan; then the fallback is not asked.
     """
     primary, *others = bench.solvers
     worst = ""
-    if not others:
+    if plain:
+        others = []
+    elif not others:
         return None
     for solver in (primary, *others):
         for guess in guesses:

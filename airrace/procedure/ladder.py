@@ -237,29 +237,33 @@ class Ladder:
             return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
 
         def pieced() -> Start | StageResult:
+            where = ""
             if flown is None:  # nor has the plan led anywhere
                 self._relaxed = Relaxations(self._race, flight, bench)
-                if where := torn(self._relaxed):
-                    return self._torn(where, bench)
-            pieces = self._homotopy(bench).trajectory
+                where = torn(self._relaxed)
+            first = self._homotopy(bench, plain=bool(where))
+            if where and first.message:  # which names phases that could not be added
+                return self._torn(where, bench)
             if self._contradiction is not None:
                 return self._impossible(self._contradiction, bench)
+            pieces = first.trajectory
             return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
 
         return (pieced, planned) if flown else (planned, pieced)
 
-    def _homotopy(self, bench: Workbench) -> StageResult:
-        """Return the pieces of the homotopy, which is flown once."""
+    def _homotopy(self, bench: Workbench, *, plain: bool = False) -> StageResult:
+        """Return the pieces of the homotopy, which is flown once; `plain` as of `contradiction`."""
         if self._pieces is None:
             flown = self.done.get(Stage.HOMOTOPY)
-            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), bench, self._doubt(bench))
+            doubt = self._doubt(bench, plain=plain)
+            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), bench, doubt)
         return self._pieces
 
-    def _doubt(self, bench: Workbench) -> Doubt:
+    def _doubt(self, bench: Workbench, *, plain: bool) -> Doubt:
         """Return the question whether a phase contradicts itself, whose answer is kept."""
 
         def hopeless(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
-            self._contradiction = contradiction(bench, problem, torn, guesses)
+            self._contradiction = contradiction(bench, problem, torn, guesses, plain=plain)
             return self._contradiction is not None
 
         return hopeless

@@ -1,7 +1,8 @@
 """The ways round on which a race is relaxed, and whether limits have to give way on all of them.
 
-A race whose limits have to give way is asked about as soon as its plan has led to no flight: what else it could be
-started from is then solved in vain.
+A race whose limits have to give way is asked about as soon as its plan has led to no flight. It may still have one,
+another way round: where a crowd stands between two gates, the plan's relaxed flight goes through it. So the homotopy
+has to fail as well.
 """
 
 import dataclasses

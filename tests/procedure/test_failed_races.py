@@ -2,10 +2,13 @@
 
 import dataclasses
 import time
+from pathlib import Path
 
 import pytest
-from races import RACES, SMALL, flown, optimum, prepared, settings
+from generated_courses import generated_course
+from races import RACES, ROOT, SMALL, flown, optimum, prepared, settings
 
+from airrace.documents import load_inputs
 from airrace.errors import InputError, OutOfTime
 from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
@@ -48,6 +51,17 @@ def test_limits_had_to_give_way_on_two_ways_round_before_a_course_is_called_infe
     attempts = optimum(CEILING, settings(GuessKind.PLAN)).attempts
     assert [one.purpose for one in attempts[:3]] == ["all 4 phases", *["every limit giving way"] * 2]
     assert [one.success for one in attempts[:3]] == [False, True, True]
+
+
+@pytest.mark.slow
+def test_a_race_that_only_the_homotopy_flies_is_not_called_infeasible(tmp_path: Path) -> None:
+    path = tmp_path / "course.yaml"
+    path.write_text(generated_course(32, (ROOT / "configs").as_posix()), encoding="utf-8")
+    race = load_inputs(path).race
+    tight = limited(race, n_z=Interval(race.course.rules.n_z.lower, 6.0))
+    result = optimum(tight, settings(GuessKind.PLAN))
+    assert [one.purpose for one in result.attempts[1:3]] == ["every limit giving way"] * 2  # in vain from the plan
+    assert result.certified
 
 
 @pytest.mark.parametrize("n_z_max", [1.5, pytest.param(2.5, marks=pytest.mark.slow)])
