@@ -1,12 +1,12 @@
 """What a changed number costs, from the last optimum and from scratch: race times and seconds, by the real command.
 
     python scripts/study_what_if.py [--courses rovinj_2014 abu_dhabi_2016] [--until six-dof] [--threads 2]
-                                    [--cases NAME ...] [--without-scratch]
+                                    [--cases NAME ...] [--rounds 3] [--without-scratch]
 
-Flies each course once as it is, then each case three times: with `airrace resume RUN.h5 --set ... --out NEW.h5`, with
-`airrace optimize --set ...` from the plan, and as at first, so that a machine that becomes slower or faster meanwhile
-does so for both; of the first and the last the mean is told. Prints a Markdown table, row by row as it is finished.
-Wall seconds are of the whole command with all its loading; processor seconds, of all cores together, tell how much of
+Flies each course once as it is, then each case in turn with `airrace resume RUN.h5 --set ... --out NEW.h5` and with
+`airrace optimize --set ...` from the plan, several times, so that a machine that becomes slower or faster meanwhile
+does so for both; medians are told, and all rounds have to end alike. Prints a Markdown table, row by row as it is
+finished. Wall seconds are of the whole command with all its loading; processor seconds, of all cores together, tell how much of
 them was waiting for other work on the machine. Ends with 1 if a run is not certified, if the start from the last
 optimum ends more than 5 ms behind, or if it takes more than a quarter of the wall seconds from scratch; so nothing
 else should run meanwhile.
@@ -15,10 +15,12 @@ else should run meanwhile.
 import argparse
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,11 +50,6 @@ class Flown:
     processor: float
     answer: dict[str, Any]  # Any: as read from JSON
 
-    def mean(self, again: "Flown") -> "Flown":
-        """Return the same run with the means of its own seconds and those of another time."""
-        seconds = ((self.wall + again.wall) / 2.0, (self.processor + again.processor) / 2.0)
-        return Flown(*seconds, again.answer)
-
     @property
     def race(self) -> float | None:
         """Race time of the last stage, s."""
@@ -77,6 +74,14 @@ def fly(*arguments: str) -> Flown:
     return Flown(time.perf_counter() - began, used.ru_utime + used.ru_stime, json.loads(said))
 
 
+def median(runs: Sequence[Flown]) -> Flown:
+    """Return a run that was made several times, with the medians of its seconds."""
+    answers = {(one.race, bool(one.answer["certified"])) for one in runs}
+    assert len(answers) == 1, f"the same run ended differently: {answers}"
+    wall, processor = (statistics.median(getattr(one, kind) for one in runs) for kind in ("wall", "processor"))
+    return Flown(wall, processor, runs[0].answer)
+
+
 def shown(seconds: float | None, form: str = ".3f") -> str:
     return "-" if seconds is None else format(seconds, form)
 
@@ -87,6 +92,7 @@ def main() -> int:
     options.add_argument("--until", default="six-dof")
     options.add_argument("--threads", type=int, default=2)
     options.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
+    options.add_argument("--rounds", type=int, default=3, help="how often each run is made; medians are told")
     options.add_argument("--without-scratch", action="store_true", help="only the starts from the last optimum")
     options.add_argument("--folder", type=Path, help="keep checkpoints here, and use those of the courses")
     asked = options.parse_args()
@@ -107,11 +113,12 @@ def main() -> int:
                 sets = [part for change in changes for part in ("--set", change)]
                 new, again = (str(folder / f"{kind}.h5") for kind in ("what_if", "scratch"))
                 resumed = ("resume", str(run), *sets, "--out", new, "--force", *common)
-                quick, slow = fly(*resumed), None
-                if not asked.without_scratch:
-                    slow = fly("optimize", track, "--guess", "plan", *sets, "--out", again, "--force", *common)
-                    quick = quick.mean(fly(*resumed))
-                good &= report(course, case, quick, slow)
+                anew = ("optimize", track, "--guess", "plan", *sets, "--out", again, "--force", *common)
+                quick, slow = list[Flown](), list[Flown]()
+                for _ in range(asked.rounds):
+                    quick.append(fly(*resumed))
+                    slow += [] if asked.without_scratch else [fly(*anew)]
+                good &= report(course, case, median(quick), median(slow) if slow else None)
     return 0 if good else 1
 
 
