@@ -6,10 +6,10 @@
 Flies each course once as it is, then each case in turn with `airrace resume RUN.h5 --set ... --out NEW.h5` and with
 `airrace optimize --set ...` from the plan, several times, so that a machine that becomes slower or faster meanwhile
 does so for both; medians are told, and all rounds have to end alike. Prints a Markdown table, row by row as it is
-finished. Wall seconds are of the whole command with all its loading; processor seconds, of all cores together, tell how much of
-them was waiting for other work on the machine. Ends with 1 if a run is not certified, if the start from the last
-optimum ends more than 5 ms behind, or if it takes more than a quarter of the wall seconds from scratch; so nothing
-else should run meanwhile.
+finished. Wall seconds are of the whole command with all its loading; processor seconds, of all cores together, tell
+how much of them was waiting for other work on the machine. Ends with 1 if a run is not certified, if the start from
+the last optimum ends more than 5 ms behind, or if it takes more than a quarter of the wall seconds from scratch; so
+nothing else should run meanwhile.
 """
 
 import argparse
