@@ -58,9 +58,7 @@ def log_sections(flown: FlownLog) -> list[str]:
     ]
 
 
-def report_page(
-    run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, priced: bool = False
-) -> str:
+def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, priced: bool = False) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
     errors are those of `opened_report`.
     """

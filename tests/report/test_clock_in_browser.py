@@ -113,7 +113,9 @@ def test_a_leg_alone_is_shown_in_the_strips(laptop: Opened) -> None:
 
 def test_every_strip_has_three_numbers_along_its_axis(laptop: Opened) -> None:
     """With fewer it cannot be read."""
-    numbers = laptop.run("() => airrace.strips.strips.map(({ told, plot }) => [told.title, plot.axes[1]._values.length])")
+    numbers = laptop.run(
+        "() => airrace.strips.strips.map(({ told, plot }) => [told.title, plot.axes[1]._values.length])"
+    )
     assert [title for title, count in numbers if count < 3] == []
 
 
