@@ -12,8 +12,8 @@ from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, 
 
 from airrace.flights.comparison import compared
 from airrace.flights.leg_facts import leg_facts
-from airrace.report.flight_page import flight_page
 from airrace.procedure.result import Explored, Way
+from airrace.report.flight_page import flight_page
 from airrace.report.html_tables import Cell, Head, Row, number, table
 from airrace.runs.reported import opened_report, report_page, stage_sections
 
