@@ -122,17 +122,20 @@ def test_nothing_of_the_course_lies_below_what_is_written_over_it(
     one.page.click(f"button[data-view={view}]")
     one.drawn()
     one.page.locator("#scene").screenshot(path=artefacts / f"view_{view}_{size}.png")
-    low, high, legend, readings = one.run(
+    above, low, high, below = one.run(
         """() => {
           const { element, actors, view } = airrace.scene, { flight } = actors[0];
-          const box = name => element.querySelector(`.hud.${name}`).getBoundingClientRect();
           const { top } = element.getBoundingClientRect();
+          const boxes = [...element.querySelectorAll(".hud")].map(one => one.getBoundingClientRect());
+          const ends = end => boxes.map(box => box[end] - top);
+          const middle = 0.5 * element.clientHeight;
           const down = Array.from({ length: flight.count }, (_, i) => flight.positionOf(i).project(view.camera).y);
           const pixels = down.map(y => 0.5 * (1 - y) * element.clientHeight);
-          return [Math.min(...pixels), Math.max(...pixels), box("legend").bottom - top, box("readings").top - top];
+          const above = Math.max(...ends("bottom").filter(y => y < middle));
+          return [above, Math.min(...pixels), Math.max(...pixels), Math.min(...ends("top").filter(y => y > middle))];
         }"""
     )
-    assert legend < low < high < readings
+    assert above < low < high < below
     assert one.page.is_visible(".marks output:nth-child(1)")
     assert one.page.is_visible(".marks output:nth-child(3)")
     assert one.page.inner_text(".scalebar").endswith(" m")

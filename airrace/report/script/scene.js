@@ -122,9 +122,13 @@ export class RaceScene {
 
   /** Pixels of what lies over the picture along its upper and its lower edge. */
   covered() {
-    const box = (name) => this.element.querySelector(`.hud.${name}`).getBoundingClientRect();
     const { top, bottom } = this.element.getBoundingClientRect();
-    return [Math.max(box("views").bottom, box("legend").bottom) - top, bottom - box("readings").top];
+    const boxes = [...this.element.querySelectorAll(".hud")].map((one) => one.getBoundingClientRect());
+    const isAbove = (box) => box.top + box.bottom < top + bottom;
+    return [
+      Math.max(0, ...boxes.filter(isAbove).map((box) => box.bottom - top)),
+      Math.max(0, ...boxes.filter((box) => !isAbove(box)).map((box) => bottom - box.top)),
+    ];
   }
 
   /** A picture of a view with its names, as the address of an image, for print. */
