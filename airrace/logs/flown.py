@@ -70,6 +70,8 @@ noise at 5 to 20 Hz.
 """
 SPEED_TIME = 0.6
 """The time by whose change the speed is uncertain, s; it changes more slowly than the direction."""
+TOLD_RUNS = 12
+"""The greatest number of runs whose beginning is told."""
 TOLD = 5
 """The greatest number of gaps that are told one by one."""
 
@@ -155,9 +157,11 @@ def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[Pass
     index = best if wanted is None else wanted - 1
     if len(found) == 1:
         return found[0], ()
-    begins = ", ".join(f"{one.begin:.1f}" for one in found)
+    begins, own = ", ".join(f"{one.begin:.1f}" for one in found[:TOLD_RUNS]), ""
+    if len(found) > TOLD_RUNS:
+        begins, own = f"{begins}, ...", f", which begins at {found[index].begin:.1f} s"
     told = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
-    return found[index], (told,)
+    return found[index], (f"{told}{own}",)
 
 
 def _coarse(placed: Recording) -> tuple[Array, Array, Array]:

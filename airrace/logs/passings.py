@@ -134,20 +134,20 @@ def _best(passages: Sequence[Passage], known: Sequence[Sequence[Passed]]) -> Pas
 
 def _with_passage(times: Array, later: Array, row: Sequence[Passed]) -> tuple[Array, Array]:
     """Return the cost of the rest from every time on with one more passage, and which of its crossings comes next."""
-    cost = np.full(len(times), np.inf)
-    index = np.full(len(times), -1)
-    at = np.searchsorted(times, [one.time for one in row])
-    for number, (place, one) in enumerate(zip(at.tolist(), row, strict=True)):
-        mine = min((one.aside / SCALE) ** 2, SKIPPED - 4.0) + later[place + 1] + PACE * one.time
-        if mine < cost[place]:
-            cost[place], index[place] = mine, number
+    when = np.array([one.time for one in row], np.float64)
+    off = np.array([one.aside for one in row], np.float64) / SCALE
+    at = np.searchsorted(times, when)
+    mine = np.minimum(off * off, SKIPPED - 4.0) + later[at + 1] + PACE * when
+    cost, index = np.full(len(times), np.inf), np.full(len(times), -1)
+    worst_first = np.argsort(mine, kind="stable")[::-1]  # of several at one time the last that is written stays
+    cost[at[worst_first]], index[at[worst_first]] = mine[worst_first], worst_first
+    least = np.append(np.minimum.accumulate(cost[::-1])[::-1], np.inf)  # from every time on
+    places = np.where(cost < least[1:], np.arange(len(times)), len(times))
+    chosen = np.append(index, -1)[np.minimum.accumulate(places[::-1])[::-1]]
     best, choice = later + SKIPPED, np.full(len(times) + 1, -1)
-    least, chosen = np.inf, -1
-    for place in range(len(times) - 1, -1, -1):
-        if cost[place] < least:
-            least, chosen = float(cost[place]), int(index[place])
-        if least - PACE * times[place] < best[place]:
-            best[place], choice[place] = least - PACE * times[place], chosen
+    passed = least[:-1] - PACE * times
+    taken = passed < best[:-1]
+    best[:-1][taken], choice[:-1][taken] = passed[taken], chosen[taken]
     return best, choice
 
 

@@ -12,12 +12,17 @@ FAR = 10_000.0
 """The distance from all that the course names beyond which a sample has nothing to do with its race, m."""
 FASTEST = 340.0
 """The speed, m/s, that of sound: a sample that could only be reached and left faster is an outlier."""
+SCATTER = 20.0
+"""The distance between two samples, m, that their noise may explain and that no speed has to.
+
+White noise of 2 m puts two of a million samples so far apart; what is nearer is left to the smoother, which knows the
+noise."""
 NEAREST_IN_TIME = 1e-4
 """The time below which two samples are one, s."""
 
 
 def in_order(recording: Recording) -> Recording:
-    """Return the recording without samples that repeat the time before them, and that lack a position."""
+    """Return the recording without samples that lack a position, and without those that repeat a time."""
     places = [name for name in ("latitude", "longitude", "x", "y", "altitude", "height") if name in recording.columns]
     heights = [recording.columns[name] for name in ("height", "altitude") if name in recording.columns]
     known: NDArray[np.bool_] = np.logical_or.reduce(np.isfinite(heights), axis=0)
@@ -29,12 +34,24 @@ def in_order(recording: Recording) -> Recording:
         told.append(f"{counted(int((~known).sum()), 'sample')} without a position and left out")
     fresh = known.copy()
     rows = np.flatnonzero(known)
-    fresh[rows[1:][np.diff(recording.time[rows]) < NEAREST_IN_TIME]] = False
+    fresh[rows] = _apart(recording.time[rows])
     if repeated := int(known.sum() - fresh.sum()):
-        told.append(f"{counted(repeated, 'sample')} left out for repeating the time of the one before")
+        nearest = f"{1e3 * NEAREST_IN_TIME:g} ms"
+        told.append(f"{counted(repeated, 'sample')} left out for coming less than {nearest} behind another")
     if fresh.sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
     return recording.kept(fresh, *told)
+
+
+def _apart(time: Array) -> NDArray[np.bool_]:
+    """Return the samples that come late enough behind the last one that is kept; times rise or repeat."""
+    kept = np.ones(len(time), bool)
+    last = 0.0
+    for row in (np.flatnonzero(np.diff(time) < NEAREST_IN_TIME) + 1).tolist():
+        if kept[row - 1]:
+            last = float(time[row - 1])
+        kept[row] = time[row] - last >= NEAREST_IN_TIME
+    return kept
 
 
 def in_frame(recording: Recording, race: Race) -> Recording:
@@ -91,11 +108,11 @@ def _leaps(recording: Recording) -> NDArray[np.bool_]:
     leap = np.zeros(len(time), bool)
     if len(time) < 3:
         return leap
-    fast = _speed(places[:, 1:] - places[:, :-1], np.diff(time)) > FASTEST
-    around = _speed(places[:, 2:] - places[:, :-2], time[2:] - time[:-2]) <= FASTEST
+    fast = _too_far(places[:, 1:] - places[:, :-1], np.diff(time))
+    around = np.logical_not(_too_far(places[:, 2:] - places[:, :-2], time[2:] - time[:-2]))
     leap[1:-1] = fast[1:] & fast[:-1] & around
     return leap
 
 
-def _speed(way: Array, seconds: Array) -> Array:
-    return np.asarray(np.linalg.norm(way, axis=0) / np.maximum(seconds, NEAREST_IN_TIME), np.float64)
+def _too_far(way: Array, seconds: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.linalg.norm(way, axis=0) > FASTEST * seconds + SCATTER, bool)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from airrace.documents import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.prices.price import Activity, Price
-from airrace.procedure.result import Explored, StageResult
+from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus
 
@@ -54,15 +54,19 @@ def _measured(item: Item) -> tuple[str, str, str]:
     return f"{item.value * factor:.3g}", f"{item.limit * factor:.3g}", unit
 
 
-def ways_section(explored: Explored) -> str:
-    """Return the ways round that were tried; empty where none were."""
+def ways_section(result: StageResult) -> str:
+    """Return the ways round that a stage tried; empty where it tried none."""
+    explored = result.explored
     if not explored.ways:
         return ""
     rows = [
         Row((way.text, number(way.race_time, 3), number(way.difference, 3, signed=True), way.priced))
         for way in explored.ways
     ]
-    told = "Race times and differences are those of a rough mesh; the best way was then optimised and certified."
+    told = (
+        f"Race times and differences are those of the {result.stage.value} on a rough mesh; the best way was then "
+        "optimised in full."
+    )
     return section("Ways that were tried", table(WAYS, rows) + note(" ".join((told, *explored.loops))))
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from airrace.errors import NotCertified
+from airrace.procedure.result import Stage
 from airrace.report.flight_page import flight_page
 from airrace.report.log_sections import breaches_section, recording_section
 from airrace.report.stage_sections import (
@@ -16,6 +17,7 @@ from airrace.runs.flight_sources import opened_file, opened_flights
 from airrace.runs.flown_log import FlownLog
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.named import Named
+from airrace.runs.run import Run
 
 
 def opened_report(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
@@ -41,7 +43,8 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
             raise NotCertified(f"{first.path} is a flown log: it has no prices")
         return flight_page(flights, log_sections(kept), flights[0].source.version).as_html()
     flown = kept.stage(first.stage or stage)
-    return flight_page(flights, stage_sections(flown, priced=priced), footer_of(flown)).as_html()
+    sections = stage_sections(flown, explored_stage(kept, flown), priced=priced)
+    return flight_page(flights, sections, footer_of(flown)).as_html()
 
 
 def log_sections(flown: FlownLog) -> list[str]:
@@ -55,23 +58,39 @@ def log_sections(flown: FlownLog) -> list[str]:
     ]
 
 
-def report_page(flown: FlownStage, others: Sequence[str] = (), *, priced: bool = False) -> str:
-    """Return the report about a stage that is at hand, with flights by their names beside it; arguments and errors are
-    those of `opened_report`.
+def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, priced: bool = False) -> str:
+    """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
+    errors are those of `opened_report`.
     """
+    flown = run.stage(stage)
     flights = [flown.flight(), *opened_flights(others)]
-    return flight_page(flights, stage_sections(flown, priced=priced), footer_of(flown)).as_html()
+    sections = stage_sections(flown, explored_stage(run, flown), priced=priced)
+    return flight_page(flights, sections, footer_of(flown)).as_html()
 
 
-def stage_sections(flown: FlownStage, *, priced: bool = False) -> list[str]:
+def explored_stage(run: Run, flown: FlownStage) -> FlownStage:
+    """Return the stage that tried the ways round from which a stage was climbed: itself, or the last one before it
+    that tried any; itself where none did.
+    """
+    names = [one.name for one in run]
+    before = run.stages[: names.index(flown.name) + 1]
+    return next((one for one in reversed(before) if one.result.explored.ways), flown)
+
+
+def stage_sections(flown: FlownStage, explored: FlownStage | None = None, *, priced: bool = False) -> list[str]:
     """Return what a run knows of a stage: ways that were tried, prices, certificate, inputs; each is HTML, and empty
     where there is nothing to tell.
+
+    Args:
+        flown: the stage.
+        explored: the stage before it that tried ways round; None for itself.
+        priced: whether prices are computed and told.
 
     Raises:
         NotCertified: prices were asked for, and the stage is no certified optimum.
     """
     return [
-        ways_section(flown.result.explored),
+        ways_section((explored or flown).result),
         prices_section(flown.prices() if priced else None),
         certificate_section(flown.certificate),
         inputs_section(flown.inputs, flown.result, flown.versions),

@@ -262,7 +262,7 @@ class Run:
         from airrace.runs.output import write_text
         from airrace.runs.reported import report_page
 
-        write_text(Path(path), report_page(self.stage(stage), others, priced=prices))
+        write_text(Path(path), report_page(self, stage, others, priced=prices))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:

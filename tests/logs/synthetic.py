@@ -100,10 +100,10 @@ def table(header: str, rows: Iterable[Iterable[object]]) -> str:
     return "\n".join([header, *(",".join(str(one) for one in row) for row in rows)]) + "\n"
 
 
-def csv_text(seen: Fixes, *, offset: float = 52_000.0) -> str:
+def csv_text(seen: Fixes, *, offset: float = 52_000.0, digits: int = 4) -> str:
     """A CSV file in metres, by a clock that is ahead."""
     rows = zip(seen.time + offset, seen.north, seen.east, seen.height, strict=True)
-    return table("time [s],north [m],east [m],height [m]", ([f"{one:.4f}" for one in row] for row in rows))
+    return table("time [s],north [m],east [m],height [m]", ([f"{one:.{digits}f}" for one in row] for row in rows))
 
 
 def gpx_text(seen: Fixes) -> str:

@@ -1,6 +1,7 @@
 """Runs through a course are found, and judged by its rules."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -133,6 +134,20 @@ def test_the_better_of_two_runs_is_taken_and_told() -> None:
     assert told.startswith("the log holds 2 runs")
     assert told.endswith("this is run 2")
     assert one.flight.race_time == pytest.approx(list(known().passings.values())[-1], abs=0.02)
+
+
+def test_of_many_runs_the_first_ones_are_told() -> None:
+    one = fixes(5.0)
+    period = float(one.time[-1] - one.time[0]) + 30.0
+    laps = 14
+    time = np.concatenate([one.time + lap * period for lap in range(laps)])
+    again = Fixes(time, *(np.tile(column, laps) for column in (one.north, one.east, one.height)))
+    (told,) = [remark for remark in imported(csv_text(again)).remarks if "runs, which begin" in remark]
+    assert re.fullmatch(
+        r"the log holds 14 runs, which begin (\d+\.\d, ){12}\.\.\. s after its first sample; "
+        r"this is run \d+, which begins at \d+\.\d s",
+        told,
+    )
 
 
 def test_a_passing_that_was_not_made_is_told_and_its_legs_are_not_flown() -> None:

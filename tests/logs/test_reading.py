@@ -146,7 +146,7 @@ def test_silent_cells_and_repeated_times_are_left_out_and_told(tmp_path: Path) -
     assert kept.time.tolist() == [0.0, 2.0, 3.0]
     assert kept.remarks == (
         "1 sample is without a position and left out",
-        "1 sample is left out for repeating the time of the one before",
+        "1 sample is left out for coming less than 0.1 ms behind another",
     )
 
 

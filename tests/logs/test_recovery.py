@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import GAP, LEAD, csv_text, fixes, known, race
+from synthetic import GAP, LEAD, Fixes, csv_text, fixes, known, race
 
 from airrace.flights import Basis, legs_of
 from airrace.logs.flown import Flown, flown_flight
@@ -185,3 +185,22 @@ def test_a_noise_that_is_said_too_small_leaves_no_log_without_positions() -> Non
     path = smoothed(seen.time, np.stack([seen.north, seen.east, seen.height]), noise=1e-6)
     assert np.isfinite(path.position).all()
     assert path.outliers.mean() < 0.5
+
+
+@pytest.mark.parametrize("hz", [200.0, 1000.0])
+def test_noise_at_a_high_rate_is_not_taken_for_leaps(hz: float) -> None:
+    """Between two samples that are a millisecond apart, 1.5 m of noise look faster than sound."""
+    one = imported(csv_text(fixes(hz)))
+    assert not any("outlier" in remark for remark in one.remarks)
+    begin = known().passings["0:g0"]
+    for crossing in one.flight.crossings:
+        assert crossing.time == pytest.approx(known().passings[crossing.name] - begin, abs=0.02)
+
+
+def test_of_samples_that_come_within_a_tenth_of_a_millisecond_one_is_kept() -> None:
+    seen = fixes(20.0)
+    shifts = 0.00006 * np.arange(5)
+    time = (seen.time[:, None] + shifts).ravel()
+    often = Fixes(time, *(np.repeat(one, len(shifts)) for one in (seen.north, seen.east, seen.height)))
+    one = imported(csv_text(often, offset=52.0, digits=5))
+    assert f"{2 * len(seen.time)} samples are left out for coming less than 0.1 ms behind another" in one.remarks

@@ -111,6 +111,14 @@ def test_a_leg_alone_is_shown_in_the_strips(laptop: Opened) -> None:
     laptop.page.select_option("[data-window]", "race")
 
 
+def test_every_strip_has_three_numbers_along_its_axis(laptop: Opened) -> None:
+    """With fewer it cannot be read."""
+    numbers = laptop.run(
+        "() => airrace.strips.strips.map(({ told, plot }) => [told.title, plot.axes[1]._values.length])"
+    )
+    assert [title for title, count in numbers if count < 3] == []
+
+
 def test_numbers_over_the_scene_are_those_of_the_instant(laptop: Opened) -> None:
     laptop.set(3.0)
     flight = half_cuban().flight().at([3.0])

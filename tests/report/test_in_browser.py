@@ -1,5 +1,6 @@
 """The report opened in a browser: it fits any screen, and paper, and is harmless whatever it shows."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -42,6 +43,7 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     one.run(
         """() => addEventListener('beforeprint', () => {
           window.pictures = [...document.querySelectorAll('#pictures img')].map(one => one.src.length);
+          window.told = document.querySelector('#pictures').innerText;
         })"""
     )
     one.page.pdf(path=artefacts / "printed.pdf", format="A4", print_background=True)
@@ -49,6 +51,10 @@ def test_on_paper_there_are_pictures_instead_of_the_scene(chromium: Browser, fol
     pictures = one.run("() => window.pictures")
     assert len(pictures) == 3
     assert min(pictures) > 10_000
+    told = one.run("() => window.told")
+    assert re.search(r"above, \d+ m wide; the aircraft at 0\.00 s", told)
+    assert re.search(r"orbit, grid \d+ m; the aircraft at 0\.00 s", told)
+    assert re.search(r"Load factor from .*\d to \d+\.\d g", told)
     assert one.run("() => window.theme") == "light"
     assert one.run("() => document.documentElement.dataset.theme") == "dark"
     assert one.page.locator("#pictures img").count() == 0

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,10 @@ from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, 
 
 from airrace.flights.comparison import compared
 from airrace.flights.leg_facts import leg_facts
+from airrace.procedure.result import Explored, Way
 from airrace.report.flight_page import flight_page
 from airrace.report.html_tables import Cell, Head, Row, number, table
-from airrace.runs.reported import stage_sections
+from airrace.runs.reported import opened_report, report_page, stage_sections
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
 
@@ -94,6 +96,19 @@ def test_a_run_tells_certificate_and_inputs() -> None:
     assert {item.name for item in stage.certificate.items} <= set(parsed.texts["td"])
     assert run.inputs.track.text in parsed.texts["pre"]
     assert run.inputs.aircraft.text in parsed.texts["pre"]
+
+
+def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) -> None:
+    run = half_cuban()
+    way = Way("over the top <left>", 9.25, 0.75, "jointly")
+    first, *later = run.checkpoint.stages
+    tried = replace(first, result=replace(first.result, explored=Explored((way,))))
+    explored = replace(run, checkpoint=replace(run.checkpoint, stages=(tried, *later)))
+    assert len(explored.stages) > 1
+    assert way.text in read(report_page(explored)).texts["td"]
+    explored.save(tmp_path / "explored.h5")
+    assert way.text in read(opened_report([str(tmp_path / "explored.h5")])).texts["td"]
+    assert "Ways that were tried" not in report_page(run)
 
 
 def test_prices_are_told_when_they_are_asked_for() -> None:

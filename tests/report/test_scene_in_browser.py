@@ -5,7 +5,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from opened_pages import TIMES, VIEWS, Opened, opened
+from opened_pages import SIZES, TIMES, VIEWS, Opened, opened
 from pages_told import everything_flown
 from playwright.sync_api import Browser
 
@@ -110,6 +110,37 @@ def test_north_is_up_from_above(laptop: Opened) -> None:
     )
     assert north[0] == pytest.approx(0.0, abs=1e-6)
     assert north[1] > 0.0
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("view", ["above", "side"])
+def test_nothing_of_the_course_lies_below_what_is_written_over_it(
+    chromium: Browser, folder: Path, artefacts: Path, view: str, size: str
+) -> None:
+    """The flight, and the legend, which is complete on every screen."""
+    one = opened(chromium, folder / "report.html", size)
+    one.page.click(f"button[data-view={view}]")
+    one.drawn()
+    one.page.locator("#scene").screenshot(path=artefacts / f"view_{view}_{size}.png")
+    above, low, high, below = one.run(
+        """() => {
+          const { element, actors, view } = airrace.scene, { flight } = actors[0];
+          const { top } = element.getBoundingClientRect();
+          const boxes = [...element.querySelectorAll(".hud")].map(one => one.getBoundingClientRect());
+          const ends = end => boxes.map(box => box[end] - top);
+          const middle = 0.5 * element.clientHeight;
+          const down = Array.from({ length: flight.count }, (_, i) => flight.positionOf(i).project(view.camera).y);
+          const pixels = down.map(y => 0.5 * (1 - y) * element.clientHeight);
+          const above = Math.max(...ends("bottom").filter(y => y < middle));
+          return [above, Math.min(...pixels), Math.max(...pixels), Math.min(...ends("top").filter(y => y > middle))];
+        }"""
+    )
+    assert above < low < high < below
+    assert one.page.is_visible(".marks output:nth-child(1)")
+    assert one.page.is_visible(".marks output:nth-child(3)")
+    assert one.page.inner_text(".scalebar").endswith(" m")
+    assert one.errors == []
+    one.page.context.close()
 
 
 @pytest.mark.parametrize(

@@ -35,11 +35,14 @@ export class Controls {
     this.scene.colour(scale);
     const range = rangeOf(scale, extent(this.flight.history(scale.history) ?? []));
     const colours = stops(scale);
-    this.element.querySelector(".ramp").style.background = `linear-gradient(to right, ${colours.join(", ")})`;
-    const marks = [range[0], (range[0] + range[1]) / 2, range[1]];
+    this.ramp = `linear-gradient(to right, ${colours.join(", ")})`;
+    this.element.querySelector(".ramp").style.background = this.ramp;
+    const marks = [range[0], (range[0] + range[1]) / 2, range[1]].map((mark) => written(mark, scale.digits));
     this.element.querySelectorAll(".marks output").forEach((mark, i) => {
-      mark.textContent = written(marks[i], scale.digits);
+      mark.textContent = marks[i];
     });
+    // What stands before the ramp and behind it, on paper.
+    this.told = [`${scale.title} from ${marks[0]}`, ` to ${marks[2]} ${scale.unit}`];
     this.element.querySelector(".marks i").textContent = scale.unit;
   }
 

@@ -38,7 +38,7 @@ function begin() {
     scene?.restyle();
     strips.redraw();
   });
-  watchPrinting(document.getElementById("pictures"), scene, strips, clock, force);
+  watchPrinting(document.getElementById("pictures"), scene, controls, strips, clock, force);
   // For whoever looks into the page from its console.
   window.airrace = { clock, flights, scene, strips };
   document.documentElement.classList.add("ready");

@@ -10,11 +10,12 @@ const PICTURES = [
 const WIDTH = 700; // pixels: what a page takes between its margins
 
 /** Make the page ready before it is printed, and put it back afterwards. */
-export function watchPrinting(element, scene, strips, clock, forceTheme) {
+export function watchPrinting(element, scene, controls, strips, clock, forceTheme) {
   window.addEventListener("beforeprint", () => {
     clock.stop();
     forceTheme("light");
-    if (scene !== null) element.replaceChildren(...PICTURES.map((one) => pictured(scene, ...one, clock.time)));
+    if (scene !== null)
+      element.replaceChildren(...PICTURES.map((one) => pictured(scene, ...one, clock.time)), keyOf(controls));
     document.documentElement.classList.add("printing");
     strips.resize(WIDTH, 2);
   });
@@ -33,8 +34,19 @@ function pictured(scene, name, width, height, time) {
   image.src = scene.picture(name, width, height);
   image.alt = "";
   const caption = document.createElement("figcaption");
-  caption.textContent = `${name}; the aircraft at ${written(time, 2)} s`;
+  caption.textContent = `${name}, ${scene.scaleOf(name, width)}; the aircraft at ${written(time, 2)} s`;
   figure.className = name;
   figure.append(image, caption);
   return figure;
+}
+
+/** What the colours of the line mean. */
+function keyOf(controls) {
+  const key = document.createElement("p");
+  const ramp = document.createElement("i");
+  ramp.style.background = controls.ramp;
+  key.className = "key";
+  const [before, behind] = controls.told;
+  key.append(before, ramp, behind);
+  return key;
 }

@@ -20,7 +20,7 @@ import { placed } from "./flight.js";
 import { watchGestures } from "./gestures.js";
 import { groundOf } from "./ground.js";
 import { labelsOver, writeLabels } from "./labels.js";
-import { roundStep } from "./numbers.js";
+import { roundStep, written } from "./numbers.js";
 import { ghostColour, themed } from "./palette.js";
 import { ribbonOf } from "./ribbon.js";
 import { Chase, Cockpit, Orbit, Parallel } from "./views.js";
@@ -102,21 +102,33 @@ export class RaceScene {
     this.pending = true;
     requestAnimationFrame(() => {
       this.pending = false;
-      this.draw(this.element.clientWidth, this.element.clientHeight, Math.min(window.devicePixelRatio, 2));
+      const { clientWidth, clientHeight } = this.element;
+      this.draw(clientWidth, clientHeight, Math.min(window.devicePixelRatio, 2), this.view, this.covered());
       this.showLabels(this.view.camera, this.element.clientWidth, this.element.clientHeight);
       this.onDrawn?.();
     });
   }
 
   /** One picture; pixels of the page, and how many of the screen each of them is. */
-  draw(width, height, ratio, view = this.view) {
+  draw(width, height, ratio, view, covered) {
     if (!width || !height) return;
     this.frames += 1;
     this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
-    view.place(width, height, this.clock.time);
+    view.place(width, height, this.clock.time, covered);
     this.actors.forEach((actor) => actor.show(this, view, width, height));
     this.renderer.render(this.scene, view.camera);
+  }
+
+  /** Pixels of what lies over the picture along its upper and its lower edge. */
+  covered() {
+    const { top, bottom } = this.element.getBoundingClientRect();
+    const boxes = [...this.element.querySelectorAll(".hud")].map((one) => one.getBoundingClientRect());
+    const isAbove = (box) => box.top + box.bottom < top + bottom;
+    return [
+      Math.max(0, ...boxes.filter(isAbove).map((box) => box.bottom - top)),
+      Math.max(0, ...boxes.filter((box) => !isAbove(box)).map((box) => bottom - box.top)),
+    ];
   }
 
   /** A picture of a view with its names, as the address of an image, for print. */
@@ -130,6 +142,12 @@ export class RaceScene {
     context.scale(SHARP, SHARP);
     writeLabels(context, this.labels, view.camera, width, height);
     return sheet.toDataURL("image/jpeg", 0.9);
+  }
+
+  /** How large a picture of a view is, in words: its own width where that has a scale, else that of the grid. */
+  scaleOf(name, width) {
+    const { pixel } = this.views.get(name);
+    return pixel ? `${written(pixel * width, 0)} m wide` : `grid ${this.ground.step} m`;
   }
 
   /** Metres per pixel where the view has a scale that holds all over the picture; else null. */

@@ -79,7 +79,7 @@ export class Strips {
       scales: { x: { time: false, range: () => this.shown() }, y: { range } },
       axes: [
         { ...axis, font, size: 22, gap: 2, values: (_, ticks) => ticks.map((tick) => `${tick} s`) },
-        { ...axis, font, size: 46, gap: 4, space: 24, ...(told.wraps ? { splits: () => quarters(told.wraps) } : {}) },
+        { ...axis, font, size: 46, gap: 4, space: 17, ...(told.wraps ? { splits: () => quarters(told.wraps) } : {}) },
       ],
       series: [{}, ...series.map((one) => lineOf(one))],
       hooks: { drawClear: [(plot) => drawGates(plot, this.flights[0])], draw: [(plot) => drawLimits(plot, told.limits)] },

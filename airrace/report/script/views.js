@@ -9,6 +9,7 @@ const NOSE_BACK = new Quaternion().setFromRotationMatrix(
   new Matrix4().makeBasis(new Vector3(0, 1, 0), new Vector3(0, 0, -1), new Vector3(-1, 0, 0)),
 );
 const STEADY = 0.45; // s, over which the chase camera's course is averaged
+const LABEL = 22; // pixels, that a name takes above its place
 const CHASE = { back: 26, up: 7, ahead: 30 }; // m
 
 /** From anywhere around the course: one finger turns, two move. */
@@ -121,16 +122,19 @@ export class Parallel {
     this.zoomed = Math.min(Math.max(this.zoomed * factor, 0.02), 4);
   }
 
-  place(width, height) {
+  /** `covered`: pixels of what lies over the picture along its upper and its lower edge. */
+  place(width, height, time, covered = [0, 0]) {
     const reach = (axis) => {
       const along = extent(this.points.map((point) => point.dot(axis)));
       return along[1] - along[0] + 20;
     };
-    // Room is left for what lies over the picture at its upper and lower edge.
-    const free = Math.max(height - 130, 0.6 * height);
+    const [top, bottom] = [covered[0] + LABEL, covered[1]];
+    const free = Math.max(height - top - bottom, 0.4 * height);
     this.pixel = 1.06 * this.zoomed * Math.max(reach(this.right) / width, reach(this.up) / free);
-    const [across, up] = [0.5 * width * this.pixel, 0.5 * height * this.pixel];
-    Object.assign(this.camera, { left: -across, right: across, top: up, bottom: -up });
+    const across = 0.5 * width * this.pixel;
+    // What is looked at stands in the middle of what is left free.
+    const up = 0.5 * (height + top - bottom) * this.pixel;
+    Object.assign(this.camera, { left: -across, right: across, top: up, bottom: up - height * this.pixel });
     this.camera.up.copy(this.up);
     this.camera.position.copy(this.target).addScaledVector(this.from, 8000);
     this.camera.lookAt(this.target);
