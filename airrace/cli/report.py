@@ -15,7 +15,8 @@ def report(
     flights: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="FLIGHT", help="Flights that fly beside it: `RUN.h5` or `RUN.h5:STAGE`, as many as you like."
+            metavar="FLIGHT",
+            help="Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flown log, as many as you like.",
         ),
     ] = None,
     output: Annotated[

@@ -41,7 +41,7 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
     if isinstance(kept, FlownLog):
         if priced:
             raise NotCertified(f"{first.path} is a flown log: it has no prices")
-        return flight_page(flights, log_sections(kept), flights[0].source.version).as_html()
+        return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}").as_html()
     flown = kept.stage(first.stage or stage)
     sections = stage_sections(flown, explored_stage(kept, flown), priced=priced)
     return flight_page(flights, sections, footer_of(flown)).as_html()

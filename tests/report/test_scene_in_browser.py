@@ -113,7 +113,7 @@ def test_north_is_up_from_above(laptop: Opened) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("view", ["above", "side"])
+@pytest.mark.parametrize("view", ["orbit", "above", "side"])
 def test_nothing_of_the_course_lies_below_what_is_written_over_it(
     chromium: Browser, folder: Path, artefacts: Path, view: str, size: str
 ) -> None:

@@ -58,12 +58,12 @@ export class Orbit {
     return new Vector3(Math.sin(this.azimuth) * flat, Math.sin(this.elevation), Math.cos(this.azimuth) * flat);
   }
 
-  /** Move the target to the middle of what is seen; the distance from which all of it is. */
-  fit(aspect) {
+  /** Move the target to the middle of what is seen; the distance from which all of it is, in a share of the height. */
+  fit(aspect, share) {
     const outward = this.outward;
     const right = new Vector3(Math.cos(this.azimuth), 0, -Math.sin(this.azimuth));
     const up = outward.clone().cross(right);
-    const room = [0.88 * this.tangent * aspect, 0.8 * this.tangent];
+    const room = [0.88 * this.tangent * aspect, share * this.tangent];
     let distance = 0;
     for (let round = 0; round < 4; round += 1) {
       const spans = [right, up].map((axis, i) => {
@@ -81,10 +81,12 @@ export class Orbit {
     return distance;
   }
 
-  place(width, height) {
+  place(width, height, time, covered) {
+    const [[top, bottom], free] = freeOf(height, covered);
     this.height = height;
     this.camera.aspect = width / height;
-    this.fitted ??= this.fit(width / height);
+    this.camera.setViewOffset(width, height, 0, 0.5 * (bottom - top), width, height);
+    this.fitted ??= this.fit(width / height, Math.min(free / height, 0.8));
     this.camera.position.copy(this.target).addScaledVector(this.outward, this.fitted * this.zoomed);
     this.camera.position.y = Math.max(this.camera.position.y, 1);
     this.camera.lookAt(this.target);
@@ -122,14 +124,12 @@ export class Parallel {
     this.zoomed = Math.min(Math.max(this.zoomed * factor, 0.02), 4);
   }
 
-  /** `covered`: pixels of what lies over the picture along its upper and its lower edge. */
-  place(width, height, time, covered = [0, 0]) {
+  place(width, height, time, covered) {
     const reach = (axis) => {
       const along = extent(this.points.map((point) => point.dot(axis)));
       return along[1] - along[0] + 20;
     };
-    const [top, bottom] = [covered[0] + LABEL, covered[1]];
-    const free = Math.max(height - top - bottom, 0.4 * height);
+    const [[top, bottom], free] = freeOf(height, covered);
     this.pixel = 1.06 * this.zoomed * Math.max(reach(this.right) / width, reach(this.up) / free);
     const across = 0.5 * width * this.pixel;
     // What is looked at stands in the middle of what is left free.
@@ -232,6 +232,12 @@ export class Cockpit {
     this.camera.quaternion.copy(attitude).multiply(NOSE_BACK).multiply(look);
     this.camera.updateProjectionMatrix();
   }
+}
+
+/** Pixels along the upper and the lower edge that are covered by what lies over the picture, and those that are free. */
+function freeOf(height, covered = [0, 0]) {
+  const [top, bottom] = [covered[0] + LABEL, covered[1]];
+  return [[top, bottom], Math.max(height - top - bottom, 0.4 * height)];
 }
 
 /** The azimuth from which the box's longer side is seen. */
