@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -135,7 +136,7 @@ def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
     text = page.read_text()
     assert "recorded" in text
     assert "Penalties of what is certain: 0 s." in text
-    assert f"<footer>airrace {airrace.__version__}</footer>" in text
+    assert f"<footer>airrace {version('airrace')}</footer>" in text
     assert "<script>alert(1)" not in text
     assert run("report", folder / "log.h5", "--prices", "--output", tmp_path / "other.html")[0] == 5
 
