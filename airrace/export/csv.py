@@ -111,4 +111,4 @@ def _write_comments(result: StageResult, provenance: Provenance | None, stream: 
 
 
 def _formatted(values: Array) -> list[str]:
-    return np.char.mod("%.10g", values + 0.0).tolist()  # adding zero turns -0 into 0
+    return [f"{value:.10g}" for value in (values + 0.0).tolist()]  # adding zero turns -0 into 0
