@@ -10,7 +10,7 @@ of the image do not bear out.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import h5py
@@ -47,7 +47,7 @@ def tree_of(image: bytes) -> Group:
     try:
         file = h5py.h5f.open_file_image(image)
         try:
-            return _group(h5py.h5g.open(file, b"/"), "", 0, Budget(len(image)))
+            return _Reader(Budget(len(image))).group(h5py.h5g.open(file, b"/"), "", 0)
         finally:
             file.close()
     except CheckpointError:
@@ -75,47 +75,83 @@ class Budget:
             raise CheckpointError(f"{path or '/'}: claims to hold more than a checkpoint can")
 
 
-def _group(group: Handle, path: str, depth: int, budget: Budget) -> Group:
-    if depth > DEPTH_MAX:  # hard links can make a group its own member
-        raise CheckpointError(f"{path}: groups are nested more than {DEPTH_MAX} deep")
-    budget.take(path, objects=group.get_num_objs())
-    members = {name.decode("utf-8", "replace"): _member(group, name, path, depth, budget) for name in list(group)}
-    return Group(members, _attributes(group, path))
+@dataclass
+class _Reader:
+    """A reader of one image, by HDF5's own calls; it looks at a type once, however often it occurs."""
 
+    budget: Budget
+    _dtypes: dict[bytes, np.dtype[Any]] = field(default_factory=dict[bytes, np.dtype[Any]])
 
-def _member(group: Handle, name: bytes, parent: str, depth: int, budget: Budget) -> Node:
-    path = f"{parent}/{name.decode('utf-8', 'replace')}"
-    if group.links.get_info(name).type != h5py.h5l.TYPE_HARD:
-        raise CheckpointError(f"{path}: is a soft or external link; a checkpoint has none")
-    kind = h5py.h5o.get_info(group, name).type
-    if kind == h5py.h5o.TYPE_GROUP:
-        return _group(h5py.h5g.open(group, name), path, depth + 1, budget)
-    if kind == h5py.h5o.TYPE_DATASET:
-        return _dataset(h5py.h5d.open(group, name), path, budget)
-    raise CheckpointError(f"{path}: is neither a group nor a dataset")
+    def group(self, group: Handle, path: str, depth: int) -> Group:
+        if depth > DEPTH_MAX:  # hard links can make a group its own member
+            raise CheckpointError(f"{path}: groups are nested more than {DEPTH_MAX} deep")
+        self.budget.take(path, objects=group.get_num_objs())
+        members = {name.decode("utf-8", "replace"): self._member(group, name, path, depth) for name in list(group)}
+        return Group(members, self._attributes(group, path))
 
+    def _member(self, group: Handle, name: bytes, parent: str, depth: int) -> Node:
+        path = f"{parent}/{name.decode('utf-8', 'replace')}"
+        if group.links.get_info(name).type != h5py.h5l.TYPE_HARD:
+            raise CheckpointError(f"{path}: is a soft or external link; a checkpoint has none")
+        member = h5py.h5o.open(group, name)
+        if isinstance(member, h5py.h5g.GroupID):
+            return self.group(member, path, depth + 1)
+        if isinstance(member, h5py.h5d.DatasetID):
+            return self._dataset(member, path)
+        raise CheckpointError(f"{path}: is neither a group nor a dataset")
 
-def _dataset(dataset: Handle, path: str, budget: Budget) -> Series | Table | str:
-    properties = dataset.get_create_plist()
-    plain = properties.get_layout() == h5py.h5d.CONTIGUOUS and properties.get_nfilters() == 0
-    if not plain or properties.get_external_count() != 0:
-        raise CheckpointError(f"{path}: is not stored plainly in the file itself")
-    dtype: np.dtype[Any] = dataset.dtype  # Any: this is what is being found out
-    shape: tuple[int, ...] | None = dataset.shape
-    known = _is_text(dtype) if shape == () else _is_row(dtype)
-    if shape is None or len(shape) > 1 or not known:
-        raise CheckpointError(f"{path}: is neither a text, nor a series of 64-bit numbers, nor a table of both")
-    size = math.prod(shape) * dtype.itemsize
-    budget.take(path, size=size)
-    if dataset.get_storage_size() != size:
-        raise CheckpointError(f"{path}: {size} bytes are declared, {dataset.get_storage_size()} are stored")
-    values: NDArray[Any] = np.zeros(shape, dtype)  # Any: one of the types just checked
-    dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, values)
-    if shape == ():
-        return _decoded(values.item(), path)
-    if dtype.names is None:
-        return Series(values, _attributes(dataset, path))
-    return Table({name: _column(values[name], f"{path}.{name}") for name in dtype.names})
+    def _dataset(self, dataset: Handle, path: str) -> Series | Table | str:
+        dtype, kind = self._dtype(dataset)
+        shape: tuple[int, ...] | None = dataset.shape
+        known = _is_text(dtype) if shape == () else _is_row(dtype)
+        if shape is None or len(shape) > 1 or not known:
+            raise CheckpointError(f"{path}: is neither a text, nor a series of 64-bit numbers, nor a table of both")
+        size = math.prod(shape) * dtype.itemsize
+        self.budget.take(path, size=size)
+        # Only what is stored in one piece, without filters and in this file, has an offset.
+        if size and dataset.get_offset() is None:
+            raise CheckpointError(f"{path}: is not stored plainly in the file itself")
+        if dataset.get_storage_size() != size:
+            raise CheckpointError(f"{path}: {size} bytes are declared, {dataset.get_storage_size()} are stored")
+        values: NDArray[Any] = np.zeros(shape, dtype)  # Any: one of the types just checked
+        dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, values, kind)
+        if shape == ():
+            return _decoded(values.item(), path)
+        if dtype.names is None:
+            return Series(values, self._attributes(dataset, path))
+        return Table({name: _column(values[name], f"{path}.{name}") for name in dtype.names})
+
+    def _attributes(self, place: Handle, path: str) -> dict[str, Attribute]:
+        """Return the scalar attributes of a group or dataset, without those of HDF5's dimension scales."""
+        count: int = h5py.h5a.get_num_attrs(place)
+        if count > ATTRIBUTES_MAX:
+            raise CheckpointError(f"{path or '/'}: has {count} attributes")
+        attributes: dict[str, Attribute] = {}
+        for index in range(count):
+            attribute = h5py.h5a.open(place, index=index)
+            name: bytes = attribute.name
+            if name not in SCALE_ATTRIBUTES:
+                told = name.decode("utf-8", "replace")
+                attributes[told] = self._attribute(attribute, f"{path or '/'}@{told}")
+        return attributes
+
+    def _attribute(self, attribute: Handle, path: str) -> Attribute:
+        dtype, kind = self._dtype(attribute)
+        known = dtype in NUMBERS or _is_text(dtype)
+        if attribute.shape != () or not known or dtype.itemsize > ATTRIBUTE_BYTES_MAX:
+            raise CheckpointError(f"{path}: is neither a 64-bit number nor a short text")
+        stored = np.zeros((), dtype)
+        attribute.read(stored, kind)
+        value: Any = stored.item()  # Any: untyped, but of the dtype just checked
+        return _decoded(value, path) if isinstance(value, bytes) else value
+
+    def _dtype(self, stored: Handle) -> tuple[np.dtype[Any], Handle]:  # Any: this is what is being found out
+        """Return the type of a dataset or an attribute, as numpy and as HDF5 have it."""
+        kind = stored.get_type()
+        key: bytes = kind.encode()
+        if key not in self._dtypes:
+            self._dtypes[key] = stored.dtype
+        return self._dtypes[key], kind
 
 
 def _is_text(dtype: np.dtype[Any]) -> bool:
@@ -140,28 +176,3 @@ def _decoded(text: bytes, path: str) -> str:
     if "\0" in decoded:
         raise CheckpointError(f"{path}: a text contains a NUL character")
     return decoded
-
-
-def _attributes(place: Handle, path: str) -> dict[str, Attribute]:
-    """Return the scalar attributes of a group or dataset, without those of HDF5's dimension scales."""
-    count: int = h5py.h5a.get_num_attrs(place)
-    if count > ATTRIBUTES_MAX:
-        raise CheckpointError(f"{path or '/'}: has {count} attributes")
-    attributes: dict[str, Attribute] = {}
-    for index in range(count):
-        attribute = h5py.h5a.open(place, index=index)
-        if attribute.name not in SCALE_ATTRIBUTES:
-            name = attribute.name.decode("utf-8", "replace")
-            attributes[name] = _attribute(attribute, f"{path or '/'}@{name}")
-    return attributes
-
-
-def _attribute(attribute: Handle, path: str) -> Attribute:
-    dtype: np.dtype[Any] = attribute.dtype
-    known = dtype in NUMBERS or _is_text(dtype)
-    if attribute.shape != () or not known or dtype.itemsize > ATTRIBUTE_BYTES_MAX:
-        raise CheckpointError(f"{path}: is neither a 64-bit number nor a short text")
-    stored = np.zeros((), dtype)
-    attribute.read(stored)
-    value: Any = stored.item()  # Any: untyped, but of the dtype just checked
-    return _decoded(value, path) if isinstance(value, bytes) else value

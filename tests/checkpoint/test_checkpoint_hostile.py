@@ -182,7 +182,7 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
         "not stored plainly",
     ),
     "chunked": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2), chunks=(1,)), "not stored plainly"),
-    "unallocated": (lambda f: renew(f, f"{STAGE}/durations", shape=(9,), dtype="<f8"), "72 bytes are declared"),
+    "unallocated": (lambda f: renew(f, f"{STAGE}/durations", shape=(9,), dtype="<f8"), "not stored plainly"),
     "absurd size": (lambda f: renew(f, f"{STAGE}/durations", shape=(10**15,), dtype="<f8"), "more than a checkpoint"),
     "single precision": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros(2, "<f4")), "durations: is neither"),
     "two dimensions": (lambda f: renew(f, f"{STAGE}/durations", data=np.zeros((1, 2))), "durations: is neither"),
