@@ -39,6 +39,6 @@ def interpreted(function: ca.Function, control: Array, p: Array) -> AtPoints:
         evaluate()
         if buffer.ret():
             raise KernelError(f"{function.name()} could not be evaluated")
-        return np.ascontiguousarray(found.T)
+        return found.T.copy()  # of a single point the transpose is contiguous, and would be written over
 
     return at
