@@ -7,6 +7,7 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from airrace.export.extras import extra
 from airrace.export.globe import stamp
@@ -27,8 +28,11 @@ def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
     pyarrow: Any = extra("pyarrow", "a Parquet file", "parquet")  # Any: without pyarrow there are no types
     files: Any = extra("pyarrow.parquet", "a Parquet file", "parquet")
     declared = {name: one for flight in flights for name, one in flight.histories.items()}
-    labels = pyarrow.array([flight.label for flight in flights for _ in flight.time]).dictionary_encode()
-    columns = [labels, np.concatenate([flight.time for flight in flights])]
+    number = np.repeat(np.arange(len(flights), dtype=np.int32), [len(flight.time) for flight in flights])
+    labels = pyarrow.DictionaryArray.from_arrays(
+        _column(pyarrow, number, pyarrow.int32()), _texts(pyarrow, [flight.label for flight in flights])
+    )
+    columns = [labels, _column(pyarrow, np.concatenate([flight.time for flight in flights]), pyarrow.float64())]
     fields = [
         pyarrow.field("flight", labels.type, metadata={"long_name": "which flight"}),
         pyarrow.field("time", pyarrow.float64(), metadata={"unit": "s", "long_name": "time since the start"}),
@@ -36,11 +40,27 @@ def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:
     for name, one in declared.items():
         about = {"unit": one.quantity.unit, "long_name": one.quantity.text or name, "basis": one.basis.value}
         fields.append(pyarrow.field(name, pyarrow.float64(), metadata=about))
-        columns.append(np.concatenate([flight.values(name) for flight in flights]))
+        values = np.concatenate([flight.values(name) for flight in flights])
+        columns.append(_column(pyarrow, values, pyarrow.float64()))
     schema = pyarrow.schema(fields, metadata={"airrace": json.dumps(about_flights(flights, begin))})
     written = io.BytesIO()
     files.write_table(pyarrow.table(columns, schema=schema), written)
     return written.getvalue()
+
+
+# Of numpy's arrays and of lists pyarrow makes columns only after it has loaded pandas, if that is installed.
+
+
+def _column(pyarrow: Any, values: NDArray[Any], kind: Any) -> Any:  # Any: as above; numbers of `kind`
+    buffer = pyarrow.py_buffer(np.ascontiguousarray(values))
+    return pyarrow.Array.from_buffers(kind, len(values), [None, buffer])
+
+
+def _texts(pyarrow: Any, texts: Sequence[str]) -> Any:  # Any: as above
+    encoded = [text.encode("utf-8", "replace") for text in texts]
+    ends = np.cumsum([0, *(len(text) for text in encoded)], dtype=np.int32)
+    buffers = [None, pyarrow.py_buffer(ends), pyarrow.py_buffer(b"".join(encoded))]
+    return pyarrow.Array.from_buffers(pyarrow.string(), len(texts), buffers)
 
 
 def about_flights(flights: Sequence[Flight], begin: datetime) -> list[dict[str, object]]:

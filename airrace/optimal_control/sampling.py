@@ -18,8 +18,8 @@ from airrace.trajectory import Array
 AGREEMENT = 1e-8
 """The largest difference, in the states' scales, between a sample and the same in half as many steps.
 
-Its own error is then a hundred times smaller: on the shipped races samples differ by 5e-10 at most from those of scipy's
-DOP853 at a tolerance of 1e-10.
+Its own error is then a hundred times smaller: on the shipped races samples differ by 5e-10 at most from those of
+scipy's DOP853 at a tolerance of 1e-10.
 """
 STEPS_MAX = 256
 """The largest number of steps to a sample; a flight that needs more of them between two nodes is none."""

@@ -3,6 +3,8 @@
 import io
 import json
 import math
+import subprocess
+import sys
 import zipfile
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -321,6 +323,26 @@ def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch: pytest.M
     monkeypatch.setattr(extras, "import_module", missing)
     with pytest.raises(UsageError, match=r"a Parquet file needs pyarrow: pip install 'airrace\[parquet\]'"):
         written("parquet", [flight()])
+
+
+LIGHT = """
+import sys
+from airrace.cli.main import app
+app(["export", *{arguments}], standalone_mode=False)
+assert "airrace.export.csv" in sys.modules
+print(*sorted({{"scipy.integrate", "pandas"}} & set(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("kind", [("csv", "--rate", "50"), ("csv",), ("parquet",)], ids=" ".join)
+def test_exports_load_no_integrator_and_no_data_frames(kind: tuple[str, ...], tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    name, *how = kind
+    arguments = [name, str(half_cuban().save(tmp_path / "run.h5")), *how, "--output", str(tmp_path / "out")]
+    program = LIGHT.format(arguments=arguments)
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (tmp_path / "out").stat().st_size > 10_000
+    assert ran.stdout.split() == []
 
 
 def test_origins_and_starts_are_read() -> None:
