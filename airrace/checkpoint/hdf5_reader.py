@@ -10,6 +10,7 @@ of the image do not bear out.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,8 +39,12 @@ NUMBERS = (np.dtype("<f8"), np.dtype("<i8"))
 Handle = Any
 
 
-def tree_of(image: bytes) -> Group:
+def tree_of(image: bytes, without: Collection[str] = ()) -> Group:
     """Return the tree that an HDF5 image holds.
+
+    Args:
+        image: of the whole file.
+        without: paths of members that are not read, such as `/stages/six-dof`.
 
     Raises:
         CheckpointError: no HDF5 image, or one with anything but the plain kinds described above.
@@ -47,7 +52,7 @@ def tree_of(image: bytes) -> Group:
     try:
         file = h5py.h5f.open_file_image(image)
         try:
-            return _Reader(Budget(len(image))).group(h5py.h5g.open(file, b"/"), "", 0)
+            return _Reader(Budget(len(image)), without).group(h5py.h5g.open(file, b"/"), "", 0)
         finally:
             file.close()
     except CheckpointError:
@@ -80,17 +85,21 @@ class _Reader:
     """A reader of one image, by HDF5's own calls; it looks at a type once, however often it occurs."""
 
     budget: Budget
+    without: Collection[str] = ()
     _dtypes: dict[bytes, np.dtype[Any]] = field(default_factory=dict[bytes, np.dtype[Any]])
 
     def group(self, group: Handle, path: str, depth: int) -> Group:
         if depth > DEPTH_MAX:  # hard links can make a group its own member
             raise CheckpointError(f"{path}: groups are nested more than {DEPTH_MAX} deep")
         self.budget.take(path, objects=group.get_num_objs())
-        members = {name.decode("utf-8", "replace"): self._member(group, name, path, depth) for name in list(group)}
+        members: dict[str, Node] = {}
+        for name in list(group):
+            told = name.decode("utf-8", "replace")
+            if f"{path}/{told}" not in self.without:
+                members[told] = self._member(group, name, f"{path}/{told}", depth)
         return Group(members, self._attributes(group, path))
 
-    def _member(self, group: Handle, name: bytes, parent: str, depth: int) -> Node:
-        path = f"{parent}/{name.decode('utf-8', 'replace')}"
+    def _member(self, group: Handle, name: bytes, path: str, depth: int) -> Node:
         if group.links.get_info(name).type != h5py.h5l.TYPE_HARD:
             raise CheckpointError(f"{path}: is a soft or external link; a checkpoint has none")
         member = h5py.h5o.open(group, name)

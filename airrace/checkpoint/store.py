@@ -2,7 +2,7 @@
 
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,13 +17,16 @@ from airrace.checkpoint.recorded import Recorded
 from airrace.checkpoint.recorded_tree import decode_recorded, encode_recorded, is_recorded
 from airrace.checkpoint.tree import Group
 from airrace.errors import CheckpointError
+from airrace.procedure.stage import Stage
 
 T = TypeVar("T")
 SIZE_MAX = 256 * 1024 * 1024
 """The size of the largest checkpoint that is written or read, bytes."""
 
 
-def write_checkpoint(path: Path, checkpoint: Checkpoint, sign: Sign | None = None) -> None:
+def write_checkpoint(
+    path: Path, checkpoint: Checkpoint, sign: Sign | None = None, unchanged: Collection[Stage] = ()
+) -> None:
     """Replace the file at `path`, at once and as a whole.
 
     What is about to be written is read back first: a good checkpoint never gives way to an unreadable one.
@@ -32,13 +35,14 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint, sign: Sign | None = Non
         path: the file.
         checkpoint: its contents.
         sign: signs them; None for a file without a signature.
+        unchanged: stages that are as they were last written or read; they are not read back.
 
     Raises:
         StorageError: the system refused; the old checkpoint survives.
         CheckpointError: these contents cannot be stored (a text with NUL, a trajectory that contradicts itself, or
             more than 256 MiB); the old checkpoint survives.
     """
-    _write(path, encode(checkpoint), decode, sign)
+    _write(path, encode(checkpoint), decode, sign, [f"/stages/{one.value}" for one in unchanged])
 
 
 def write_recorded(path: Path, recorded: Recorded) -> None:
@@ -65,11 +69,17 @@ def read_stored(path: Path) -> Checkpoint | Recorded:
     return _read(path, lambda root: decode_recorded(root) if is_recorded(root) else decode(root))[0]
 
 
-def _write(path: Path, root: Group, understood: Callable[[Group], object], sign: Sign | None) -> None:
+def _write(
+    path: Path,
+    root: Group,
+    understood: Callable[[Group], object],
+    sign: Sign | None,
+    without: Collection[str] = (),
+) -> None:
     image = image_of(root)
     if BLOCK_SIZE + len(image) > SIZE_MAX:
         raise CheckpointError(f"the checkpoint would be larger than {SIZE_MAX // 2**20} MiB: it cannot be stored")
-    understood(tree_of(image))
+    understood(tree_of(image, without))
     replace_file(path, seal(image, sign))
 
 

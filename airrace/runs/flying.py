@@ -1,7 +1,7 @@
 """The flying of a run: stage by stage, each kept as soon as it is finished."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
@@ -9,7 +9,7 @@ from airrace.errors import OutOfTime, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.ladder import proves
 from airrace.procedure.progress import Progress
-from airrace.procedure.result import StageResult, State
+from airrace.procedure.result import Stage, StageResult, State
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.leg_object import stages_object
@@ -62,7 +62,7 @@ def _flown_alone(
         progress=progress,
     ):
         run = run.with_proof(result) if result.stage in kept else run.with_stage(result)
-        _keep(run)
+        _keep(run, {one.stage for one in run.results} - {result.stage})
         progress.stage_finished(result)  # now, and not before it is kept: what is announced is never lost
         yield run, result
 
@@ -111,9 +111,9 @@ def fly_stages(
     return results
 
 
-def _keep(run: Run) -> None:
+def _keep(run: Run, unchanged: Collection[Stage] = ()) -> None:
     if run.path is not None:
-        write_checkpoint(run.path, run.checkpoint, run.sign)
+        write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
 
 
 def _remedy(task: Task, results: Sequence[StageResult]) -> str:

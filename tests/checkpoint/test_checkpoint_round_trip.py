@@ -17,8 +17,13 @@ from checkpoint_examples import (
 from hypothesis import HealthCheck, given, settings
 
 from airrace.checkpoint import Checkpoint, inputs_hash, read_checkpoint, stale_stages, write_checkpoint
+from airrace.checkpoint.encode import encode
 from airrace.checkpoint.envelope import BLOCK_SIZE
+from airrace.checkpoint.hdf5_reader import tree_of
+from airrace.checkpoint.hdf5_writer import image_of
+from airrace.checkpoint.tree import Group
 from airrace.errors import CheckpointError
+from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
 
@@ -88,6 +93,35 @@ def test_what_could_not_be_read_again_never_replaces_a_good_checkpoint(tmp_path:
         write_checkpoint(path, nul)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_stage_that_could_not_be_read_is_refused_although_the_others_are_unchanged(tmp_path: Path) -> None:
+    path, kept = tmp_path / "run.h5", example_checkpoint()
+    write_checkpoint(path, kept)
+    before = path.read_bytes()
+    unchanged = {one.result.stage for one in kept.stages}
+    contradictory = replace(example_result().trajectory, first_node=np.array([0, 2, 99], np.int64))
+    longer = kept.with_stage(replace(example_result(Stage.STATE_SPACE), trajectory=contradictory))
+    with pytest.raises(CheckpointError, match="first_node"):
+        write_checkpoint(path, longer, unchanged=unchanged)
+    assert path.read_bytes() == before
+    sound = kept.with_stage(example_result(Stage.STATE_SPACE))
+    write_checkpoint(path, sound, unchanged=unchanged)
+    write_checkpoint(tmp_path / "read_back.h5", sound)
+    assert path.read_bytes() == (tmp_path / "read_back.h5").read_bytes()
+    assert_same(read_checkpoint(path).stages, sound.stages)
+
+
+def test_members_that_are_not_asked_for_are_not_read() -> None:
+    image = image_of(encode(example_checkpoint()))
+    assert set(child(tree_of(image), "stages").members) == {"homotopy", "point-mass"}
+    assert set(child(tree_of(image, ["/stages/homotopy"]), "stages").members) == {"point-mass"}
+
+
+def child(group: Group, name: str) -> Group:
+    member = group.members[name]
+    assert isinstance(member, Group)
+    return member
 
 
 def checkpoint_of(trajectory: Trajectory) -> Checkpoint:
