@@ -16,6 +16,7 @@ import hashlib
 import logging
 import platform
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
@@ -335,6 +336,7 @@ def _library(system: System, scheme: RungeKutta, instructions: InstructionSet) -
     return kernel_library.cache_folder() / f"{_fingerprint(system, scheme, instructions)}.so"
 
 
+@lru_cache(maxsize=32)
 def _fingerprint(system: System, scheme: RungeKutta, instructions: InstructionSet) -> str:
     """Return a hash of everything that the machine code depends on."""
     digest = hashlib.sha256()

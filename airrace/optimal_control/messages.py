@@ -9,6 +9,7 @@ import pickle
 from typing import IO, Any
 
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.records import record
 from airrace.system import Observation, System
@@ -28,6 +29,14 @@ class SolveRequest:
     options: SolverOptions
     compiled: bool
     threads: int
+
+
+@record
+class Announcement:
+    """A system that will be flown, whose kernels are compiled: they can be loaded by now. It has no answer."""
+
+    system: System
+    scheme: RungeKutta
 
 
 @record
@@ -83,25 +92,23 @@ class _Unpickler(pickle.Unpickler):
 
 
 class Sender:
-    """A writer of requests, which sends every System and Observation once."""
+    """A writer of messages, which sends every System and Observation once."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._names: dict[int, str] = {}
         self._kept: list[System | Observation] = []  # keeps the ids valid
 
-    def send(self, request: SolveRequest) -> None:
-        """Write one request.
+    def send(self, message: SolveRequest | Announcement) -> None:
+        """Write one message.
 
         Raises:
             OSError: the other side is gone.
         """
-        problem = request.problem
-        exact = [watch.exact for phase in problem.phases for watch in phase.watches if watch.exact is not None]
-        for shared in [problem.system, *problem.observations, *exact]:
+        for shared in _shared(message):
             if id(shared) not in self._names:
                 self._define(shared)
-        self._write(request)
+        self._write(message)
 
     def close(self) -> None:
         """Close the stream."""
@@ -114,22 +121,30 @@ class Sender:
         self._names[id(shared)] = name
         self._kept.append(shared)
 
-    def _write(self, message: SolveRequest | _Definition) -> None:
+    def _write(self, message: SolveRequest | Announcement | _Definition) -> None:
         buffer = io.BytesIO()
         _Pickler(buffer, self._names).dump(message)
         self._stream.write(buffer.getvalue())
         self._stream.flush()
 
 
+def _shared(message: SolveRequest | Announcement) -> list[System | Observation]:
+    if isinstance(message, Announcement):
+        return [message.system]
+    problem = message.problem
+    exact = [watch.exact for phase in problem.phases for watch in phase.watches if watch.exact is not None]
+    return [problem.system, *problem.observations, *exact]
+
+
 class Receiver:
-    """A reader of requests, in which equal Systems and Observations arrive as the same object."""
+    """A reader of messages, in which equal Systems and Observations arrive as the same object."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
         self._shared: dict[str, System | Observation] = {}
 
-    def receive(self) -> SolveRequest | None:
-        """Return the next request; None at the end of the stream."""
+    def receive(self) -> SolveRequest | Announcement | None:
+        """Return the next message; None at the end of the stream."""
         while True:
             try:
                 message = _Unpickler(self._stream, self._shared).load()

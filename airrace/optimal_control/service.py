@@ -19,6 +19,7 @@ from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import kernels
 from airrace.optimal_control.messages import (
     COMPILING,
+    Announcement,
     IterationReport,
     Notice,
     Reply,
@@ -99,9 +100,20 @@ class SolverService:
         self.stop()
 
     def prepare(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Compile the kernels of a system that will be flown in the background, at low priority."""
+        """Get the kernels of a system ready that will be flown later.
+
+        They are compiled in the background, at low priority, or loaded by the process if they are compiled.
+        """
         if self._compiled and kernels.prepare(system, scheme):
             self._preparing.append((system, scheme))
+        else:
+            self.announce(system, scheme)
+
+    def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
+        """Let the process load the kernels of a system that is flown next, if they are compiled."""
+        if self._process is not None and self._compiled and not kernels.needs_compiling(system, scheme):
+            with contextlib.suppress(OSError):  # the next solve finds out that it is dead
+                self._sender.send(Announcement(system, scheme))
 
     def solve(
         self,

@@ -23,7 +23,15 @@ from airrace.optimal_control import summation
 from airrace.optimal_control.fatrop import products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import COMPILING, IterationReport, Notice, Receiver, SolveRequest, WorkerFailure
+from airrace.optimal_control.messages import (
+    COMPILING,
+    Announcement,
+    IterationReport,
+    Notice,
+    Receiver,
+    SolveRequest,
+    WorkerFailure,
+)
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
@@ -89,11 +97,16 @@ class Workshop:
         prepared = self._prepared.pop(key, None)
         if prepared is None:
             self._make_room(layout.intervals)
-            kernels = self._kernels_of(request)
+            kernels = self._kernels_of(request.problem.system, request.problem.scheme, compiled=request.compiled)
             solver = SOLVERS[request.solver]
             prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
+
+    def expect(self, announced: Announcement) -> None:
+        """Load the kernels of a system, unless they have yet to be compiled."""
+        if not needs_compiling(announced.system, announced.scheme):
+            self._kernels_of(announced.system, announced.scheme, compiled=True)
 
     def _make_room(self, intervals: int) -> None:
         """Forget the problems that were not asked for longest."""
@@ -108,15 +121,14 @@ class Workshop:
         self._known.append(shared)
         return len(self._known) - 1
 
-    def _kernels_of(self, request: SolveRequest) -> Kernels:
-        problem = request.problem
-        key = (self._number(problem.system), problem.scheme, request.compiled)
+    def _kernels_of(self, system: System, scheme: RungeKutta, *, compiled: bool) -> Kernels:
+        key = (self._number(system), scheme, compiled)
         if key not in self._kernels:
-            if request.compiled and needs_compiling(problem.system, problem.scheme):
+            if compiled and needs_compiling(system, scheme):
                 self._notify(COMPILING)
             with ThreadPoolExecutor(1) as beside:  # all of them may have to be compiled
-                installed = beside.submit(_install) if request.compiled else None
-                self._kernels[key] = build_kernels(problem.system, problem.scheme, compiled=request.compiled)
+                installed = beside.submit(_install) if compiled else None
+                self._kernels[key] = build_kernels(system, scheme, compiled=compiled)
                 if installed is not None:
                     installed.result()
         return self._kernels[key]
@@ -157,13 +169,17 @@ def main() -> None:
     workshop = Workshop(lambda text: replies.send(Notice(text)))
     while (request := receiver.receive()) is not None:
         try:
-            replies.send(workshop.solve(request))
+            if isinstance(request, Announcement):
+                workshop.expect(request)
+            else:
+                replies.send(workshop.solve(request))
         except BrokenPipeError:
             return
         except Exception as error:  # whatever it is, the other side must hear of it
             if is_lack_of_memory(error):
                 raise
-            replies.send(WorkerFailure(traceback.format_exc()))
+            if isinstance(request, SolveRequest):  # what is only announced is tried again when it is to be solved
+                replies.send(WorkerFailure(traceback.format_exc()))
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ def continuous(race: Race, result: StageResult, longest_step: float) -> Continuo
     histories = {quantity.name: values for quantity, values in solved.items()}
     declared = {one.name: one for one in (*system.states, *system.controls)}
     bounded = {declared.get(quantity.name, quantity): values for quantity, values in solved.items()}
-    return Continuous(time, bounded, derived_histories(race, result, histories))
+    return Continuous(time, bounded, derived_histories(race, result.stage, model, histories))
 
 
 def _times(flown: Trajectory, longest_step: float) -> tuple[Array, np.ndarray]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 import numpy as np
 
+from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.planning.race import Race
@@ -12,7 +13,7 @@ from airrace.points import at_points
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity import Histories
 from airrace.procedure.models import stage_model
-from airrace.procedure.result import StageResult
+from airrace.procedure.result import Stage, StageResult
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array
@@ -34,27 +35,29 @@ class _Group:
 
 def derived_quantities(race: Race, result: StageResult) -> Mapping[Quantity, Callable[[Histories], Array]]:
     """Functions of named histories of all states and controls, each of shape (n,) -> (n,)."""
-    groups = _groups(race, result)
+    groups = _groups(race, stage_model(result.stage, race))
     own = {one: _entry(group.of, one.name) for group in groups for one in group.quantities}
     return {**fidelity_of(result.stage).columns, **own}
 
 
-def derived_histories(race: Race, result: StageResult, histories: Histories) -> Mapping[Quantity, Array]:
+def derived_histories(race: Race, stage: Stage, model: FlightModel, histories: Histories) -> Mapping[Quantity, Array]:
     """Return the same quantities as values, each of shape (n,); every function is evaluated once.
 
     Args:
+        race: course, aircraft and air.
+        stage: that was flown.
+        model: its equations.
         histories: of all states and controls, by name, each of shape (n,).
     """
-    columns = {one: function(histories) for one, function in fidelity_of(result.stage).columns.items()}
-    for group in _groups(race, result):
+    columns = {one: function(histories) for one, function in fidelity_of(stage).columns.items()}
+    for group in _groups(race, model):
         values = group.of(histories)
         columns.update({one: values[one.name] for one in group.quantities})
     return columns
 
 
-def _groups(race: Race, result: StageResult) -> tuple[_Group, ...]:
+def _groups(race: Race, model: FlightModel) -> tuple[_Group, ...]:
     """Return what the model limits along the path, then load factors and forces."""
-    model = stage_model(result.stage, race)
     system, numbers = model.system, model.parameter_values
     known = {one.name for one in (*system.states, *system.controls)}
     path = [one for one in system.path if one.name not in known]

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Sequence
 
 from airrace.dynamics import handling
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.budget import Budget
@@ -22,6 +23,7 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
 from airrace.records import record
+from airrace.system import System
 
 logger = logging.getLogger(__name__)
 
@@ -121,6 +123,7 @@ class _Found:
 def _from_another(another: Another, stages: Sequence[Stage], race: Race, ladder: Ladder, bench: Workbench) -> _Found:
     """Start from another run, and look for a faster way round beside it."""
     highest, *_ = starting_points(another, stages, race.course)
+    bench.service.announce(*_flown(ladder, highest.stage))
     with bench.aside(ladder.faster_way(highest)) as search:
         restart = restarted(another, stages, race.course, ladder, bench)
         faster = "" if restart.result is None else search.result()
@@ -136,13 +139,15 @@ def _climbed(
 ) -> Iterator[StageResult]:
     """Climb the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
     remark, spare = found.remark, found.spare
+    for first in wanted[:1]:
+        bench.service.announce(*_flown(ladder, first))
     while wanted:
         stage, *wanted = wanted
         bench.progress.stage_started(stage)
         if not remark:
             bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
         for following in wanted[:1]:
-            bench.service.prepare(ladder.flight(following).model.system, fidelity_of(following).scheme)
+            bench.service.prepare(*_flown(ladder, following))
         result = ladder.climb(stage, bench)
         if spare is not None and is_better(spare, result):
             result, remark, spare = spare, f"{found.remark}, which led to nothing faster", None
@@ -151,6 +156,11 @@ def _climbed(
         yield result
         if result.outcome is not Outcome.SOLVED:
             return
+
+
+def _flown(ladder: Ladder, stage: Stage) -> tuple[System, RungeKutta]:
+    """Return what a stage flies, and the scheme that integrates it."""
+    return ladder.flight(stage).model.system, fidelity_of(stage).scheme
 
 
 def _above(stage: Stage, until: Stage) -> list[Stage]:

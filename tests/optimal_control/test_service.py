@@ -20,10 +20,14 @@ from known_flights import oscillator, rest_to_rest
 
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import background_compilation
-from airrace.optimal_control.messages import IterationReport, Receiver, Sender, SolveRequest
+from airrace.optimal_control.kernels import Kernels, build_kernels, compile_kernels
+from airrace.optimal_control.messages import Announcement, IterationReport, Receiver, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.service import SolverService, Stalled
 from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.worker import Workshop
+from airrace.system import System
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 TESTS = Path(__file__).parent
@@ -270,7 +274,7 @@ def test_request_arrives_as_it_was_sent() -> None:
     stream.seek(0)
     receiver = Receiver(stream)
     received = receiver.receive()
-    assert received is not None
+    assert isinstance(received, SolveRequest)
     assert replace(received.problem, system=problem.system) == problem
     assert received.problem.system.states == problem.system.states
     assert (received.guess.state == guess.state).all()
@@ -300,9 +304,72 @@ def test_equal_systems_arrive_as_one_object() -> None:
         sender.send(request(replace(problem, system=system), guess))
     stream.seek(0)
     receiver = Receiver(stream)
-    systems = [received.problem.system for _ in range(3) if (received := receiver.receive()) is not None]
+    requests = [receiver.receive() for _ in range(3)]
+    systems = [received.problem.system for received in requests if isinstance(received, SolveRequest)]
     assert len(systems) == 3
     assert systems[0] is systems[1] is systems[2]
+
+
+def test_an_announced_system_is_the_one_that_is_solved_later() -> None:
+    problem, guess = rest_to_rest()
+    stream = io.BytesIO()
+    sender = Sender(stream)
+    sender.send(Announcement(problem.system, problem.scheme))
+    announced = stream.tell()
+    sender.send(request(problem, guess))
+    assert stream.tell() - announced < announced
+    stream.seek(0)
+    receiver = Receiver(stream)
+    first, second = receiver.receive(), receiver.receive()
+    assert isinstance(first, Announcement)
+    assert isinstance(second, SolveRequest)
+    assert first.system is second.problem.system
+    assert first.scheme == problem.scheme
+
+
+@needs_compiler
+def test_announced_kernels_are_loaded_before_they_are_needed_and_never_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    problem, guess = rest_to_rest()
+    told: list[str] = []
+    workshop = Workshop(told.append)
+    loaded = kernels_that_are_built(monkeypatch)
+    workshop.expect(Announcement(problem.system, problem.scheme))
+    assert loaded == []  # they have yet to be compiled
+    compile_kernels(problem.system, problem.scheme)
+    workshop.expect(Announcement(problem.system, problem.scheme))
+    assert loaded == [problem.system]
+    monkeypatch.setattr(sys, "stdout", io.StringIO())  # what the solver prints
+    assert workshop.solve(replace(request(problem, guess), compiled=True)).success
+    assert loaded == [problem.system]
+    assert told == []
+
+
+def kernels_that_are_built(monkeypatch: pytest.MonkeyPatch) -> list[System]:
+    """The systems whose kernels a workshop has made so far."""
+    made: list[System] = []
+
+    def watched(system: System, scheme: RungeKutta, *, compiled: bool) -> Kernels:
+        made.append(system)
+        return build_kernels(system, scheme, compiled=compiled)
+
+    monkeypatch.setattr("airrace.optimal_control.worker.build_kernels", watched)
+    return made
+
+
+def test_a_process_that_died_is_announced_to_in_vain_and_told_by_the_next_solve() -> None:
+    problem, guess = rest_to_rest()
+    before = children()
+    with SolverService() as service:
+        worker = worker_of(before)
+        os.kill(worker, signal.SIGKILL)
+        assert gone(worker)
+        service.announce(problem.system, problem.scheme)
+        with pytest.raises(SolverCrash, match="the solver process died"):
+            solve(service, (problem, guess))
+        assert solve(service, (problem, guess)).success
 
 
 @needs_compiler
