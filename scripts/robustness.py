@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 COMMAND = (sys.executable, "-m", "airrace")
 SMALL = ("half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--explore", "off")
 Record = dict[str, Any]  # Any: JSON
+Part = tuple[int, int]  # number, of how many
 
 
 @dataclass(frozen=True)
@@ -87,12 +88,14 @@ class Study:
     log: Path | None = None
     records: list[Record] = field(default_factory=list[Record])
 
-    def play(self, count: int, trial: Callable[[random.Random, int], Record]) -> None:
-        """Play the trials 0 to `count` - 1 that the log does not hold yet."""
+    def play(self, count: int, trial: Callable[[random.Random, int], Record], part: Part = (1, 1)) -> None:
+        """Play the trials 0 to `count` - 1 that the log does not hold yet: those of one part, if there are several."""
         done = {one["number"]: one for one in self._logged()}
         for number in range(count):
             record = done.get(number)
             if record is None:
+                if number % part[1] != part[0] - 1:
+                    continue
                 record = {"seed": self.seed, "number": number, **trial(random.Random(f"{self.seed}/{number}"), number)}
                 self._keep(record)
             self.records.append(record)
@@ -124,20 +127,29 @@ class Study:
         return 1 if faults else 0
 
 
-def options(description: str, count: int) -> argparse.Namespace:
-    """The options of a study: how many trials, from which seed, with which log."""
+def options(description: str, count: int) -> argparse.ArgumentParser:
+    """A parser of the options of a study: how many trials, from which seed, with which log."""
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("--count", type=int, default=count, help="trials")
     parser.add_argument("--seed", type=int, default=1, help="of the study")
     parser.add_argument("--log", type=Path, metavar="FILE", help="JSON lines; what is in it is not played again")
-    return parser.parse_args()
+    parser.add_argument("--part", type=part_of, default=(1, 1), metavar="K/N", help="every Nth trial, in one log")
+    return parser
+
+
+def part_of(text: str) -> Part:
+    """Return part and count of `K/N`."""
+    part, count = (int(one) for one in text.split("/"))
+    if not 1 <= part <= count:
+        raise ValueError(text)
+    return part, count
 
 
 def play_study(description: str, count: int, trial: Callable[[random.Random, int], Record]) -> int:
     """Play a study as its arguments ask; `count` is that of trials by default. Return the exit code."""
-    arguments = options(description, count)
+    arguments = options(description, count).parse_args()
     study = Study(arguments.seed, arguments.log)
-    study.play(arguments.count, trial)
+    study.play(arguments.count, trial, arguments.part)
     return study.report()
 
 

@@ -1,9 +1,10 @@
 """Mutated documents, checkpoints and kernel caches: read with one sentence or not at all, never with a traceback.
 
-    python scripts/study_mutations.py [--count N] [--seed SEED] [--log FILE]
+    python scripts/study_mutations.py [--count N] [--seed SEED] [--log FILE] [--part K/N] [--only KIND] [--verified N]
 
-Documents and checkpoints are read in this process; what is accepted is shown and exported, too, and few checkpoints
-are verified. Runs with a spoilt cache have processes of their own, for code must not change under who has loaded it.
+Documents and checkpoints are read in this process; what is accepted is shown and exported, too, and one in N of these
+checkpoints is verified. Runs with a spoilt cache have processes of their own, for code must not change under who has
+loaded it.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ import random
 import sys
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import h5py
@@ -22,7 +23,6 @@ from airrace.checkpoint.envelope import seal, unseal
 
 LONGEST = 5.0  # s
 MEMORY = 1024.0  # MB
-VERIFIED_EVERY = 40
 NUMBERS = (
     "nan",
     ".inf",
@@ -140,8 +140,8 @@ def spoilt_numbers(rng: random.Random, image: Path) -> None:
                 node[...] = np.roll(node[...], 1)
 
 
-def checkpoint(rng: random.Random, folder: Path) -> tuple[str, Ran]:
-    """Half of the files are sealed again; what is accepted goes through all readers."""
+def checkpoint(rng: random.Random, folder: Path, verified_every: int) -> tuple[str, Ran]:
+    """Half of the files are sealed again; what is accepted goes through all readers, now and then through `verify`."""
     whole, verified_in = sound()
     path = folder / "run.h5"
     resealed = rng.random() < 0.5
@@ -168,10 +168,11 @@ def checkpoint(rng: random.Random, folder: Path) -> tuple[str, Ran]:
         ran = inside(*reader)
         if ran.faults(LONGEST) or ran.code == 2:
             return f"{kind}, {' '.join(map(str, reader[:2]))}", ran
-    if rng.randrange(VERIFIED_EVERY) == 0:
+    if rng.randrange(verified_every) == 0:
         ran = inside("verify", path)
         if ran.faults(3.0 * verified_in):
             return f"{kind}, verify", ran
+        kind += ", verified"
     return kind, worst
 
 
@@ -188,23 +189,31 @@ def cached(rng: random.Random, folder: Path) -> tuple[str, Ran]:
     return "kernel cache", apart("optimize", *SMALL, "--out", folder / "b.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
 
 
-def trial(rng: random.Random, number: int) -> Record:
-    """Every 200th trial takes the cache; of the others half are documents, half checkpoints."""
-    play = cached if number % 200 == 199 else rng.choice((document, checkpoint))
+def trial(rng: random.Random, number: int, only: str | None, verified_every: int) -> Record:
+    """Every 200th trial takes the cache; of the others half are documents, half checkpoints. Or all are of one kind."""
+    kind = only or ("caches" if number % 200 == 199 else rng.choice(("documents", "checkpoints")))
+    plays: dict[str, Callable[[random.Random, Path], tuple[str, Ran]]] = {
+        "caches": cached,
+        "documents": document,
+        "checkpoints": lambda rng, folder: checkpoint(rng, folder, verified_every),
+    }
     with tempfile.TemporaryDirectory() as folder:
-        kind, ran = play(rng, Path(folder))
-    faults = ran.faults(60.0 if play is cached else LONGEST)
-    if play is cached and ran.code != 0:
+        what, ran = plays[kind](rng, Path(folder))
+    faults = ran.faults(60.0 if kind == "caches" else LONGEST)
+    if kind == "caches" and ran.code != 0:
         faults.append(f"a spoilt cache ends a run: {ran.err.strip()[-160:]}")
     if (peak := peak_memory()) > MEMORY:
         faults.append(f"{peak:.0f} MB of memory")
-    return {"kind": kind, "outcome": outcome(ran.code), "seconds": ran.seconds, "faults": faults}
+    return {"kind": what, "outcome": outcome(ran.code), "seconds": ran.seconds, "faults": faults}
 
 
 def main() -> int:
-    arguments = options(__doc__ or "", 400)
+    parser = options(__doc__ or "", 400)
+    parser.add_argument("--only", choices=("documents", "checkpoints", "caches"), help="trials of this kind alone")
+    parser.add_argument("--verified", type=int, default=40, metavar="N", help="one in N accepted checkpoints")
+    arguments = parser.parse_args()
     study = Study(arguments.seed, arguments.log)
-    study.play(arguments.count, trial)
+    study.play(arguments.count, partial(trial, only=arguments.only, verified_every=arguments.verified), arguments.part)
     print(f"peak memory {peak_memory():.0f} MB")
     return study.report()
 
