@@ -1,7 +1,7 @@
 """The judging of a flown run: which rule every passing and the flight as a whole would break, and what that costs.
 
-A passing is measured by the conditions that its element sets to an optimum. A breach that is smaller than twice the
-standard deviation of its measurement is told as uncertain.
+A passing is measured by the conditions that its element sets to an optimum. A breach that is smaller than three
+standard deviations of its measurement is told as uncertain.
 """
 
 import math

@@ -38,7 +38,7 @@ def breaches_section(breaches: Sequence[Breach], penalty: float) -> str:
         for one in breaches
     ]  # fmt: skip
     total = f"Penalties of what is certain: {penalty_text(penalty)}."
-    told = "A breach smaller than twice the standard deviation of its measurement is not certain."
+    told = "A breach smaller than three standard deviations of its measurement is not certain."
     return section("Rules", table(BREACHES, rows) + note(f"{total} {told}"))
 
 
