@@ -46,6 +46,12 @@ The shuttle's 120 intervals end within 5e-8 of the states' scales of where a tol
 a scale of 100 km; 1e-6 leaves eight times as much and takes little less time.
 """
 
+MOST_STEPS = 100
+"""The number of steps that an interval may take, where those of all shipped courses take up to 5.
+
+What needs more is no flight, but a number that somebody has put into a file.
+"""
+
 
 @record
 class Replay:
@@ -84,7 +90,8 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     tolerance = RELATIVE_TOLERANCE / np.sqrt(intervals)
     start = (iterate.state[:, :-1] / scale[:, None]).ravel()
     grid = np.linspace(0.0, 1.0, SAMPLES + 1)
-    histories = integrate(side_by_side, start, grid, relative=max(tolerance, 1e-13), absolute=tolerance)
+    relative = max(tolerance, 1e-13)
+    histories = integrate(side_by_side, start, grid, relative=relative, absolute=tolerance, most_steps=MOST_STEPS)
     state = histories.reshape(n_x, intervals, SAMPLES + 1)
     defect = state[:, :, -1] - problem.arrivals(iterate.state) / scale[:, None]
     state = state * scale[:, None, None]
@@ -148,7 +155,9 @@ def _across(problem: Problem, functions: PointFunctions, x: Array, control: Arra
 
     whole = np.array([0.0, 1.0])
     tolerance = PHASE_TOLERANCE
-    ends = integrate(side_by_side, x.ravel(), whole, relative=tolerance, absolute=tolerance, first_step=1.0)
+    ends = integrate(
+        side_by_side, x.ravel(), whole, relative=tolerance, absolute=tolerance, first_step=1.0, most_steps=MOST_STEPS
+    )
     return ends[:, -1].reshape(x.shape)
 
 

@@ -94,6 +94,20 @@ def test_control_that_is_one_percent_off_is_found_at_every_stage(genuine: Checkp
     assert all({"replay_defect", "kkt_error"} <= items for items in found.values()), found
 
 
+@pytest.mark.parametrize("absurd", [1e29, -1e12])
+def test_control_that_nothing_can_fly_ends_no_verifying(genuine: Checkpoint, tmp_path: Path, absurd: float) -> None:
+    """An integrator would follow it in steps as small as they are many."""
+
+    def change(result: StageResult) -> StageResult:
+        control = result.trajectory.control.copy()
+        control[:, 1] = absurd
+        return dataclasses.replace(result, trajectory=dataclasses.replace(result.trajectory, control=control))
+
+    found = forged(genuine, tmp_path, change)
+    assert tuple(found) == STAGES
+    assert all({"replay_defect", "replay_gate"} <= items for items in found.values()), found
+
+
 def test_multiplier_that_is_one_percent_off_is_found_at_every_stage(genuine: Checkpoint, tmp_path: Path) -> None:
     def change(result: StageResult) -> StageResult:
         multipliers = result.constraint_multipliers.copy()

@@ -33,3 +33,20 @@ def test_nothing_is_told_of_times_after_the_end_of_the_solution() -> None:
     assert states.shape == (1, len(times))
     assert states[0, :3] == pytest.approx(1 / (1 - times[:3]), rel=1e-9)
     assert np.isnan(states[0, 3:]).all()
+
+
+def test_nothing_is_told_where_the_start_is_not_finite() -> None:
+    states = integrate(growing, np.array([1.0, np.nan]), np.array([0.0, 0.5]), relative=EXACT, absolute=EXACT)
+    assert np.isnan(states).all()
+
+
+def test_an_integration_ends_after_the_steps_that_it_may_take() -> None:
+    evaluated: list[float] = []
+
+    def rates(time: float, x: np.ndarray) -> np.ndarray:
+        evaluated.append(time)
+        return 1e9 * np.cos(1e9 * time) * np.ones_like(x)
+
+    states = integrate(rates, np.zeros(2), np.array([0.0, 1.0]), relative=EXACT, absolute=EXACT, most_steps=50)
+    assert np.isnan(states).all()
+    assert 500 < len(evaluated) <= 600
