@@ -76,10 +76,16 @@ class Priced:
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
-def priced(service: SolverService, window: Window) -> Priced | None:
-    """Return the fastest flight through a window near its guess; None if there is none within the budget."""
+def priced(service: SolverService, window: Window, barrier: float = COLD_BARRIER) -> Priced | None:
+    """Return the fastest flight through a window near its guess; None if there is none within the budget.
+
+    Args:
+        service: what solves.
+        window: the window.
+        barrier: the first value of the barrier parameter.
+    """
     problem, start, weight = _problem(window)
-    solution = attempted(service, problem, start, COLD_BARRIER, ITERATIONS)
+    solution = attempted(service, problem, start, barrier, ITERATIONS)
     if solution is None or not solution.success:
         return None
     base, found = window.base, solution.iterate
