@@ -58,7 +58,10 @@ def integrate(
     asked = times if len(times) > 2 else None  # both ends are there without interpolation
     bounded = _bounded(rates, most_steps * EVALUATIONS)
     try:
-        flown = solve_ivp(bounded, span, start, "DOP853", asked, rtol=relative, atol=absolute, first_step=first_step)
+        with np.errstate(over="ignore", invalid="ignore"):  # rates that are no numbers shorten the step, until it fails
+            flown = solve_ivp(
+                bounded, span, start, "DOP853", asked, rtol=relative, atol=absolute, first_step=first_step
+            )
     except _TooManyStepsError:
         return np.full((len(start), len(times)), np.nan)
     states = np.asarray(flown.y, dtype=np.float64)

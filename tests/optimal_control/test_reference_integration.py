@@ -1,5 +1,7 @@
 """The reference integration: as exact as it was asked to be, and honest about where it had to stop."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,13 @@ def test_an_integration_ends_after_the_steps_that_it_may_take() -> None:
     states = integrate(rates, np.zeros(2), np.array([0.0, 1.0]), relative=EXACT, absolute=EXACT, most_steps=50)
     assert np.isnan(states).all()
     assert 500 < len(evaluated) <= 600
+
+
+def test_rates_that_are_no_numbers_are_told_without_a_warning() -> None:
+    def rates(time: float, x: np.ndarray) -> np.ndarray:
+        return x * np.where(time > 0.5, np.inf, 1.0) * np.array([1.0, 0.0])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        states = integrate(rates, np.array([1.0, 1.0]), np.array([0.0, 1.0]), relative=EXACT, absolute=EXACT)
+    assert np.isnan(states[:, 1]).all()
