@@ -157,8 +157,9 @@ def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
                 ("airframe", f"{key}_kg_m2"),
                 f"no body has such a moment of inertia: {moment:g} is more than the other two together, {others:g}",
             )
-    least = I_x / (0.5 * airframe.b) ** 2 if airframe.b > 0.0 else 0.0
-    if airframe.m < least:
+    arm = 0.5 * airframe.b
+    if arm > 0.0 and airframe.m * arm * arm < I_x:
+        least = I_x / arm / arm
         reporter.value(
             ("airframe", "mass_kg"),
             f"is too little: nothing within a wing span of {airframe.b:g} m has I_x_kg_m2 = {I_x:g} and weighs less "

@@ -58,6 +58,11 @@ def test_mass_that_no_body_of_that_size_has_is_refused() -> None:
     assert "airframe.mass_kg: is too little: nothing within a wing span of 7.43 m has I_x_kg_m2 = 520" in str(finding)
 
 
+def test_wing_span_whose_square_is_no_number_is_refused() -> None:
+    findings = findings_of(aircraft=edited(AIRCRAFT, "wing_span_m: 7.43", "wing_span_m: 1e-308"))
+    assert any("nothing within a wing span of 1e-308 m" in str(finding) for finding in findings)
+
+
 def test_gate_that_no_lap_passes_is_named() -> None:
     assert unused_gates(load_inputs(ROVINJ)) == []
     text = ROVINJ.read_text().replace(
