@@ -136,20 +136,22 @@ twice as fast as this.
 def stopping() -> Generator[Callable[[], bool], None, None]:
     """Provide a function that tells whether the user asked to stop.
 
-    Ctrl-C (or SIGTERM) asks; the second time, everything is dropped at once.
+    Ctrl-C (or SIGTERM) asks; the second time, everything is dropped at once. What is asked for ends no sooner than all
+    signals of one request have come, for the last of them would interrupt the tables.
     """
-    asked: float | None = None
+    asked: list[float] = []
 
     def ask(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if asked is None:
-            asked = time.monotonic()
-        elif time.monotonic() - asked > ONE_REQUEST:
+        if not asked:
+            asked.append(time.monotonic())
+        elif time.monotonic() - asked[0] > ONE_REQUEST:
             raise KeyboardInterrupt
 
     before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield lambda: asked is not None
+        yield lambda: bool(asked)
+        for began in asked:
+            time.sleep(max(0.0, began + ONE_REQUEST - time.monotonic()))
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 from batch_examples import starts
 from batch_shell import Ran, Shell
 from clusters import wait_until
+
+from airrace.cli.batch import stopping
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -96,3 +99,12 @@ def is_gone(process: int) -> bool:
         return True
     status = Path(f"/proc/{process}/stat")
     return status.exists() and status.read_text().rpartition(")")[2].split()[0] in "ZX"
+
+
+def test_second_signal_of_one_request_interrupts_nothing_though_the_jobs_have_ended() -> None:
+    second = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+    with stopping() as asked:
+        os.kill(os.getpid(), signal.SIGINT)
+        second.start()
+        assert asked()
+    second.join()  # the signal would end it by KeyboardInterrupt
