@@ -1,6 +1,5 @@
 """The independent integrator: scipy's DOP853, which shares no code with the shooting schemes."""
 
-import importlib
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from airrace.optimal_control.dop853 import dop853
 from airrace.trajectory import Array
 
 EVALUATIONS = 12
@@ -20,8 +20,8 @@ class _TooManyStepsError(Exception):
 
 @cache
 def load_in_background() -> None:
-    """Begin to load scipy, once, while a solver process works; it takes longer than many races take to solve."""
-    threading.Thread(target=importlib.import_module, args=("scipy.integrate",), daemon=True).start()
+    """Begin to load the integrator, once, while a solver process works."""
+    threading.Thread(target=dop853, daemon=True).start()
 
 
 def integrate(
@@ -50,27 +50,32 @@ def integrate(
     """
     if not np.isfinite(start).all():
         return np.full((len(start), len(times)), np.nan)
-    # Imported here, see `load_in_background`; scipy ships no types.
-    from scipy.integrate import solve_ivp as untyped  # pyright: ignore[reportUnknownVariableType]
-
-    solve_ivp: Any = untyped  # pyright: ignore[reportUnknownVariableType]
-    span = (float(times[0]), float(times[-1]))
-    asked = times if len(times) > 2 else None  # both ends are there without interpolation
     bounded = _bounded(rates, most_steps * EVALUATIONS)
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # rates that are no numbers shorten the step, until it fails
-            flown = solve_ivp(
-                bounded, span, start, "DOP853", asked, rtol=relative, atol=absolute, first_step=first_step
-            )
+            solver = dop853()(bounded, times[0], start, times[-1], rtol=relative, atol=absolute, first_step=first_step)
+            return _flown(solver, start, times)
     except _TooManyStepsError:
         return np.full((len(start), len(times)), np.nan)
-    states = np.asarray(flown.y, dtype=np.float64)
-    if flown.success:
-        return states if asked is not None else states[:, [0, -1]]
-    reached = states.shape[1] if asked is not None else 1
-    result = np.full((len(start), len(times)), np.nan)
-    result[:, :reached] = states[:, :reached]
-    return result
+
+
+def _flown(solver: Any, start: Array, times: Array) -> Array:  # Any: untyped in scipy
+    """Let an integrator take its steps; return the states at the times, NaN at those that it does not reach."""
+    states, reached = np.full((len(start), len(times)), np.nan), 1
+    states[:, 0] = start
+    while True:
+        solver.step()
+        status: str = solver.status
+        if status == "failed":
+            return states
+        passed = int(np.searchsorted(times, float(solver.t), side="right"))
+        if len(times) > 2 and passed > reached:
+            states[:, reached:passed] = solver.dense_output()(times[reached:passed])
+            reached = passed
+        if status == "finished":
+            if len(times) == 2:  # both ends are there without interpolation
+                states[:, -1] = solver.y
+            return states
 
 
 def _bounded(rates: Callable[[float, Array], Array], most: int) -> Callable[[float, Array], Array]:

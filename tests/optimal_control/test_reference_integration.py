@@ -1,9 +1,11 @@
 """The reference integration: as exact as it was asked to be, and honest about where it had to stop."""
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
 
 from airrace.optimal_control.reference_integration import integrate
 
@@ -21,6 +23,22 @@ def test_states_are_the_solution_at_the_times_that_were_asked(times: np.ndarray)
     states = integrate(growing, np.ones(1), times, relative=EXACT, absolute=EXACT)
     assert states.shape == (1, len(times))
     assert states[0] == pytest.approx(1 / (1 - times), rel=1e-9)
+
+
+@pytest.mark.parametrize("first_step", [None, 0.5])
+@pytest.mark.parametrize("count", [2, 3, 50])
+def test_states_are_those_of_scipys_own_driver(count: int, first_step: float | None) -> None:
+    def swinging(time: float, x: np.ndarray) -> np.ndarray:
+        return np.array([x[1], -np.sin(x[0]) + 0.1 * np.cos(time)])
+
+    start, times = np.array([2.0, 0.0]), np.linspace(0.0, 20.0, count)
+    states = integrate(swinging, start, times, relative=EXACT, absolute=EXACT, first_step=first_step)
+    asked = times if count > 2 else None
+    theirs: Any = solve_ivp(  # Any: untyped in scipy
+        swinging, (0.0, 20.0), start, "DOP853", asked, rtol=EXACT, atol=EXACT, first_step=first_step
+    )
+    assert np.array_equal(states[:, [0, -1]], theirs.y[:, [0, -1]])
+    assert count == 2 or np.array_equal(states, theirs.y)
 
 
 def test_both_ends_are_told_apart_from_an_end_that_was_not_reached() -> None:
