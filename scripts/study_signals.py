@@ -1,6 +1,6 @@
 """Commands killed and interrupted at random moments: what they have announced is stored, and nothing stays behind.
 
-python scripts/study_signals.py [--count N] [--seed SEED] [--log FILE]
+python scripts/study_signals.py [--count N] [--seed SEED] [--log FILE] [--part K/N] [--signals SIGKILL ...]
 """
 
 import json
@@ -12,9 +12,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from robustness import COMMAND, SMALL, Ran, Record, choice_of, environment, outcome, play_study
+from robustness import COMMAND, SMALL, Ran, Record, Study, choice_of, environment, options, outcome
 
 import airrace
 
@@ -72,15 +74,15 @@ def stored(path: Path, folder: Path) -> set[str]:
     return {one["stage"] for one in json.loads(shown.out)["stages"]} if shown.code == 0 else set()
 
 
-def trial(rng: random.Random, number: int) -> Record:
+def trial(rng: random.Random, number: int, signals: Sequence[signal.Signals] = SIGNALS) -> Record:
     with tempfile.TemporaryDirectory() as name:
-        return played(rng, Path(name), f"airrace-study-{os.getpid()}-{number}")
+        return played(rng, Path(name), f"airrace-study-{os.getpid()}-{number}", signals)
 
 
-def played(rng: random.Random, folder: Path, mark: str) -> Record:
-    """One command, one signal, and what became of it."""
+def played(rng: random.Random, folder: Path, mark: str, signals: Sequence[signal.Signals]) -> Record:
+    """One command, one of the signals, and what became of it."""
     kind, command = choice_of(rng, COMMANDS)
-    sent, moment = rng.choice(SIGNALS), rng.uniform(0.0, WITHIN)
+    sent, moment = rng.choice(signals), rng.uniform(0.0, WITHIN)
     if "old.h5" in command:
         assert run("optimize", *SMALL, "--out", "old.h5", folder=folder).code == 0
     with (folder / "out").open("w") as out, (folder / "err").open("w") as err:
@@ -150,5 +152,16 @@ def kept(folder: Path, kind: str, err: str) -> list[str]:
     return [f"announced and not stored: {one}" for one in sorted(lost)] + (["cannot be read"] if unread else [])
 
 
+def main() -> int:
+    parser = options(__doc__ or "", 60)
+    names = [one.name for one in SIGNALS]
+    parser.add_argument("--signals", nargs="+", choices=names, default=names, help="those that are sent")
+    arguments = parser.parse_args()
+    signals = [signal.Signals[name] for name in arguments.signals]
+    study = Study(arguments.seed, arguments.log)
+    study.play(arguments.count, partial(trial, signals=signals), arguments.part)
+    return study.report()
+
+
 if __name__ == "__main__":
-    sys.exit(play_study(__doc__ or "", 60, trial))
+    sys.exit(main())
