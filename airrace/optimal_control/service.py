@@ -89,6 +89,7 @@ class SolverService:
         self._ended = False
         self._stopping = threading.Lock()
         self._preparing: list[tuple[System, RungeKutta]] = []
+        self._chores: list[Callable[[], None]] = []
         self._start()
 
     def __enter__(self) -> Self:
@@ -114,6 +115,13 @@ class SolverService:
         if self._process is not None and self._compiled and not kernels.needs_compiling(system, scheme):
             with contextlib.suppress(OSError):  # the next solve finds out that it is dead
                 self._sender.send(Announcement(system, scheme))
+
+    def meanwhile(self, chore: Callable[[], None]) -> None:
+        """Put something off until the process works on the next problem, while this one would only wait.
+
+        It is done once, by the thread that waits, and its errors are those of `solve`.
+        """
+        self._chores.append(chore)
 
     def solve(
         self,
@@ -147,6 +155,8 @@ class SolverService:
         try:
             with self._alive():
                 self._sender.send(request)
+            while self._chores:
+                self._chores.pop(0)()
             patience: float | None = longest
             while True:
                 with self._alive():

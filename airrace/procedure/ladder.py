@@ -122,6 +122,10 @@ class Ladder:
         self.done[stage] = result
         return result
 
+    def explores(self, stage: Stage) -> bool:
+        """Tell whether other ways round are tried in a stage."""
+        return stage is Stage.POINT_MASS and self._settings.explore is not Explore.OFF
+
     def proves(self, stage: Stage) -> bool:
         """Tell whether a stage is proved on a second mesh."""
         return proves(self._settings, stage, self._last)

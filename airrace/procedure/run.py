@@ -7,6 +7,7 @@ import logging
 import math
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from airrace.dynamics import handling
 from airrace.optimal_control.runge_kutta import RungeKutta
@@ -147,7 +148,11 @@ def _climbed(
         if not remark:
             bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
         for following in wanted[:1]:
-            bench.service.prepare(*_flown(ladder, following))
+            prepare = partial(_prepare, ladder, following, bench.service)
+            if ladder.explores(stage):  # on every core: nothing would only wait meanwhile
+                prepare()
+            else:
+                bench.service.meanwhile(prepare)
         result = ladder.climb(stage, bench)
         if spare is not None and is_better(spare, result):
             result, remark, spare = spare, f"{found.remark}, which led to nothing faster", None
@@ -156,6 +161,11 @@ def _climbed(
         yield result
         if result.outcome is not Outcome.SOLVED:
             return
+
+
+def _prepare(ladder: Ladder, stage: Stage, service: SolverService) -> None:
+    """Get a stage ready that is flown next."""
+    service.prepare(*_flown(ladder, stage))
 
 
 def _flown(ladder: Ladder, stage: Stage) -> tuple[System, RungeKutta]:

@@ -219,6 +219,34 @@ def test_an_error_of_who_is_told_is_its_own_and_not_the_death_of_the_process() -
         assert solve(service).success
 
 
+def test_what_is_put_off_is_done_once_before_the_next_solution_is_waited_for() -> None:
+    done: list[str] = []
+    with SolverService() as service:
+        service.meanwhile(lambda: done.append("first"))
+        service.meanwhile(lambda: done.append("second"))
+        assert not done
+        solve(service, on_iteration=lambda _: done.append("iteration"))
+        assert done[:3] == ["first", "second", "iteration"]
+        done.clear()
+        solve(service)
+        assert not done
+
+
+def test_an_error_of_what_was_put_off_is_its_own_and_leaves_no_process() -> None:
+    before = children()
+
+    def refuse() -> None:
+        raise ValueError("refused")
+
+    with SolverService() as service:
+        service.meanwhile(refuse)
+        worker = worker_of(before)
+        with pytest.raises(ValueError, match="refused"):
+            solve(service)
+        assert gone(worker)
+        assert solve(service).success
+
+
 def test_request_that_cannot_be_worked_on_is_a_solver_crash_that_says_why() -> None:
     with SolverService(compiled=False) as service:
         with pytest.raises(SolverCrash, match="no such solver"):
