@@ -1,4 +1,4 @@
-"""scipy's integrator DOP853, without the rest of `scipy.integrate`.
+"""The integrator DOP853 of scipy, without the rest of `scipy.integrate`.
 
 To load that package takes 0.4 s, more than many solves of a short race: it fetches quadrature, optimisation and
 transforms of signals. The integrator itself stands in a folder of its own, whose files need nothing but `scipy.sparse`.
@@ -16,7 +16,7 @@ from typing import Any
 ALIAS = "airrace_scipy_integrators"
 """The name under which the folder of integrators is loaded."""
 FOLDER = Path("integrate", "_ivp")
-"""Where scipy keeps them, since its version 1.0."""
+"""The folder of the integrators in scipy, since its version 1.0."""
 
 
 @cache
