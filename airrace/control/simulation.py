@@ -71,28 +71,48 @@ class Followed:
     end_roll: float
 
 
-def follow(
-    model: FlightModel,
-    inverse: InnerLoopInverse,
-    reference: Reference,
-    *,
-    nodes: Array,
-    gains: PathGains | None = None,
-    step: float = STEP,
-) -> Followed:
-    """Fly `model` along `reference`, in the air that both have in common.
+@record
+class Pilot:
+    """A model under its controllers, ready to follow any reference.
+
+    Attributes:
+        model: with the numbers of its aircraft and air.
+        inner: its inner controller.
+        step: of time, s.
+        advance: from (x, s) and the reference there and at the furthest a step ahead to (x, s) after that step, and the
+            controls, the distance and the roll error at its beginning.
+    """
+
+    model: FlightModel
+    inner: InnerController
+    step: float
+    advance: ca.Function
+
+
+def pilot(
+    model: FlightModel, inverse: InnerLoopInverse, *, gains: PathGains | None = None, step: float = STEP
+) -> Pilot:
+    """Put a model under its controllers.
 
     Args:
         model: with the numbers of its aircraft and air.
         inverse: builds the model's inner controller.
-        reference: what is to be followed.
-        nodes: wanted values of the reference's clock, s; rising from zero to its end, shape (N + 1,).
         gains: of the outer loop.
         step: of time, s.
     """
     inner = inverse(model)
-    flown = _fly(model, inner, reference, gains or PathGains(), step)
-    return _followed(model.system, reference, nodes, flown)
+    return Pilot(model, inner, step, _advance(model, inner, gains or PathGains(), step))
+
+
+def follow(pilot: Pilot, reference: Reference, *, nodes: Array) -> Followed:
+    """Fly along `reference`, in the air that both have in common.
+
+    Args:
+        pilot: flies.
+        reference: what is to be followed.
+        nodes: wanted values of the reference's clock, s; rising from zero to its end, shape (N + 1,).
+    """
+    return _followed(pilot.model.system, reference, nodes, _fly(pilot, reference))
 
 
 @record
@@ -107,10 +127,11 @@ class _Flown:
     roll: Array
 
 
-def _fly(model: FlightModel, inner: InnerController, reference: Reference, gains: PathGains, step: float) -> _Flown:
-    n_x, n_u = len(model.system.states), len(model.system.controls)
-    advance = _step(model, inner, reference, gains, step).mapaccum("flight", CHUNK)
-    now = np.append(_beginning(model.system, inner, reference), 0.0)
+def _fly(pilot: Pilot, reference: Reference) -> _Flown:
+    system, step = pilot.model.system, pilot.step
+    n_x, n_u = len(system.states), len(system.controls)
+    advance = _step(pilot, reference).mapaccum("flight", CHUNK)
+    now = np.append(_beginning(system, pilot.inner, reference), 0.0)
     before: list[Array] = []
     seen: list[Array] = []
     while not before or (before[-1][n_x, -1] < reference.duration and np.isfinite(now).all()):
@@ -128,16 +149,21 @@ def _fly(model: FlightModel, inner: InnerController, reference: Reference, gains
     )
 
 
-def _step(
-    model: FlightModel, inner: InnerController, reference: Reference, gains: PathGains, step: float
-) -> ca.Function:
-    """Return one step as a function: from (x, s) to (x, s) after it and the observations at its beginning.
+def _step(pilot: Pilot, reference: Reference) -> ca.Function:
+    """Return one step along a reference as a function: from (x, s) to (x, s) after it and the observations before."""
+    lookup = _lookup(reference)
+    y = ca.MX.sym("y", len(pilot.model.system.states) + 1)
+    after: Any = pilot.advance(
+        y, lookup(y[-1]), lookup(y[-1] + pilot.step)
+    )  # Any: the stub does not know of two outputs
+    return ca.Function("step", [y], list(after))
 
-    These are controls, distance and roll error.
-    """
+
+def _advance(model: FlightModel, inner: InnerController, gains: PathGains, step: float) -> ca.Function:
+    """Return one step between two points of a reference, see `Pilot.advance`."""
     size, width = len(model.system.states) + 1, ReferencePoint.size()
     now, here, ahead = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
-    slope: Any = _slope(model, inner, gains)  # Any: the stub does not know of two outputs
+    slope: Any = _slope(model, inner, gains)  # Any: likewise
 
     def rates(y: ca.SX) -> tuple[ca.SX, ca.SX]:
         return slope(y, here + (y[-1] - now[-1]) / step * (ahead - here))
@@ -149,10 +175,7 @@ def _step(
     end = now + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     if model.system.projection is not None:
         end = _vertcat(model.system.projection(end[:-1]), end[-1])
-    inside = ca.Function("inside", [now, here, ahead], [end, seen], {"cse": True})
-    lookup = _lookup(reference)
-    y = ca.MX.sym("y", size)
-    return ca.Function("step", [y], list(inside(y, lookup(y[-1]), lookup(y[-1] + step))))
+    return ca.Function("advance", [now, here, ahead], [end, seen], {"cse": True})
 
 
 def _slope(model: FlightModel, inner: InnerController, gains: PathGains) -> ca.Function:

@@ -13,7 +13,7 @@ import numpy as np
 
 from airrace.control.reference import Reference, from_optimum
 from airrace.control.settling import settle
-from airrace.control.simulation import follow
+from airrace.control.simulation import Pilot, follow
 from airrace.optimal_control.carried import carried
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
@@ -29,19 +29,20 @@ FEWEST = 4
 """The smallest number of intervals of a phase."""
 
 
-def followed(flight: Flight, source: Flight, optimum: StageResult) -> Start:
+def followed(flight: Flight, pilot: Pilot, source: Flight, optimum: StageResult) -> Start:
     """Return a start: a stage's model flown along the optimum of another stage.
 
     Where it strays too far, the start is the model at rest in that optimum.
 
     Args:
         flight: of the stage to be started.
+        pilot: flies its model.
         source: of the stage whose optimum is followed.
         optimum: its result.
     """
     reference = _reference(source, optimum)
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
-    simulated = follow(flight.model, flight.fidelity.controller(), reference, nodes=nodes)
+    simulated = follow(pilot, reference, nodes=nodes)
     facts = Facts(
         source=source.stage.value,
         strayed=simulated.strayed,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from airrace.control.simulation import Pilot, pilot
 from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.as_flown import plan_as_flown
@@ -87,6 +88,7 @@ class Ladder:
         self._settings = settings
         self._last = last
         self._flights: dict[Stage, Flight] = {}
+        self._pilots: dict[Stage, Pilot] = {}
         self._pieces: StageResult | None = None
         self._contradiction: Contradiction | None = None
         self._relaxed: Relaxations | None = None
@@ -106,6 +108,19 @@ class Ladder:
             with interrupts_held_back():
                 self._flights[stage] = stage_flight(stage, self._race, self._settings)
         return self._flights[stage]
+
+    def make_ready(self, stage: Stage) -> None:
+        """Make what a stage needs that does not depend on the stage below it."""
+        fidelity = fidelity_of(stage)
+        self.flight(stage)
+        if fidelity.inner_controller is not None and fidelity.handover.retold is None:
+            self._pilot(stage)
+
+    def _pilot(self, stage: Stage) -> Pilot:
+        if stage not in self._pilots:
+            with interrupts_held_back():
+                self._pilots[stage] = pilot(self.flight(stage).model, fidelity_of(stage).controller())
+        return self._pilots[stage]
 
     def climb(self, stage: Stage, bench: Workbench) -> StageResult:
         """Run one stage and return its result; those before it are done."""
@@ -304,7 +319,7 @@ class Ladder:
             return recorded(flight, below, optimum)
         bench.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
         with interrupts_held_back():
-            return followed(flight, below, optimum)
+            return followed(flight, self._pilot(stage), below, optimum)
 
     def as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
         """Return a stage's model, planned as an optimum goes round."""

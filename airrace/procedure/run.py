@@ -166,6 +166,7 @@ def _climbed(
 def _prepare(ladder: Ladder, stage: Stage, service: SolverService) -> None:
     """Get a stage ready that is flown next."""
     service.prepare(*_flown(ladder, stage))
+    ladder.make_ready(stage)
 
 
 def _flown(ladder: Ladder, stage: Stage) -> tuple[System, RungeKutta]:
