@@ -96,19 +96,37 @@ class Sender:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
+        self._packed: list[bytes] = []
         self._names: dict[int, str] = {}
         self._kept: list[System | Observation] = []  # keeps the ids valid
 
     def send(self, message: SolveRequest | Announcement) -> None:
-        """Write one message.
+        """Write one message, after those that wait.
 
         Raises:
             OSError: the other side is gone.
+            ValueError: the stream is closed.
         """
+        self.pack(message)
+        self.deliver()
+
+    def pack(self, message: SolveRequest | Announcement) -> None:
+        """Get a message ready that is to wait until `deliver`."""
         for shared in _shared(message):
             if id(shared) not in self._names:
                 self._define(shared)
-        self._write(message)
+        self._pack(message)
+
+    def deliver(self) -> None:
+        """Write the messages that wait, if any.
+
+        Raises:
+            OSError: the other side is gone.
+            ValueError: the stream is closed.
+        """
+        while self._packed:
+            self._stream.write(self._packed.pop(0))
+            self._stream.flush()
 
     def close(self) -> None:
         """Close the stream."""
@@ -117,15 +135,14 @@ class Sender:
     def _define(self, shared: System | Observation) -> None:
         content = pickle.dumps(shared, protocol=pickle.HIGHEST_PROTOCOL)
         name = hashlib.sha256(content).hexdigest()
-        self._write(_Definition(name, shared))
+        self._pack(_Definition(name, shared))
         self._names[id(shared)] = name
         self._kept.append(shared)
 
-    def _write(self, message: SolveRequest | Announcement | _Definition) -> None:
+    def _pack(self, message: SolveRequest | Announcement | _Definition) -> None:
         buffer = io.BytesIO()
         _Pickler(buffer, self._names).dump(message)
-        self._stream.write(buffer.getvalue())
-        self._stream.flush()
+        self._packed.append(buffer.getvalue())
 
 
 def _shared(message: SolveRequest | Announcement) -> list[System | Observation]:

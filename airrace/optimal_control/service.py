@@ -88,6 +88,7 @@ class SolverService:
         self._starter = 0  # the thread that has started the process, with which the process ends on Linux
         self._ended = False
         self._stopping = threading.Lock()
+        self._solving = False
         self._preparing: list[tuple[System, RungeKutta]] = []
         self._chores: list[Callable[[], None]] = []
         self._start()
@@ -111,10 +112,20 @@ class SolverService:
             self.announce(system, scheme)
 
     def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Let the process load the kernels of a system that is flown next, if they are compiled."""
+        """Let the process load the kernels of a system that is flown next, if they are compiled.
+
+        While the process works on a problem, what is announced waits for the solution: the process reads nothing before
+        it has written that, and a pipe holds so little that each would wait for the other to read.
+        """
         if self._process is not None and self._compiled and not kernels.needs_compiling(system, scheme):
-            with contextlib.suppress(OSError):  # the next solve finds out that it is dead
-                self._sender.send(Announcement(system, scheme))
+            self._sender.pack(Announcement(system, scheme))
+            if not self._solving:
+                self._deliver()
+
+    def _deliver(self) -> None:
+        """Send what waits; the next solve finds out where the process is dead or was ended."""
+        with contextlib.suppress(OSError, ValueError):
+            self._sender.deliver()
 
     def meanwhile(self, chore: Callable[[], None]) -> None:
         """Put something off until the process works on the next problem, while this one would only wait.
@@ -151,29 +162,43 @@ class SolverService:
             self._start()
         self._finish_preparing(problem.system, problem.scheme)
         request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, threads or self._threads)
-        longest = stall_seconds or self._stall_seconds
         try:
             with self._alive():
                 self._sender.send(request)
-            while self._chores:
-                self._chores.pop(0)()
-            patience: float | None = longest
-            while True:
-                with self._alive():
-                    reply = self._receive(patience)
-                # What is announced, such as compiling, takes the time it takes.
-                patience = None if isinstance(reply, Notice) else longest
-                if isinstance(reply, Solution):
-                    return reply
-                if isinstance(reply, WorkerFailure):
-                    raise SolverCrash(f"the solver process failed:\n{reply.text}")
-                if isinstance(reply, Notice):
-                    self._notice(reply.text)
-                elif on_iteration is not None:
-                    on_iteration(reply)
+            with self._working():
+                while self._chores:
+                    self._chores.pop(0)()
+                return self._answered(stall_seconds or self._stall_seconds, on_iteration)
         except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
             self.stop()  # more use
             raise
+
+    @contextlib.contextmanager
+    def _working(self) -> Generator[None]:
+        """Let announcements wait until the process has answered."""
+        self._solving = True
+        try:
+            yield
+        finally:
+            self._solving = False
+        self._deliver()
+
+    def _answered(self, longest: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
+        """Return the solution of the request that the process works on."""
+        patience: float | None = longest
+        while True:
+            with self._alive():
+                reply = self._receive(patience)
+            # What is announced, such as compiling, takes the time it takes.
+            patience = None if isinstance(reply, Notice) else longest
+            if isinstance(reply, Solution):
+                return reply
+            if isinstance(reply, WorkerFailure):
+                raise SolverCrash(f"the solver process failed:\n{reply.text}")
+            if isinstance(reply, Notice):
+                self._notice(reply.text)
+            elif on_iteration is not None:
+                on_iteration(reply)
 
     @contextlib.contextmanager
     def _alive(self) -> Generator[None]:

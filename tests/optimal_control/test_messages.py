@@ -73,3 +73,21 @@ def test_an_announced_system_is_the_one_that_is_solved_later() -> None:
     assert isinstance(second, SolveRequest)
     assert first.system is second.problem.system
     assert first.scheme == problem.scheme
+
+
+def test_messages_that_wait_are_written_in_their_order_with_the_next() -> None:
+    problem, guess = rest_to_rest()
+    stream = io.BytesIO()
+    sender = Sender(stream)
+    sender.pack(Announcement(problem.system, problem.scheme))
+    assert stream.tell() == 0
+    sender.send(request(problem, guess))
+    written = stream.tell()
+    sender.deliver()
+    assert stream.tell() == written
+    stream.seek(0)
+    receiver = Receiver(stream)
+    first, second = receiver.receive(), receiver.receive()
+    assert isinstance(first, Announcement)
+    assert isinstance(second, SolveRequest)
+    assert receiver.receive() is None

@@ -2,10 +2,12 @@
 
 import io
 import os
+import pickle
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,6 +32,10 @@ from airrace.system import System
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 TESTS = Path(__file__).parent
+PIPE_BYTES = 2**16
+"""What a pipe holds before who writes must wait, on Linux."""
+LONGEST_SOLVE = 60.0
+"""The time after which a solve is considered to hang, s; it takes less than one."""
 
 
 def solve(
@@ -229,6 +235,25 @@ def test_what_is_put_off_is_done_once_before_the_next_solution_is_waited_for() -
         done.clear()
         solve(service)
         assert not done
+
+
+def test_what_is_announced_meanwhile_and_the_solution_do_not_wait_for_each_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Neither fits into a pipe: who writes one waits until the other side reads."""
+    monkeypatch.setattr("airrace.optimal_control.service.kernels.needs_compiling", lambda *_: False)
+    problem, guess = rest_to_rest(2000)
+    large = replace(problem.system, name="oscillator" * 100_000)
+    with SolverService() as service:
+        service.meanwhile(lambda: service.announce(large, problem.scheme))
+        watchdog = threading.Timer(LONGEST_SOLVE, service.end)
+        watchdog.start()
+        try:
+            solution = solve(service, (problem, guess))
+        finally:
+            watchdog.cancel()
+        assert len(pickle.dumps(solution)) > PIPE_BYTES
+        assert solve(service).success
 
 
 def test_an_error_of_what_was_put_off_is_its_own_and_leaves_no_process() -> None:
