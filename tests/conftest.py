@@ -1,6 +1,7 @@
 """What all tests share: slow ones run only when asked for, generated examples do not change, flights are kept."""
 
 import os
+import signal
 
 import kept
 import pytest
@@ -8,6 +9,10 @@ from hypothesis import settings
 
 # Two libraries that each start a thread per core slow one another down; results do not depend on it.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# A command in the background of a script ignores Ctrl-C, and all that it starts would, too. Tests send it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A shared machine is no place for deadlines, and a test that fails must fail again.
 settings.register_profile("steady", deadline=None, derandomize=True)
