@@ -1,7 +1,8 @@
 """How long the whole ladder takes, from the point mass to six degrees of freedom, measured on the real command.
 
     python scripts/benchmark_ladder.py [COURSE ...] [--repeats 3] [--threads 2] [--proof last] [--explore off]
-                                       [--until STAGE] [--cold] [--what-if KEY=VALUE] [--json FILE] [--against FILE]
+                                       [--until STAGE] [--cold] [--shares] [--what-if KEY=VALUE] [--json FILE]
+                                       [--against FILE]
 
 COURSE is a shipped course or a track file; by default rovinj_2014. Every run is `airrace optimize` from the plan, in a
 process of its own, with a warm kernel cache; the runs of several courses take turns, so that a busy minute of the
@@ -10,6 +11,8 @@ processor time over race time, then per stage race time, iterations, intervals, 
 of all cores together, tell how much of the wall time was waiting for other work on the machine.
 
 - `--cold` flies each course once more with an empty kernel cache: what the first run on a machine takes.
+- `--shares` flies each course once more with clocks around its parts, see `ladder_shares.py`: which shares of each
+  stage's seconds went into derivatives, linear algebra, putting together, replay, simulation, and input and output.
 - `--what-if KEY=VALUE` (again for more) changes the flown run, too, as `airrace resume --set` does.
 - `--json FILE` keeps all figures; `--against FILE` compares with those that were kept. Seconds are compared only where
   both stages ended in the same state: a run that proves less is not a faster one.
@@ -28,6 +31,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+from ladder_shares import BETWEEN
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = (sys.executable, "-m", "airrace")
@@ -177,6 +182,23 @@ def compared_rows(now: Measurement, before: Mapping[str, Any]) -> list[Row]:  # 
     return rows
 
 
+def share_rows(told: Mapping[str, Any]) -> list[Row]:  # Any: as read from JSON
+    """One row per stage and one for all, with the parts as shares of its wall time."""
+    parts = next(iter(told.values()))["parts"]
+    rows: list[Row] = [("stage", "wall s", "processor s", *parts)]
+    between = told[BETWEEN]
+    stages = {f"`{name}`": one for name, one in told.items() if one is not between}
+    whole = {
+        "wall": sum(one["wall"] for one in told.values()),
+        "processor": sum(one["processor"] for one in told.values()),
+        "parts": {part: sum(one["parts"][part] for one in told.values()) for part in parts},
+    }
+    for name, one in {**stages, "between them": between, "all": whole}.items():
+        shares = (f"{one['parts'][part] / one['wall']:.0%}" for part in parts)
+        rows.append((name, f"{one['wall']:.2f}", f"{one['processor']:.2f}", *shares))
+    return rows
+
+
 def print_rows(rows: Sequence[Row]) -> None:
     """As a Markdown table."""
     headings, *rest = rows
@@ -213,6 +235,17 @@ def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> 
     return found
 
 
+def shares_of(course: str, asked: argparse.Namespace, folder: Path) -> dict[str, Any]:  # Any: as read from JSON
+    """Fly a course once with clocks around its parts."""
+    told, out = folder / "shares.json", str(folder / "shares.h5")
+    timed = (sys.executable, str(ROOT / "scripts" / "ladder_shares.py"), str(told), "optimize", course)
+    chosen = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
+    command = (*timed, "--out", out, "--force", "--explore", "off", "--quiet", *chosen)
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
+    found: dict[str, Any] = json.loads(told.read_text())
+    return found
+
+
 def main() -> int:
     """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -223,6 +256,7 @@ def main() -> int:
     parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
     parser.add_argument("--until", default="six-dof", metavar="STAGE")
     parser.add_argument("--cold", action="store_true", help="once more with an empty kernel cache")
+    parser.add_argument("--shares", action="store_true", help="once more with clocks around its parts")
     parser.add_argument("--what-if", action="append", default=[], metavar="KEY=VALUE", help="change the run, too")
     parser.add_argument("--json", type=Path, metavar="FILE", help="keep all figures")
     parser.add_argument("--against", type=Path, metavar="FILE", help="compare with figures that were kept")
@@ -231,6 +265,7 @@ def main() -> int:
     try:
         with tempfile.TemporaryDirectory() as folder:
             found = runs_of(asked.courses, asked, Path(folder))
+            shares = {one: shares_of(one, asked, Path(folder)) for one in asked.courses if asked.shares}
     except Uncertified as error:
         print(error, file=sys.stderr)
         return 1
@@ -242,6 +277,9 @@ def main() -> int:
         if name in before:
             print("and before\n")
             print_rows(compared_rows(run, before[name]))
+    for course, told in shares.items():
+        print(f"**{Path(course).stem}, shares of the time**\n")
+        print_rows(share_rows(told))
     if asked.json:
         asked.json.write_text(json.dumps({name: asdict(run) for name, run in found.items()}, indent=1) + "\n")
     return 0
