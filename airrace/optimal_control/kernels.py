@@ -6,10 +6,10 @@ what does not:
     step: y = (x, u, T), own = the interval's share of the duration T, shared = p    -> x at the interval's end
     path: y = (x, u), own empty, shared = p                                          -> path quantities
 
-Compiled, the step's derivatives are composed from those of its stages, see `step_kernel.py`; all else is the graph that
-casadi makes. The functions take several intervals at once where processor and compiler have vectors, see `lanes.h`; an
-interval's results are the same bits then. A library is kept per machine, named by a hash of all it depends on. Without
-a C compiler casadi's own virtual machine evaluates the graphs, the step's among them, slower.
+Compiled, the step and its derivatives are composed from those of its stages, see `step_kernel.py`; all else is the
+graph that casadi makes. The functions take several intervals at once where processor and compiler have vectors, see
+`lanes.h`; an interval's results are the same bits then. A library is kept per machine, named by a hash of all it
+depends on. Without a C compiler casadi's own virtual machine evaluates the graphs, the step's among them, slower.
 """
 
 import hashlib
@@ -56,7 +56,7 @@ With -O3 a Hessian of six-dof takes 4 % less time and one of the point mass as m
 TOGETHER = 1000
 """The number of operations up to which generated functions share a file: for some a compiler takes longest to start."""
 
-FORMAT = 5
+FORMAT = 6
 """The number of the form of the generated code.
 
 It is raised with every change of the form, so that no cached library of another form is used.
@@ -207,28 +207,24 @@ def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Functio
 
 
 def _sources(system: System, scheme: RungeKutta) -> list[Source]:
-    """Return the sources of `symbolic_kernels`, with composed derivatives of the step."""
-    arguments = _arguments(system)
-    step = ca.Function("step", [*arguments], [ca.densify(_end(system, scheme, *arguments))], {"cse": True})
+    """Return the sources of `symbolic_kernels`, those of the step composed."""
     composed = step_sources(system, scheme)
     return [
-        *(generated_source(function, hidden=True) for function in composed.generated),
+        *(generated_source(function, hidden=True) for function in (composed.rates, *composed.generated)),
         Source("step_kernel", composed.driver, DRIVER_FLAGS),
-        *(generated_source(function) for function in (step, *_path_functions(system).values())),
+        *(generated_source(function) for function in _path_functions(system).values()),
     ]
 
 
 def _lane_sources(system: System, scheme: RungeKutta, instructions: InstructionSet) -> list[Source]:
     """Return the sources for several intervals at once; rates and path quantities serve the replay, too."""
-    lanes, arguments = instructions.lanes, _arguments(system)
-    step = ca.Function("step", [*arguments], [ca.densify(_end(system, scheme, *arguments))], {"cse": True})
+    lanes, path = instructions.lanes, _path_functions(system)
     composed = step_sources(system, scheme, lanes=lanes)
     before, flags = header(lanes), (*VECTOR_FLAGS, *instructions.flags)
-    called = [step, *_path_functions(system).values()]
-    shapes = {function.name(): shape_of(function) for function in called} | _derivative_shapes(system, composed)
-    rows = {"rates": len(system.states)} | ({"path": len(system.path)} if system.path_values is not None else {})
+    shapes = _step_shapes(system, composed) | {name: shape_of(function) for name, function in path.items()}
+    rows = {"rates": len(system.states)} | ({"path": len(system.path)} if path else {})
     functions = {function.name(): function for function in composed.generated}
-    functions |= {f"{function.name()}_of_lanes": function for function in (*called, _rates(system))}
+    functions |= {f"{function.name()}_of_lanes": function for function in (composed.rates, *path.values())}
     return [  # the slowest first
         Source("step_kernel", before + composed.driver, (*LANE_FLAGS, *flags)),
         *(
@@ -251,18 +247,14 @@ def _together(functions: Mapping[str, ca.Function]) -> list[dict[str, ca.Functio
     return parts
 
 
-def _derivative_shapes(system: System, composed: StepSources) -> dict[str, Shape]:
+def _step_shapes(system: System, composed: StepSources) -> dict[str, Shape]:
     y, fraction, p = (symbols.sparsity() for symbols in _arguments(system))
     x = ca.Sparsity.dense(len(system.states))
     return {
+        "step": Shape([y, fraction, p], [x]),
         "step_jacobian": Shape([y, fraction, p], [x, composed.jacobian]),
         "step_hessian": Shape([y, fraction, p, x], [y, composed.hessian]),
     }
-
-
-def _rates(system: System) -> ca.Function:
-    x, u, p = (ca.SX.sym(name, system.rates.size1_in(place)) for place, name in enumerate("xup"))
-    return ca.Function("rates", [x, u, p], [ca.densify(system.rates(x, u, p))])
 
 
 def _instructions(system: System) -> InstructionSet:

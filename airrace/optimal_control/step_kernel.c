@@ -1,8 +1,8 @@
-/* Jacobian and Hessian of the step of one shooting interval, put together from those of f alone.
+/* The step of one shooting interval, its Jacobian and its Hessian, put together from those of f alone.
  *
  * Before this text stand the sizes, the scheme and the patterns of one model, see step_kernel.py, and
- * library_function.h. Elsewhere in the library stand rates_* and projection_*: Jacobians and Hessians of f(z; p),
- * z = (x, u), and of the projection.
+ * library_function.h. Elsewhere in the library stand rates, rates_* and projection_*: f(z; p) with z = (x, u), and the
+ * Jacobians and Hessians of f and of the projection.
  *
  * With y = (x, u, T), the interval's share phi of T, and h = T g, g = phi / STEPS, the stages of one step are
  *
@@ -23,6 +23,7 @@
  * the library's interface, see lane_interface.c. */
 #ifdef LANES
 #define KERNEL(name) int name##_of_lanes
+#define RATES_ALONE rates_of_lanes
 #else
 typedef double real;
 typedef long long int integer;
@@ -35,6 +36,7 @@ typedef long long int integer;
 #define INLINE static inline
 #endif
 #define KERNEL(name) EXPORT int name
+#define RATES_ALONE rates
 #endif
 
 #define NZ (NX + NU)
@@ -91,7 +93,7 @@ struct flight {
 /* calls of the generated functions */
 
 typedef int generated(const real **arg, real **res, integer *iw, real *w, int mem);
-generated rates_linear, rates_curved, projection_linear, projection_curved;
+generated RATES_ALONE, rates_linear, rates_curved, projection_linear, projection_curved;
 
 INLINE int call(generated *function, const real *x, const real *u, const real *p, const real *lam, real *one, real *two)
 {
@@ -160,6 +162,10 @@ static void begin(struct flight *flight, const real **arg)
     flight->g = arg[1] ? arg[1][0] / (double)STEPS : all(0.0);
     flight->h = flight->y[NY - 1] * flight->g;
     for (int r = 0; r < NX; r++) flight->x[r] = flight->y[r];
+}
+
+static void begin_sensitivity(struct flight *flight)
+{
     for (int r = 0; r < NX; r++) {
         clear_row(flight->dx[r]);
         if (COLUMN_OF[r] >= 0) flight->dx[r][COLUMN_OF[r]] = all(1.0);
@@ -203,6 +209,18 @@ INLINE real mean_slope(real (*K)[NX], int r)
     for (int i = 0; i < STAGES; i++)
         if (B[i] != 0.0) slope += B[i] * K[i][r];
     return slope;
+}
+
+/* one step without its sensitivity */
+static int plain_step(struct flight *flight, real (*K)[NX])
+{
+    for (int i = 0; i < STAGES; i++) {
+        real V[NX], z[NZ];
+        stage_state(flight, K, i, V, z);
+        if (call(RATES_ALONE, z, z + NX, flight->p, 0, K[i], 0)) return 1;
+    }
+    for (int r = 0; r < NX; r++) flight->x[r] += flight->h * mean_slope(K, r);
+    return 0;
 }
 
 static int one_step(struct flight *flight, struct stage *stages, real (*K)[NX])
@@ -287,13 +305,29 @@ static int project_back(struct flight *flight, real *lam, real (*hessian)[PADDED
     return 0;
 }
 
-/* the derivatives of the step */
+/* the step and its derivatives */
+
+KERNEL(step)(const real **arg, real **res, integer *iw, real *w, int mem)
+{
+    struct flight flight;
+    begin(&flight, arg);
+    for (int n = 0; n < STEPS; n++)
+        if (plain_step(&flight, flight.K[n])) return 1;
+    if (!res[0]) return 0;
+#if PROJECTED
+    return call(projection_linear, flight.x, 0, 0, 0, res[0], 0);
+#else
+    for (int r = 0; r < NX; r++) res[0][r] = flight.x[r];
+    return 0;
+#endif
+}
 
 KERNEL(step_jacobian)(const real **arg, real **res, integer *iw, real *w, int mem)
 {
     struct flight flight;
     real value[NX], jacobian[NX][PADDED];
     begin(&flight, arg);
+    begin_sensitivity(&flight);
     for (int n = 0; n < STEPS; n++)
         if (one_step(&flight, flight.stages[n], flight.K[n])) return 1;
     if (project(&flight, value, jacobian)) return 1;
@@ -311,6 +345,7 @@ KERNEL(step_hessian)(const real **arg, real **res, integer *iw, real *w, int mem
     real lam[NX], gradient[NY] = {all(0.0)}, through_T[PADDED] = {all(0.0)};
     real hessian[COLUMNS][PADDED] = {{all(0.0)}};
     begin(&flight, arg);
+    begin_sensitivity(&flight);
     for (int n = 0; n < STEPS; n++)
         if (one_step(&flight, flight.stages[n], flight.K[n])) return 1;
     for (int r = 0; r < NX; r++) lam[r] = arg[3] ? arg[3][r] : all(0.0);
@@ -331,10 +366,13 @@ KERNEL(step_hessian)(const real **arg, real **res, integer *iw, real *w, int mem
 /* what casadi asks, see library_function.h; the library's interface answers for several intervals */
 
 #ifndef LANES
+static const integer *const step_IN[] = {PATTERN_Y, PATTERN_SCALAR, PATTERN_P};
 static const integer *const step_jacobian_IN[] = {PATTERN_Y, PATTERN_SCALAR, PATTERN_P};
 static const integer *const step_hessian_IN[] = {PATTERN_Y, PATTERN_SCALAR, PATTERN_P, PATTERN_X};
+static const integer *const step_OUT[] = {PATTERN_X};
 static const integer *const step_jacobian_OUT[] = {PATTERN_X, PATTERN_JACOBIAN};
 static const integer *const step_hessian_OUT[] = {PATTERN_Y, PATTERN_HESSIAN};
+WHAT_CASADI_ASKS(step, 3, 1)
 WHAT_CASADI_ASKS(step_jacobian, 3, 2)
 WHAT_CASADI_ASKS(step_hessian, 4, 2)
 #endif

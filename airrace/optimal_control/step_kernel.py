@@ -1,8 +1,8 @@
-"""The C sources of a step's derivatives: those of f as casadi writes them, and a driver that composes them.
+"""The C sources of a step and its derivatives: those of f as casadi writes them, and a driver that composes them.
 
-The graph of a whole Runge-Kutta step's Hessian takes a compiler minutes. Here only the Jacobian of f and the Hessian of
-lam . f are written out. `step_kernel.c` says how the step's derivatives follow from them; this file writes the tables
-that it reads: sizes, scheme and patterns.
+The graph of a whole Runge-Kutta step's Hessian takes a compiler minutes. Here only f, its Jacobian and the Hessian of
+lam . f are written out. `step_kernel.c` says how the step and its derivatives follow from them; this file writes the
+tables that it reads: sizes, scheme and patterns.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,14 +27,16 @@ nothing is padded.
 
 @record
 class StepSources:
-    """The sources of the library's functions `step_jacobian` and `step_hessian`.
+    """The sources of the library's functions `step`, `step_jacobian` and `step_hessian`.
 
     Attributes:
-        generated: casadi functions that the driver calls, to be translated each into a file of its own.
+        rates: f as a casadi function, which the driver calls as `rates`, on lanes as `rates_of_lanes`.
+        generated: further casadi functions that the driver calls, each by its own name.
         driver: the driver's C source, tables included.
         jacobian, hessian: patterns of the results.
     """
 
+    rates: ca.Function
     generated: list[ca.Function]
     driver: str
     jacobian: ca.Sparsity
@@ -47,10 +49,12 @@ def driver_text() -> str:
 
 
 def step_sources(system: System, scheme: RungeKutta, *, lanes: int = 1) -> StepSources:
-    """Return the sources of the derivatives of one step of a system, for so many intervals at once."""
+    """Return the sources of one step of a system and its derivatives, for so many intervals at once."""
     x, u = ca.SX.sym("x", len(system.states)), ca.SX.sym("u", len(system.controls))
     p = ca.SX.sym("p", len(system.parameters))
-    rates = derivatives("rates", [x, u, p], ca.vertcat(x, u), system.rates(x, u, p))
+    values = system.rates(x, u, p)
+    alone = ca.Function("rates", [x, u, p], [ca.densify(values)], {"cse": True})
+    rates = derivatives("rates", [x, u, p], ca.vertcat(x, u), values)
     projection = None
     if system.projection is not None:
         projection = derivatives("projection", [x], x, system.projection(x))
@@ -60,6 +64,7 @@ def step_sources(system: System, scheme: RungeKutta, *, lanes: int = 1) -> StepS
     padded = _padded(patterns, lanes)
     lines = [
         *_sizes(scheme, parts, patterns),
+        *_room([alone, *generated]),
         f"#define GROUP {_group(lanes)}",
         f"#define PADDED {padded}",
         *_scheme(scheme),
@@ -72,12 +77,11 @@ def step_sources(system: System, scheme: RungeKutta, *, lanes: int = 1) -> StepS
         *_results(len(system.states), len(system.parameters), patterns, padded),
     ]
     text = "\n".join(lines) + "\n\n" + driver_text()
-    return StepSources(generated, text, _sparsity(patterns.jacobian), _sparsity(patterns.hessian))
+    return StepSources(alone, generated, text, _sparsity(patterns.jacobian), _sparsity(patterns.hessian))
 
 
 def _sizes(scheme: RungeKutta, parts: Sequence[Derivatives], patterns: StepPatterns) -> list[str]:
     n_x, n_z = parts[0].jacobian.shape
-    functions = [function for part in parts for function in (part.linear, part.curved)]
     sizes = {
         "NX": n_x,
         "NU": n_z - n_x,
@@ -87,10 +91,6 @@ def _sizes(scheme: RungeKutta, parts: Sequence[Derivatives], patterns: StepPatte
         "ACTING_STATES": len(_acting(parts[0])),
         "JACOBIAN_NONZEROS": int(patterns.jacobian.sum()),
         "HESSIAN_NONZEROS": int(patterns.hessian.sum()),
-        "ARGUMENTS": max(4, *(function.sz_arg() for function in functions)),
-        "RESULTS": max(2, *(function.sz_res() for function in functions)),
-        "INTEGERS": max(1, *(function.sz_iw() for function in functions)),
-        "REALS": max(1, *(function.sz_w() for function in functions)),
         "PROJECTED": len(parts) - 1,
     }
     for part in parts:
@@ -99,6 +99,17 @@ def _sizes(scheme: RungeKutta, parts: Sequence[Derivatives], patterns: StepPatte
         sizes[f"{prefix}_HESSIAN_NONZEROS"] = max(1, part.curved.nnz_out(0))
         sizes[f"{prefix}_VARIABLES"] = len(_variables(part))
     return [f"#define {name} {size}" for name, size in sizes.items()]
+
+
+def _room(functions: Sequence[ca.Function]) -> list[str]:
+    """Return how many arguments, results, integers and numbers the largest of the called functions asks for."""
+    room = {
+        "ARGUMENTS": max(4, *(function.sz_arg() for function in functions)),
+        "RESULTS": max(2, *(function.sz_res() for function in functions)),
+        "INTEGERS": max(1, *(function.sz_iw() for function in functions)),
+        "REALS": max(1, *(function.sz_w() for function in functions)),
+    }
+    return [f"#define {name} {size}" for name, size in room.items()]
 
 
 def _scheme(scheme: RungeKutta) -> list[str]:
