@@ -4,11 +4,13 @@
 takes its compilers and temporary files along.
 """
 
+import contextlib
 import ctypes
 import os
 import pickle
 import signal
 import sys
+from pathlib import Path
 from types import FrameType
 
 from airrace.errors import KernelError
@@ -17,7 +19,22 @@ from airrace.optimal_control.kernels import compile_kernels
 PRIORITY = 10
 """The decrement of the process's priority, as of `nice`, from 0 to 19: compiling takes what the solver leaves."""
 
+AUTOGROUP = Path("/proc/self/autogroup")
+"""The file through which Linux tells and takes the priority of this process's session."""
+
 _PR_SET_PDEATHSIG = 1
+
+
+def _give_way() -> None:
+    """Lower the priority of this process and its compilers.
+
+    Where Linux groups processes by their sessions (autogroup, see sched(7)), a priority counts within a session only.
+    Then that of the session is lowered, too, if it is this process's own.
+    """
+    os.nice(PRIORITY)
+    if os.getsid(0) == os.getpid():
+        with contextlib.suppress(OSError):  # there are no such groups
+            AUTOGROUP.write_text(str(PRIORITY))
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
@@ -29,7 +46,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, _leave)
     if sys.platform == "linux":  # elsewhere it finishes the few seconds of its work
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    os.nice(PRIORITY)
+    _give_way()
     system, scheme = pickle.load(sys.stdin.buffer)
     try:
         compile_kernels(system, scheme)

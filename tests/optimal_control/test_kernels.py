@@ -1,5 +1,6 @@
 """Compiled or not, a kernel is the same function; and without a compiler everything still works."""
 
+import contextlib
 import logging
 import os
 import pickle
@@ -9,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from kept import compile_quickly
 from kernel_comparison import needs_compiler
 from small_problems import rich_system
 
+from airrace.optimal_control.compiler_process import AUTOGROUP, PRIORITY
 from airrace.optimal_control.kernel_library import cache_folder
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling, prepare
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4
@@ -207,25 +209,49 @@ def test_without_a_compiler_nothing_is_prepared(cache: Path, monkeypatch: pytest
     assert not cache.exists()
 
 
-def test_a_preparation_that_is_ended_leaves_nothing_behind(cache: Path, tmp_path: Path) -> None:
-    compiler, started = tmp_path / "slow-compiler", tmp_path / "started"
+@contextlib.contextmanager
+def preparing(folder: Path, *, own_session: bool = False) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that prepares kernels with a compiler that never ends, and has come as far as to start it."""
+    compiler, started = folder / "slow-compiler", folder / "started"
     compiler.write_text(SLOW_COMPILER)
     compiler.chmod(0o755)
     environment = dict(os.environ, CC=str(compiler), STARTED=str(started))
     command = [sys.executable, "-m", "airrace.optimal_control.compiler_process"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stderr=pipe, env=environment, start_new_session=own_session) as process:
         assert process.stdin is not None
         process.stdin.write(pickle.dumps((rich_system(), RK4)))
         process.stdin.close()
         deadline = time.monotonic() + 60.0
         while not started.exists() and process.poll() is None and time.monotonic() < deadline:
             time.sleep(0.02)
+        yield process
+        process.send_signal(signal.SIGTERM)
+
+
+def test_a_preparation_that_is_ended_leaves_nothing_behind(cache: Path, tmp_path: Path) -> None:
+    with preparing(tmp_path) as process:
         assert len(list(cache.iterdir())) == 1
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=30.0) == 128 + signal.SIGTERM
         assert process.stderr is not None
         assert process.stderr.read() == b""
     assert not list(cache.iterdir())
+
+
+@pytest.mark.skipif(not AUTOGROUP.exists(), reason="priorities count beyond sessions")
+@pytest.mark.usefixtures("cache")
+def test_a_preparation_gives_way_beyond_its_session_and_lowers_no_other(tmp_path: Path) -> None:
+    here = AUTOGROUP.read_text()
+    for own_session in (False, True):
+        folder = tmp_path / str(own_session)
+        folder.mkdir()
+        with preparing(folder, own_session=own_session) as process:
+            lowered = min(19, os.getpriority(os.PRIO_PROCESS, 0) + PRIORITY)
+            assert os.getpriority(os.PRIO_PROCESS, process.pid) == lowered
+            group = Path(f"/proc/{process.pid}/autogroup").read_text()
+            assert group.split()[-1] == (str(PRIORITY) if own_session else here.split()[-1])
+    assert AUTOGROUP.read_text() == here
 
 
 @needs_compiler
