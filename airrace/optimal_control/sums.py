@@ -59,15 +59,14 @@ class Sums:
     Attributes:
         shape: rows and columns.
         rows, columns: of the nonzeros in casadi's order, column by column; shape (n,).
-        turns: summands, those that come first in their sums, then those that come second, and so on; the first of
-            them are in the order of the nonzeros.
+        flat: their summands.
         blocks: that are drawn from, where their stages are known; else without any.
     """
 
     shape: tuple[int, int]
     rows: Indices
     columns: Indices
-    turns: tuple[Summands, ...]
+    flat: Flat
     blocks: Blocks
 
     def of(self, drawn: Array) -> Array:
@@ -102,27 +101,26 @@ class Sums:
 
     def chosen(self, numbers: Indices, factors: Array) -> "Sums":
         """Return some of the nonzeros, each times a factor; a nonzero may be chosen several times."""
-        turns: list[Summands] = []
-        for one in self.turns:
-            place = np.minimum(np.searchsorted(one.nonzeros, numbers), len(one.nonzeros) - 1)
-            found = np.flatnonzero(one.nonzeros[place] == numbers)
-            place = place[found]
-            turns.append(Summands(found, one.weights[place] * factors[found], one.sources[place]))
-        return Sums(self.shape, self.rows[numbers], self.columns[numbers], tuple(turns), self.blocks)
+        flat = self.flat
+        counts: Indices = np.diff(flat.begins.astype(np.int64))[numbers]
+        begins: Indices = np.concatenate([[0], np.cumsum(counts)])
+        shifts: Indices = flat.begins[numbers] - begins[:-1]
+        own: Indices = np.repeat(shifts, counts) + np.arange(int(begins[-1]))
+        weights: Array = flat.weights[own] * np.repeat(factors, counts)
+        chosen = Flat(begins.astype(np.int32), weights, flat.sources[own])
+        return Sums(self.shape, self.rows[numbers], self.columns[numbers], chosen, self.blocks)
 
     @cached_property
-    def flat(self) -> "Flat":
-        """The summands of every nonzero one behind the other."""
-        first, *others = self.turns
-        counts = np.ones(len(first.nonzeros), dtype=np.int64)
-        for one in others:
-            counts[one.nonzeros] += 1
-        begins = np.concatenate([[0], np.cumsum(counts)])
-        weights, sources = np.empty(int(begins[-1])), np.empty(int(begins[-1]), dtype=np.int32)
-        for turn, one in enumerate(self.turns):
-            places = begins[one.nonzeros] + turn
-            weights[places], sources[places] = one.weights, one.sources
-        return Flat(begins.astype(np.int32), weights, sources)
+    def turns(self) -> tuple[Summands, ...]:
+        """The summands that come first in their sums, then those that come second, and so on."""
+        begins = self.flat.begins.astype(np.int64)
+        counts = np.diff(begins)
+        turns: list[Summands] = []
+        for turn in range(int(counts.max(initial=1))):
+            nonzeros = np.flatnonzero(counts > turn)
+            own = begins[nonzeros] + turn
+            turns.append(Summands(nonzeros, self.flat.weights[own], self.flat.sources[own].astype(np.int64)))
+        return tuple(turns)
 
     def column(self, drawn: Array) -> Array:
         """Return the only column of the matrix with its zeros, shape (rows,)."""
@@ -187,16 +185,9 @@ class Contributions:
         places = columns * self._shape[0] + rows
         order = np.argsort(places, kind="stable")
         places = places[order]
-        begins = np.concatenate([[True], places[1:] != places[:-1]])
-        first = np.flatnonzero(begins)
+        first = np.flatnonzero(np.concatenate([[True], places[1:] != places[:-1]]))
         leading = order[first]
-        turns = [Summands(np.arange(len(first)), weights[leading], sources[leading])]
-        again = np.flatnonzero(~begins)
-        nonzero = np.searchsorted(first, again) - 1
-        turn = again - first[nonzero]  # how many come before it at the same place
-        for number in range(1, int(turn.max(initial=0)) + 1):
-            taken = turn == number
-            behind = order[again[taken]]
-            turns.append(Summands(nonzero[taken], weights[behind], sources[behind]))
+        begins = np.append(first, len(order)).astype(np.int32)
+        flat = Flat(begins, weights[order], sources[order].astype(np.int32))
         at = np.stack(self._at) if self._at else np.zeros((0, 0), dtype=np.int64)
-        return Sums(self._shape, rows[leading], columns[leading], tuple(turns), Blocks(np.array(self._ends), at))
+        return Sums(self._shape, rows[leading], columns[leading], flat, Blocks(np.array(self._ends), at))
