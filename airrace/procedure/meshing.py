@@ -150,7 +150,7 @@ def adapted(optimum: Solved, limits: CertificateLimits, *, early: bool, joining:
     wanted = [
         (Why.INTEGRATION, np.where(widened(untrue), 4.0, 1.0)),
         (Why.HAMILTONIAN, _stepped(_worst_nearby(drift), SAFETY * limits.hamiltonian)),
-        (Why.RACE_TIME, np.where(_dearest(held + np.abs(integration), SAFETY * limits.race_time), 2.0, 1.0)),
+        (Why.RACE_TIME, np.where(_dearest(held + np.abs(integration), SAFETY * change), 2.0, 1.0)),
     ]
     parts, why = _most(optimum, wanted)
     joined = _calm_pairs(optimum, parts, limits) if joining else np.zeros(len(parts), dtype=np.bool_)

@@ -1,16 +1,19 @@
 """The guess: histories along the plan that a point mass could nearly fly."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
-from races import RACES, planned, prepared
+from races import RACES, SIXTEEN, planned, prepared
 from transformations import mirrored
 
 from airrace.dynamics.point_mass import PointMassControl, PointMassState
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.procedure.guess import COUNT_STEP, first_mesh, guess, leg_seconds
+from airrace.planning.plan import Plan
+from airrace.planning.waypoints import Waypoint
+from airrace.procedure.guess import COUNT_STEP, LONG_RACE, STRETCHED, counts_of, first_mesh, guess, leg_seconds
 from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 
@@ -39,6 +42,23 @@ def test_mesh_divides_every_phase_into_enough_equal_intervals(name: str) -> None
         assert len(fractions) >= MESH.intervals_min
         assert seconds / len(fractions) <= MESH.interval
         assert len(fractions) % COUNT_STEP == 0
+
+
+def test_first_intervals_are_longer_in_long_races_alone() -> None:
+    plan = planned(SIXTEEN)
+    seconds = leg_seconds(plan)
+    long_enough = math.ceil(STRETCHED * LONG_RACE / sum(seconds))
+    longer = dataclasses.replace(plan, legs=plan.legs * long_enough, waypoints=_again(plan, long_enough))
+    lap = [len(fractions) for fractions in first_mesh(plan, MESH)]
+    stretched = [len(fractions) for fractions in first_mesh(longer, MESH)]
+    assert stretched == counts_of(seconds, MESH, STRETCHED) * long_enough
+    assert STRETCHED * sum(stretched) < 1.2 * sum(lap) * long_enough  # counts are rounded up
+    assert max(np.array(seconds * long_enough) / np.array(stretched)) <= STRETCHED * MESH.interval
+
+
+def _again(plan: Plan, times: int) -> tuple[Waypoint, ...]:
+    """The waypoints of a plan flown so many times, one after the other."""
+    return (*plan.waypoints[:-1] * times, plan.waypoints[-1])
 
 
 @every_race
