@@ -8,6 +8,7 @@ A process that only works for another one is started as `python -m airrace.memor
 `python -m MODULE ARGUMENTS...` without such tracebacks.
 """
 
+import contextlib
 import runpy
 import sys
 import threading
@@ -34,6 +35,14 @@ def ensure_enough() -> None:
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit != resource.RLIM_INFINITY and limit < LEAST:
         raise MemoryError
+
+
+def give_back() -> None:
+    """Give memory back to the system that this process has used and does not need now, where the allocator can."""
+    import ctypes  # which not every command loads
+
+    with contextlib.suppress(AttributeError, OSError):  # only glibc has it
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def tell_no_traceback() -> None:

@@ -40,7 +40,7 @@ def install() -> bool:
         return False
     try:
         library = compiled(instruction_set())
-        if not same_bits(ctypes.CDLL(str(library)), _blasfeo()):
+        if not same_bits(ctypes.CDLL(str(library)), blasfeo()):
             return False
         ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)
     except (KernelError, OSError, AttributeError) as error:  # AttributeError: a library without that function
@@ -86,7 +86,7 @@ def _result(library: ctypes.CDLL, name: str, given: Sequence[int | Array]) -> Ar
     return result
 
 
-def _blasfeo() -> ctypes.CDLL:
+def blasfeo() -> ctypes.CDLL:
     """Return the library that fatrop depends on, loaded so that its calls are bound when they are made first.
 
     ctypes itself would bind them at once, to its own functions.

@@ -1,0 +1,164 @@
+"""The memory of fatrop's matrices: the same bits, less of it where problems are large, and none lost or overwritten."""
+
+import ctypes
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from airrace.errors import KernelError
+from airrace.optimal_control import kernel_library, own_code
+from airrace.optimal_control.fatrop import arena
+from airrace.optimal_control.fatrop.products import blasfeo
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="takes the memory from Linux")
+
+PAGE = 4096
+SMALL = {"LARGE ((size_t)1 << 28)": "LARGE ((size_t)1 << 20)", "KEPT ((size_t)1 << 28)": "KEPT ((size_t)1 << 23)"}
+"""Changes of the source by which few matrices are many."""
+
+
+class Piece(ctypes.Structure):
+    """A blasfeo matrix as far as it matters here: its memory, and behind that what blasfeo keeps."""
+
+    _fields_ = (("memory", ctypes.c_void_p), ("rest", ctypes.c_char * 64))
+
+
+@cache
+def library(path: Path) -> ctypes.CDLL:
+    """The arena with small limits, in this process, asked by nobody but the tests."""
+    text = arena.FILE.read_text(encoding="utf-8")
+    for before, after in SMALL.items():
+        assert text.count(before) == 1
+        text = text.replace(before, after)
+    kernel_library.compile_library([kernel_library.Source("arena", text, ("-O2",))], path)
+    loaded = ctypes.CDLL(str(path))
+    arena.introduce(loaded)
+    return loaded
+
+
+@pytest.fixture
+def small(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    try:
+        return library(tmp_path_factory.getbasetemp() / "small_arena.so")
+    except KernelError as error:
+        pytest.skip(f"no C compiler: {error}")
+
+
+@dataclass
+class Matrix:
+    """A matrix that was asked for, filled with zeros as fatrop does."""
+
+    library: ctypes.CDLL
+    rows: int
+    columns: int
+
+    def __post_init__(self) -> None:
+        self.piece = Piece()
+        self.library.blasfeo_allocate_dmat(self.rows, self.columns, ctypes.byref(self.piece))
+        size = blasfeo().blasfeo_memsize_dmat(self.rows, self.columns)
+        self.numbers = np.ctypeslib.as_array((ctypes.c_double * (size // 8)).from_address(self.piece.memory))
+        self.numbers[:] = 0.0
+
+    def free(self) -> None:
+        self.library.blasfeo_free_dmat(ctypes.byref(self.piece))
+
+
+def resident() -> int:
+    """Memory of this process, bytes."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE
+
+
+def test_what_is_written_stays_though_zeros_around_it_are_given_back(small: ctypes.CDLL) -> None:
+    random = np.random.default_rng(1)
+    matrices, kept = list[Matrix](), list[np.ndarray]()
+    for number in range(3000):  # 18 x 17 numbers each: 10 MB, ten times as many as are large here
+        matrices.append(Matrix(small, 18 + number % 3, 17))
+        if number % 7 == 0:  # at once, as nobody does, so that they lie in pages that are looked at
+            matrices[-1].numbers[:] = random.normal(size=matrices[-1].numbers.shape)
+        kept.append(matrices[-1].numbers.copy())
+    assert arena.use_of(small).returned > 0
+    for matrix, numbers in zip(matrices, kept, strict=True):
+        assert np.array_equal(matrix.numbers, numbers)
+        matrix.numbers[:] = random.normal(size=numbers.shape)  # pages that were given back come again
+        numbers[:] = matrix.numbers
+    for matrix, numbers in zip(matrices, kept, strict=True):
+        assert np.array_equal(matrix.numbers, numbers)
+    for matrix in matrices:
+        matrix.free()
+    assert arena.use_of(small).in_use == 0
+
+
+def test_pieces_begin_at_lines_of_the_cache_and_overlap_nowhere(small: ctypes.CDLL) -> None:
+    random = np.random.default_rng(2)
+    matrices = [Matrix(small, int(rows), int(columns)) for rows, columns in random.integers(0, 90, size=(500, 2))]
+    matrices += [Matrix(small, 1000, 1000), Matrix(small, 1200, 900)]  # larger than a chunk
+    spans = sorted((one.piece.memory, one.piece.memory + one.numbers.nbytes) for one in matrices if one.numbers.size)
+    assert all(begin % 64 == 0 for begin, _ in spans)
+    assert all(end <= begin for (_, end), (begin, _) in pairwise(spans))
+    order: list[int] = random.permutation(len(matrices)).tolist()
+    for one in order:
+        matrices[one].free()
+    assert arena.use_of(small).in_use == 0
+
+
+def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
+    before = resident()
+    matrices = [Matrix(small, 18, 17) for _ in range(20_000)]
+    filled = sum(one.numbers.nbytes for one in matrices)
+    assert filled > 60 * 2**20
+    assert resident() - before < 0.5 * filled  # what is left is mostly what Python keeps of the matrices
+    for matrix in matrices:
+        matrix.free()
+    assert arena.use_of(small).in_use == 0
+
+
+SOLVE = """
+import sys
+sys.path.insert(0, sys.argv[2])
+from airrace.optimal_control.fatrop import arena
+from airrace.optimal_control.fatrop.products import blasfeo
+if sys.argv[1] == "arena":
+    assert arena.install()
+from small_problems import PROBLEMS, random_iterate
+from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
+problem = PROBLEMS["everything"]
+kernels = build_kernels(problem.system, problem.scheme, compiled=False)
+for _ in range(2):
+    ready = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), 1)
+    solution = ready.solve(Layout(problem), random_iterate(problem, 1))
+    assert solution.success
+    print("answer", solution.iterations, solution.iterate.state.tobytes().hex())
+if sys.argv[1] == "arena":
+    use = arena.use()
+    assert use is not None and use.in_use == 0 and use.most > 0
+"""
+
+
+def answers(what: str) -> list[str]:
+    """What two solves in a process of its own answered."""
+    command = [sys.executable, "-c", SOLVE, what, str(Path(__file__).parent)]
+    output = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    return [line for line in output.splitlines() if line.startswith("answer")]
+
+
+def test_a_solve_has_the_same_bits_wherever_its_memory_lies() -> None:
+    try:
+        own_code.compiled(arena.FILE, arena.FLAGS)
+    except KernelError as error:
+        pytest.skip(f"no C compiler: {error}")
+    first, second = answers("arena")
+    assert [first] * 2 == [first, second] == answers("blasfeo")
+
+
+def test_without_a_compiler_blasfeo_keeps_its_memory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("CC", "")
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    assert not arena.install.__wrapped__()
