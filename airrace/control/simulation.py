@@ -29,10 +29,11 @@ from airrace.trajectory import Array
 _vertcat: Callable[..., Any] = ca.vertcat
 _DM: Callable[..., Any] = ca.DM
 
-STEP = 0.01
+STEP = 0.02
 """The step of the simulation, s.
 
-The fastest motion is that of deflections, which follow with 50/s.
+The fastest motion is that of deflections, which follow with 50/s. From flights with half of the step the ladders of
+Rovinj, Abu Dhabi, Chiba and the half Cuban eight took 426 thousand iterations times intervals, from these 423.
 """
 SPACING = 0.01
 """The spacing at which the reference is tabulated, s."""
