@@ -1,5 +1,6 @@
 """The race of `scripts/benchmark_peers.py` is airrace's own point mass, and its errors are zero for exact flights."""
 
+import dataclasses
 import importlib
 import math
 import sys
@@ -162,3 +163,15 @@ def test_a_tool_that_does_not_converge_is_not_asked_again_but_its_seconds_count(
     row = script.measure(race, script.Tool("lost", lambda *_: answer), 2, 3, 1e-6)
     assert len(row.answers) == 1
     assert row.cells(33.0) == ("lost", "2", "99", "not converged", "", "", "1.00", "2.00", "3.00", "4.00")
+
+
+@pytest.mark.slow
+def test_the_tools_that_are_installed_find_the_same_flight_through_two_gates(script: ModuleType, race: Any) -> None:
+    short = dataclasses.replace(race, gates=race.gates[:2])
+    times: dict[str, float] = {}
+    for tool in script.TOOLS:
+        if not tool.missing:
+            flight = tool.solve(short, 10, 1e-6).flight
+            assert script.position_error(short, flight) < 0.2, tool.name
+            times[tool.name] = flight.race_time
+    assert times == pytest.approx(dict.fromkeys(times, times["airrace, v7"]), abs=1e-3)
