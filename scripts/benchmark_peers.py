@@ -1,14 +1,16 @@
 """Measure the engine beside other tools of optimal control, on the same race with the same limits and the same guess.
 
     pip install -e ".[peers]"
-    python scripts/benchmark_peers.py [--laps 1] [--segments 10 20] [--repeats 3] [--markdown] [--figure FILE.png]
+    python scripts/benchmark_peers.py [--laps 2] [--segments 10 20] [--repeats 3] [--markdown] [--figure FILE.png]
 
-The race is a point mass through point gates (scripts/peers/race.py). It is solved by airrace's engine with several of
-its integration schemes, by ASSET and by rockit with IPOPT, each with one thread, all with the same number of equal
-segments per phase and controls held over each. Every answer is flown again phase by phase by scipy's DOP853: the
-position error is how far the worst phase ends from where the tool believes. The race time is compared with that of
-a finer mesh (`--reference`). Seconds are medians; processor seconds are told beside those of the clock, which mean
-little on a busy machine. Compiled kernels of the engine come from its cache. A tool that is not installed is left out.
+The race is a point mass through point gates, by default two laps of eight phases (scripts/peers/race.py). It is solved
+by airrace's engine with several of its integration schemes, by ASSET and by rockit with IPOPT, each with one thread,
+from the same guess, with equal segments in every phase and controls held over each. Without `--segments` and
+`--repeats` a tool is measured on the meshes, and as often, as its entry in `TOOLS` says. Every answer is flown again
+phase by phase by scipy's DOP853: the position error is how far the worst phase ends from where the tool believes. The
+race time is compared with that of the engine, with the scheme of order 7, on a finer mesh (`--reference`). Seconds are
+medians; processor seconds are told beside those of the clock, which mean little on a busy machine. Compiled kernels of
+the engine come from its cache. A tool that is not installed is left out.
 """
 
 import argparse
@@ -41,12 +43,16 @@ class Tool:
         solve: from race, segments per phase and tolerance to its answer.
         module: the package that it needs; empty for none.
         distribution: how that package is called where it is installed from.
+        segments: per phase, of the meshes on which it is measured unless told otherwise.
+        repeats: how often it is measured unless told otherwise.
     """
 
     name: str
     solve: Solve
     module: str = ""
     distribution: str = ""
+    segments: tuple[int, ...] = (10, 20, 40)
+    repeats: int = 3
 
     @property
     def missing(self) -> str:
@@ -95,7 +101,8 @@ SCHEMES = (RK4_TWICE, DORMAND_PRINCE_5, VERNER_7)
 TOOLS = (
     *(Tool(f"airrace, {scheme.name}", with_scheme(scheme)) for scheme in SCHEMES),
     Tool("ASSET, LGL5", asset.solve, "asset_asrl", "asset-asrl"),
-    Tool("rockit, IPOPT, rk4x2", rockit_meco.solve, "rockit", "rockit-meco"),
+    # Of a race of sixteen phases it takes minutes.
+    Tool("rockit, IPOPT, rk4x2", rockit_meco.solve, "rockit", "rockit-meco", segments=(10, 20), repeats=1),
 )
 
 
@@ -144,9 +151,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     names = [tool.name for tool in TOOLS]
     parser.add_argument("--tools", nargs="+", choices=names, default=names, metavar="TOOL", help="; ".join(names))
-    parser.add_argument("--laps", type=int, default=1, help="of eight phases each")
-    parser.add_argument("--segments", type=int, nargs="+", default=[10, 20], help="per phase")
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--laps", type=int, default=2, help="of eight phases each")
+    parser.add_argument("--segments", type=int, nargs="+", help="per phase; otherwise each tool's own")
+    parser.add_argument("--repeats", type=int, help="otherwise each tool's own")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="of every solver, on its own scaled conditions")
     parser.add_argument("--reference", type=int, default=80, help="segments per phase of the race time compared with")
     parser.add_argument("--markdown", action="store_true")
@@ -164,10 +171,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     compared = measure(race, Tool("reference", with_scheme(VERNER_7)), chosen.reference, 1, chosen.tolerance)
     print(f"compared with {compared.race_time:.4f} s on {chosen.reference} segments per phase", file=sys.stderr)
     for tool in tools:
-        for segments in chosen.segments:
-            if not tool.missing:
-                rows.append(measure(race, tool, segments, chosen.repeats, chosen.tolerance))
-                print(*rows[-1].cells(compared.race_time), sep="  ", file=sys.stderr, flush=True)
+        for segments in () if tool.missing else chosen.segments or tool.segments:
+            rows.append(measure(race, tool, segments, chosen.repeats or tool.repeats, chosen.tolerance))
+            print(*rows[-1].cells(compared.race_time), sep="  ", file=sys.stderr, flush=True)
     for line in table(rows, compared.race_time, markdown=chosen.markdown):
         print(line)
     if chosen.figure:

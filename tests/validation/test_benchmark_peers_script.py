@@ -1,5 +1,6 @@
 """The race of `scripts/benchmark_peers.py` is airrace's own point mass, and its errors are zero for exact flights."""
 
+import dataclasses
 import importlib
 import math
 import sys
@@ -130,3 +131,47 @@ def test_a_tool_that_is_not_installed_is_told_and_left_out(
     (row,) = told.out.splitlines()[2:]
     assert row.startswith("| present | 2 | 7 | ")
     assert row.endswith(" | 3.0000 | +0.0 | 0.50 | 1.00 | 0.25 | 0.12 |")
+
+
+def test_the_race_has_sixteen_phases_and_two_equal_laps(script: ModuleType) -> None:
+    first, second = np.split(np.array([gate.position for gate in script.the_race().gates]), 2)
+    assert first.shape == (8, 3)
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize(("arguments", "solved"), [([], [8, 8, 8, 9]), (["--segments", "2", "--repeats", "1"], [2, 2])])
+def test_a_tool_is_measured_on_its_own_meshes_as_often_as_it_says_unless_told(
+    script: ModuleType, race: Any, monkeypatch: pytest.MonkeyPatch, arguments: list[str], solved: list[int]
+) -> None:
+    asked: list[int] = []
+    answer = sys.modules[script.position_error.__module__].Answer(exact_flight(script, race), "solved", 7, 0, 0, 0, 0)
+
+    def solve(_race: Any, segments: int, _tolerance: float) -> Any:
+        asked.append(segments)
+        return answer
+
+    tools = (script.Tool("thrice", solve, segments=(8,)), script.Tool("once", solve, segments=(9,), repeats=1))
+    monkeypatch.setattr(script, "TOOLS", tools)
+    monkeypatch.setattr(script, "SCHEMES", ())
+    monkeypatch.setattr(script, "with_scheme", lambda _: lambda *_: answer)
+    assert script.main(arguments) == 0
+    assert asked == solved
+
+
+def test_a_tool_that_does_not_converge_is_not_asked_again_but_its_seconds_count(script: ModuleType, race: Any) -> None:
+    answer = sys.modules[script.position_error.__module__].Answer(None, "Maximum_Iterations_Exceeded", 99, 1, 2, 3, 4)
+    row = script.measure(race, script.Tool("lost", lambda *_: answer), 2, 3, 1e-6)
+    assert len(row.answers) == 1
+    assert row.cells(33.0) == ("lost", "2", "99", "not converged", "", "", "1.00", "2.00", "3.00", "4.00")
+
+
+@pytest.mark.slow
+def test_the_tools_that_are_installed_find_the_same_flight_through_two_gates(script: ModuleType, race: Any) -> None:
+    short = dataclasses.replace(race, gates=race.gates[:2])
+    times: dict[str, float] = {}
+    for tool in script.TOOLS:
+        if not tool.missing:
+            flight = tool.solve(short, 10, 1e-6).flight
+            assert script.position_error(short, flight) < 0.2, tool.name
+            times[tool.name] = flight.race_time
+    assert times == pytest.approx(dict.fromkeys(times, times["airrace, v7"]), abs=1e-3)
