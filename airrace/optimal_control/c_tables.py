@@ -1,4 +1,4 @@
-"""Parts of a library's source: constant tables, the answers to what casadi asks, and texts that are the same for all."""
+"""Parts of a library's source: tables, the answers to what casadi asks, and texts that are the same for all."""
 
 from collections.abc import Sequence
 from pathlib import Path

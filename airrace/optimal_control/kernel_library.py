@@ -12,6 +12,7 @@ from pathlib import Path
 import casadi as ca
 
 from airrace.errors import KernelError
+from airrace.optimal_control.one_at_a_time import alone
 from airrace.optimal_control.private_folder import is_private, make_private
 from airrace.records import record
 
@@ -100,26 +101,34 @@ def find_compiler() -> str:
 def compile_library(sources: Sequence[Source], target: Path) -> None:
     """Compile all sources side by side, and put the library in place in one step, then its checksum.
 
+    Processes that want the same library do not compile it beside each other: the others wait and find it there.
+
     Raises:
         KernelError: there is no compiler, it fails, or the folder cannot be written to.
     """
     compiler = find_compiler()
-    logger.info("compiling kernels with %s (once per model and machine)", compiler)
     try:
         make_private(target.parent)
-        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-            commands = [_compilation(compiler, source, Path(folder)) for source in sources]
-            _run(commands)
-            library, checksum = Path(folder) / "kernels.so", Path(folder) / "kernels.sha256"
-            objects = [command[-1] for command in commands]
-            _run([[compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"]])
-            checksum.write_bytes(_checksum(library))
-            for made in (library, checksum):
-                made.chmod(0o600)  # whatever the umask leaves to others
-            os.replace(library, target)
-            os.replace(checksum, _checksum_file(target))
+        with alone(target.with_suffix(".lock")):
+            if not is_intact(target):
+                logger.info("compiling %s with %s (once per machine)", sources[0].name, compiler)
+                _compile(compiler, sources, target)
     except OSError as error:
         raise KernelError(f"the kernel cache {target.parent} cannot be used: {error}") from error
+
+
+def _compile(compiler: str, sources: Sequence[Source], target: Path) -> None:
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        commands = [_compilation(compiler, source, Path(folder)) for source in sources]
+        _run(commands)
+        library, checksum = Path(folder) / "kernels.so", Path(folder) / "kernels.sha256"
+        objects = [command[-1] for command in commands]
+        _run([[compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"]])
+        checksum.write_bytes(_checksum(library))
+        for made in (library, checksum):
+            made.chmod(0o600)  # whatever the umask leaves to others
+        os.replace(library, target)
+        os.replace(checksum, _checksum_file(target))
 
 
 def _checksum(library: Path) -> bytes:

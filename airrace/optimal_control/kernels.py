@@ -175,7 +175,6 @@ def compile_kernels(system: System, scheme: RungeKutta, instructions: Instructio
     """
     chosen = _instructions(system) if instructions is None else instructions
     library = _library(system, scheme, chosen)
-    background_compilation.finish(library)
     if not kernel_library.is_intact(library):
         sources = _sources(system, scheme) if chosen.lanes == 1 else _lane_sources(system, scheme, chosen)
         kernel_library.compile_library(sources, library)
@@ -198,27 +197,10 @@ def needs_compiling(system: System, scheme: RungeKutta) -> bool:
     return not kernel_library.is_intact(_library(system, scheme, _instructions(system)))
 
 
-def prepare(system: System, scheme: RungeKutta) -> bool:
-    """Compile the kernels in the background if they need it, and return whether they do.
-
-    `build_kernels` waits for the compilation where it must.
-    """
-    needed = needs_compiling(system, scheme)
-    if needed:
-        background_compilation.start(_library(system, scheme, _instructions(system)), system, scheme)
-    return needed
-
-
-def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], None]) -> None:
-    """Wait for what this process compiles in the background for a system, so that another process can load it.
-
-    Args:
-        on_wait: called if it takes a while.
-    """
-    library = _library(system, scheme, _instructions(system))
-    if background_compilation.under_way(library):
-        on_wait()
-    background_compilation.finish(library)
+def prepare(system: System, scheme: RungeKutta) -> None:
+    """Let the kernels be compiled in the background if they need it."""
+    if needs_compiling(system, scheme):
+        background_compilation.order(_library(system, scheme, _instructions(system)), system, scheme)
 
 
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:

@@ -1,8 +1,8 @@
-"""The C sources of a compiled step and its derivatives: those of f as casadi writes them, and a driver that composes them.
+"""The C sources of a compiled step and its derivatives: those of f, and a driver that composes them.
 
 The graph of a whole Runge-Kutta step's Hessian takes a compiler minutes. Here only f, its Jacobian and the Hessian of
-lam . f are written out. `step_driver.c` says how the step and its derivatives follow from them; the tables that it reads
-are those of `step_tables.py`.
+lam . f are written out. `step_driver.c` says how the step and its derivatives follow from them; the tables that it
+reads are those of `step_tables.py`.
 """
 
 from collections.abc import Sequence

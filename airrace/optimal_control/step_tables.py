@@ -1,4 +1,4 @@
-"""A model's step as tables: sizes, scheme and patterns, from which `step_driver.c` puts it and its derivatives together.
+"""A model's step as tables: sizes, scheme and patterns, from which `step_driver.c` composes it and its derivatives.
 
 The functions that it is put together from, f and the projection with their derivatives, are either compiled (see
 `step_kernel.py`) or interpreted (see `machine.py`).
