@@ -52,7 +52,7 @@ def main() -> int:
         while True:
             system, scheme = pickle.load(sys.stdin.buffer)
             try:
-                compile_kernels(system, scheme)
+                compile_kernels(system, scheme, at_once=1)
             except KernelError:
                 failures += 1  # whoever needs the kernels will find out why
     return 1 if failures else 0

@@ -167,8 +167,19 @@ def _compiled(system: System, scheme: RungeKutta, instructions: InstructionSet) 
     return _load(library, with_path=with_path, lanes=instructions.lanes)
 
 
-def compile_kernels(system: System, scheme: RungeKutta, instructions: InstructionSet | None = None) -> Path:
+def compile_kernels(
+    system: System,
+    scheme: RungeKutta,
+    instructions: InstructionSet | None = None,
+    *,
+    at_once: int = kernel_library.SIDE_BY_SIDE,
+) -> Path:
     """Return the compiled library of a system, built unless the cache has it intact.
+
+    Args:
+        system, scheme: that it is of.
+        instructions: for which it is compiled; None for the widest that this machine has.
+        at_once: number of compilers that run at a time.
 
     Raises:
         KernelError: it cannot be built.
@@ -177,7 +188,7 @@ def compile_kernels(system: System, scheme: RungeKutta, instructions: Instructio
     library = _library(system, scheme, chosen)
     if not kernel_library.is_intact(library):
         sources = _sources(system, scheme) if chosen.lanes == 1 else _lane_sources(system, scheme, chosen)
-        kernel_library.compile_library(sources, library)
+        kernel_library.compile_library(sources, library, at_once=at_once)
     return library
 
 
