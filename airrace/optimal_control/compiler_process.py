@@ -16,7 +16,7 @@ from types import FrameType
 from airrace.errors import KernelError
 from airrace.optimal_control.kernels import compile_kernels
 
-PRIORITY = 19
+PRIORITY = 10
 """The decrement of the process's priority, as of `nice`, from 0 to 19: compiling takes what the solver leaves."""
 
 AUTOGROUP = Path("/proc/self/autogroup")
