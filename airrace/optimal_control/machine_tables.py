@@ -13,7 +13,7 @@ from airrace.trajectory import Array
 
 @record
 class Tables:
-    """What `tables.h` reads: tables, each behind its length, instructions, and numbers."""
+    """The arrays that `tables.h` reads: tables, each behind its length, instructions, and numbers."""
 
     tables: NDArray[np.int32]
     code: NDArray[np.uint16]

@@ -1,4 +1,4 @@
-"""What the evaluation of a program asks of a kernel: one of its functions for all of its calls at once.
+"""The demands of a program's evaluation on a kernel: one of its functions for all of its calls at once.
 
 casadi's functions are mapped over the calls here; `machine.py` has kernels without functions of casadi.
 """

@@ -23,7 +23,7 @@ Table = Sequence[int]
 
 @record
 class StepParts:
-    """What a step is put together from.
+    """The parts that a step is put together from.
 
     Attributes:
         system, scheme: whose step.
