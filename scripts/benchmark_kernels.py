@@ -2,12 +2,13 @@
 
     python scripts/benchmark_kernels.py [--models NAME ...] [--airs still wind] [--graphs] [--calls 2000] [--rounds 9]
 
-Three kinds of a step stand side by side: composed of its stages' derivatives for as many intervals at once as the
-processor has lanes (what `build_kernels` compiles), the same for one interval at a time, and casadi's graph of the
-whole step with its Jacobian and Hessian, compiled with `--graphs` (minutes) and evaluated by casadi's virtual machine
-else. The model's rates, as the replay asks for them, are evaluated by the compiled library, by casadi's virtual machine
-on arrays that stay where they are, and by calling casadi from Python. Times are processor time per interval or point,
-the best of several rounds; all kinds are measured in turn, in one run.
+Four kinds of a step stand side by side: composed of its stages' derivatives for as many intervals at once as the
+processor has lanes (what `build_kernels` compiles), the same evaluated by the machine for all models, the same compiled
+for one interval at a time, and casadi's graph of the whole step with its Jacobian and Hessian, compiled with `--graphs`
+(minutes) and evaluated by casadi's virtual machine else. The model's rates, as the replay asks for them, are evaluated
+by the compiled library, by casadi's virtual machine on arrays that stay where they are, and by calling casadi from
+Python. Times are processor time per interval or point, the best of several rounds; all kinds are measured in turn, in
+one run.
 """
 
 import argparse
@@ -33,6 +34,8 @@ from airrace.optimal_control.compiled_rates import compiled_rows, interpreted
 from airrace.optimal_control.kernel_library import compile_library, generated_source
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cached_rows, symbolic_kernels
 from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set
+from airrace.optimal_control.machine_kernels import machine_kernels
+from airrace.optimal_control.mapping import Callee, Part
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -90,6 +93,14 @@ def evaluation(function: ca.Function, of_one: ca.Function, lanes: int, model: Fl
     return seconds
 
 
+def machine_evaluation(step: Callee, part: Part, of_one: ca.Function, model: FlightModel, count: int) -> Timed:
+    """What evaluates a function of the machine at many points and tells the seconds of one of them."""
+    given = [np.ascontiguousarray(one.T).ravel() for one in arguments(of_one, model, count)]
+    given[2] = given[2][: len(given[2]) // step.lanes]
+    call, _ = step.bound(part, count // step.lanes, 1, given)
+    return timed(call, count)
+
+
 def timed(call: Callable[[], object], count: int) -> Timed:
     """What calls and tells the processor's seconds of one of so many points."""
 
@@ -136,16 +147,23 @@ def measure(model: FlightModel, folder: Path, *, compiled: bool, calls: int, rou
     lanes = compiled_kernels(model, widest, f"{widest.lanes} lanes").step
     single = compiled_kernels(model, SINGLE, "single").step
     whole = graphs(model, folder, compiled=compiled)
+    started = time.process_time()
+    machine = machine_kernels(model.system, DORMAND_PRINCE_5)
+    if machine is None:
+        raise SystemExit("there is no machine: the processor or the compiler has no vectors")
+    print(f"  machine   {time.process_time() - started:8.2f} s to write the tables", flush=True)
     count = calls // lanes.lanes * lanes.lanes
-    print("  us per interval     lanes  single   graph  single / lanes")
-    for name, of in zip(FUNCTIONS, (value, jacobian, hessian), strict=True):
+    print("  us per interval     lanes machine  single   graph  machine / lanes  single / lanes")
+    for part, name, of in zip(Part, FUNCTIONS, (value, jacobian, hessian), strict=True):
         kinds = [
             evaluation(of(lanes.several or lanes), of(lanes), lanes.lanes, model, count),
+            machine_evaluation(machine.step, part, of(lanes), model, count),
             evaluation(of(single), of(single), 1, model, count),
             evaluation(whole[name], whole[name], 1, model, count),
         ]
-        mine, one, graph = best(kinds, rounds)
-        print(f"  {name:<17}{mine:8.2f}{one:8.2f}{graph:8.2f}{one / mine:10.2f}", flush=True)
+        mine, tables, one, graph = best(kinds, rounds)
+        ratios = f"{tables / mine:17.2f}{one / mine:16.2f}"
+        print(f"  {name:<17}{mine:8.2f}{tables:8.2f}{one:8.2f}{graph:8.2f}{ratios}", flush=True)
     measure_rates(model, count, rounds)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Indices, Layout, Sighting
+from airrace.optimal_control.mapping import Callee
 from airrace.optimal_control.repeated import kinds
 from airrace.optimal_control.sums import Contributions, Sums
 from airrace.records import record
@@ -36,7 +37,7 @@ class Calls:
         jumps: places of what is taken off the unknowns before they become y, shape (calls, n_y); None for nothing.
     """
 
-    kernel: Kernel
+    kernel: Callee
     inputs: Indices
     own: Indices
     shared: Indices
@@ -115,7 +116,7 @@ class Assembly:
 
     # the kernel calls
 
-    def _steps(self, kernel: Kernel) -> Calls:
+    def _steps(self, kernel: Callee) -> Calls:
         layout = self.layout
         rows = layout.gap_index[:, :-1]
         scale = np.array([quantity.scale for quantity in layout.problem.system.states])
@@ -130,7 +131,7 @@ class Assembly:
             np.arange(layout.intervals),
         )
 
-    def _path(self, kernel: Kernel | None) -> list[Calls]:
+    def _path(self, kernel: Callee | None) -> list[Calls]:
         layout = self.layout
         if kernel is None:
             return []
@@ -179,9 +180,9 @@ class Assembly:
                 places[row] = layout.jump_offset + sighting.jump * layout.n_x + np.arange(layout.n_x)
         return places
 
-    def _rows(self, kernel: Kernel, calls: int, call: Indices) -> tuple[Indices, Array]:
+    def _rows(self, kernel: Callee, calls: int, call: Indices) -> tuple[Indices, Array]:
         """Return the places and weights of the outputs that are constrained; `call` is that of each row, or -1."""
-        rows = np.full((calls, kernel.value.size1_out(0)), self.layout.constraints)
+        rows = np.full((calls, kernel.values), self.layout.constraints)
         weights = np.zeros(rows.shape)
         own, given = call >= 0, self.layout.rows
         rows[call[own], given.component[own]] = self.layout.row_index[own]
@@ -255,7 +256,7 @@ class Assembly:
         layout = self.layout
         matrix = Contributions(layout.constraints, layout.unknowns)
         for calls in self.calls:
-            component, of = pattern(calls.kernel.jacobian.sparsity_out(1))
+            component, of = pattern(calls.kernel.jacobian_pattern)
             chosen = np.flatnonzero(stages[calls.stages])
             rows = calls.rows[chosen[:, None], component].ravel()
             columns = calls.inputs[chosen[:, None], of].ravel()
@@ -298,7 +299,7 @@ class Assembly:
         layout = self.layout
         matrix = Contributions(layout.unknowns, layout.unknowns, symmetric=True)
         for calls in self.calls:
-            row, column = pattern(calls.kernel.hessian.sparsity_out(1))
+            row, column = pattern(calls.kernel.hessian_pattern)
             chosen = np.flatnonzero(stages[calls.stages])
             rows, columns = calls.inputs[chosen[:, None], row].ravel(), calls.inputs[chosen[:, None], column].ravel()
             # what the last node's path would say of the control before it is zero: no row there depends on that
@@ -309,7 +310,7 @@ class Assembly:
             matrix.draw_from(len(row) * len(calls.filled), len(row) * self._first_call(calls))
             matrix.add(rows, columns, layout.scale[rows] * layout.scale[columns], _numbered(chosen, len(row))[within])
         if self.final is not None:
-            row, column = pattern(self.final.kernel.hessian.sparsity_out(1))
+            row, column = pattern(self.final.kernel.hessian_pattern)
             rows, columns = self.final.inputs[row], self.final.inputs[column]
             matrix.draw_from(len(rows), np.zeros(len(stages), dtype=np.int64))
             if stages[-1]:

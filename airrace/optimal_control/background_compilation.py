@@ -1,45 +1,65 @@
-"""The compilation of kernels in the background, by processes of low priority, while this one does other things."""
+"""The compilation of kernels in the background, by one process of low priority, while this one does other things.
 
+Nobody waits for it: what is not compiled yet is evaluated by the machine, see `machine_kernels.py`. The process ends
+with this one; what it has not finished then is compiled by a later run.
+"""
+
+import contextlib
 import pickle
+import queue
 import subprocess
 import sys
-import tempfile
+import threading
 from pathlib import Path
+from typing import IO
 
 from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.records import record
 from airrace.system import System
 
-_under_way: dict[Path, "subprocess.Popen[bytes]"] = {}
+
+@record
+class _Compiler:
+    """A process that compiles what it is sent, one library after another."""
+
+    process: "subprocess.Popen[bytes]"
+    orders: "queue.SimpleQueue[bytes]"
+    ordered: set[Path]
 
 
-def start(library: Path, system: System, scheme: RungeKutta) -> None:
-    """Start a process that makes this library, unless one is doing so already.
-
-    The process ends with the process that started it.
-    """
-    if under_way(library):
-        return
-    with tempfile.TemporaryFile() as order:  # a pipe would fill up before the other side has loaded
-        pickle.dump((system, scheme), order)
-        order.seek(0)
-        _under_way[library] = subprocess.Popen(
-            [sys.executable, "-m", "airrace.optimal_control.compiler_process"],
-            stdin=order,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # a terminal's Ctrl-C is the starting process's business
-        )
+_running: list[_Compiler] = []
+_starting = threading.Lock()
 
 
-def under_way(library: Path) -> bool:
-    """Return whether a process started here is making this library."""
-    return library in _under_way and _under_way[library].poll() is None
+def order(library: Path, system: System, scheme: RungeKutta) -> None:
+    """Let a library be compiled, unless that is ordered already."""
+    with _starting:
+        if _running and _running[0].process.poll() is not None:
+            _running.clear()
+        if not _running:
+            _running.append(_started())
+        if library not in _running[0].ordered:
+            _running[0].ordered.add(library)
+            _running[0].orders.put(pickle.dumps((system, scheme)))
 
 
-def finish(library: Path) -> None:
-    """Wait for the process that makes this library, if there is one.
+def _started() -> _Compiler:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "airrace.optimal_control.compiler_process"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # a terminal's Ctrl-C is the starting process's business
+    )
+    assert process.stdin is not None  # it is a pipe
+    orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_deliver, args=(orders, process.stdin), daemon=True).start()
+    return _Compiler(process, orders, set())
 
-    Whether it succeeded is seen from the library.
-    """
-    if (process := _under_way.pop(library, None)) is not None:
-        process.wait()
+
+def _deliver(orders: "queue.SimpleQueue[bytes]", to: IO[bytes]) -> None:
+    """Write orders as they come; a pipe fills up while the other side loads or compiles."""
+    with contextlib.suppress(OSError):  # the process has ended
+        while True:
+            to.write(orders.get())
+            to.flush()

@@ -1,9 +1,14 @@
-"""Parts of a library's source that tell of its functions: constant tables, and the answers to what casadi asks."""
+"""Parts of a library's source: tables, the answers to what casadi asks, and texts that are the same for all."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
+
+
+def read_text(name: str) -> str:
+    """Return the content of a C file that stands beside this one."""
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
 
 
 def integers(name: str, values: Sequence[int]) -> str:
@@ -19,4 +24,4 @@ def encoded(name: str, sparsity: ca.Sparsity) -> str:
 
 def library_function_text() -> str:
     """Return the macro of what casadi asks about a function of a library; the function's patterns stand in tables."""
-    return Path(__file__).with_name("library_function.h").read_text(encoding="utf-8")
+    return read_text("library_function.h")

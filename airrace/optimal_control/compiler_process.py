@@ -1,6 +1,6 @@
-"""A process that compiles the kernels of one system, `python -m airrace.optimal_control.compiler_process`.
+"""A process that compiles kernels, one system after another: `python -m airrace.optimal_control.compiler_process`.
 
-`background_compilation.py` starts it and hands over system and scheme, pickled, as standard input. Ended early, it
+`background_compilation.py` starts it and writes systems and schemes, pickled, to its standard input. Ended early, it
 takes its compilers and temporary files along.
 """
 
@@ -42,17 +42,20 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 
 def main() -> int:
-    """Compile the kernels that standard input asks for; return 1 if that is impossible, else 0."""
+    """Compile the kernels that standard input asks for until it ends; return 1 if some could not be, else 0."""
     signal.signal(signal.SIGTERM, _leave)
     if sys.platform == "linux":  # elsewhere it finishes the few seconds of its work
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     _give_way()
-    system, scheme = pickle.load(sys.stdin.buffer)
-    try:
-        compile_kernels(system, scheme)
-    except KernelError:
-        return 1  # whoever needs the kernels will find out why
-    return 0
+    failures = 0
+    with contextlib.suppress(EOFError):
+        while True:
+            system, scheme = pickle.load(sys.stdin.buffer)
+            try:
+                compile_kernels(system, scheme, at_once=1)
+            except KernelError:
+                failures += 1  # whoever needs the kernels will find out why
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":

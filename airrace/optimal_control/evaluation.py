@@ -6,15 +6,12 @@ times as long to build as these index arrays.
 """
 
 import time
-from collections.abc import Callable, Sequence
 
-import casadi as ca
 import numpy as np
 
-from airrace.errors import SolverCrash
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.mapping import Part, hessian_of, jacobian_of, mapped, value_of
+from airrace.optimal_control.mapping import Bound, Part, bound
 from airrace.trajectory import Array
 
 
@@ -204,7 +201,7 @@ class _Evaluated:
         self._given = self._y, np.zeros(self._own.shape), np.zeros((calls.batches, len(calls.shared)))
         self._taken_off: Array | None = None
         self._threads = threads
-        self._functions: dict[Part, tuple[Callable[[], None], list[Array]]] = {}
+        self._functions: dict[Part, Bound] = {}
 
     def take_parameters(self, padded: Array) -> None:
         """Take what belongs to the calls out of (p, 0)."""
@@ -215,29 +212,28 @@ class _Evaluated:
 
     def values(self, unscaled: Array) -> Array:
         """Return the values, lanes that are left over included."""
-        (values,) = self._called(value_of, unscaled)
+        (values,) = self._called(Part.VALUES, unscaled)
         return values
 
     def jacobians(self, unscaled: Array) -> Array:
         """Return the nonzeros of the Jacobians."""
-        return self._called(jacobian_of, unscaled)[1]
+        return self._called(Part.JACOBIAN, unscaled)[1]
 
     def hessians(self, unscaled: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the gradients, and the nonzeros of the Hessians, for the multipliers of all constraints and a zero."""
         np.take(multipliers, self._rows, out=self._multipliers, mode="clip")
         self._multipliers *= self._weights
-        gradient, hessian = self._called(hessian_of, unscaled)
+        gradient, hessian = self._called(Part.HESSIAN, unscaled)
         return gradient, hessian
 
-    def _called(self, of: Part, unscaled: Array) -> list[Array]:
+    def _called(self, part: Part, unscaled: Array) -> list[Array]:
         np.take(unscaled, self._inputs, out=self._y, mode="clip")  # which, unlike the default, needs no copy
         if self._taken_off is not None:
             self._y -= self._taken_off
-        if of not in self._functions:
-            function = mapped(of, self._calls, self._threads)
-            given = (*self._given, self._multipliers) if of is hessian_of else self._given
-            self._functions[of] = bound(function, given)
-        call, results = self._functions[of]
+        if part not in self._functions:
+            given = (*self._given, self._multipliers) if part is Part.HESSIAN else self._given
+            self._functions[part] = self._calls.kernel.bound(part, self._calls.batches, self._threads, given)
+        call, results = self._functions[part]
         call()
         return results
 
@@ -270,30 +266,6 @@ class _EvaluatedFinal:
         self._weights[:] = factor * self.cost.weights
         call()
         return results
-
-
-def bound(function: ca.Function, arguments: Sequence[Array]) -> tuple[Callable[[], None], list[Array]]:
-    """Return a call of a function with its arguments in these arrays, and the arrays that it writes its results to.
-
-    Raises:
-        SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
-    """
-    buffer, evaluate = function.buffer()
-    results = [np.zeros(function.nnz_out(place)) for place in range(function.n_out())]
-    # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
-    for place, array in enumerate(arguments):
-        if array.size != function.nnz_in(place):
-            raise SolverCrash(f"{function.name()}: argument {place} has another size")
-        buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
-    for place, array in enumerate(results):
-        buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
-
-    def call() -> None:
-        evaluate()
-        if buffer.ret():
-            raise SolverCrash(f"{function.name()} could not be evaluated")
-
-    return call, results
 
 
 def _sum(values: Array) -> float:

@@ -1,5 +1,6 @@
 """The libraries of compiled kernels: where they are kept, whether they are intact, how they are made."""
 
+import contextlib
 import hashlib
 import logging
 import os
@@ -12,7 +13,8 @@ from pathlib import Path
 import casadi as ca
 
 from airrace.errors import KernelError
-from airrace.optimal_control.private_folder import is_private, make_private
+from airrace.optimal_control.one_at_a_time import alone
+from airrace.optimal_control.private_folder import PRIVATE, is_private, make_private
 from airrace.records import record
 
 logger = logging.getLogger(__name__)
@@ -22,6 +24,9 @@ COMPILE_FLAGS = ("-fPIC", "-ffp-contract=off")
 
 No product is fused with a sum, so that single numbers and vectors have the same bits.
 """
+
+SIDE_BY_SIDE = 16
+"""The number of compilers that run at a time where somebody waits for the library."""
 
 LINK_FLAGS = ("-shared",)
 GENERATED_FLAGS = ("-O1",)
@@ -97,29 +102,54 @@ def find_compiler() -> str:
     raise KernelError("no C compiler (cc, gcc, clang) on the path")
 
 
-def compile_library(sources: Sequence[Source], target: Path) -> None:
-    """Compile all sources side by side, and put the library in place in one step, then its checksum.
+def compile_library(sources: Sequence[Source], target: Path, *, at_once: int = SIDE_BY_SIDE) -> None:
+    """Compile all sources, and put the library in place in one step, then its checksum.
+
+    Processes that want the same library do not compile it beside each other: the others wait and find it there. What is
+    compiled of a library when its process ends is kept for the next one that begins with it.
+
+    Args:
+        sources: to be compiled.
+        target: the library.
+        at_once: number of compilers that run at a time.
 
     Raises:
         KernelError: there is no compiler, it fails, or the folder cannot be written to.
     """
     compiler = find_compiler()
-    logger.info("compiling kernels with %s (once per model and machine)", compiler)
     try:
         make_private(target.parent)
-        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-            commands = [_compilation(compiler, source, Path(folder)) for source in sources]
-            _run(commands)
-            library, checksum = Path(folder) / "kernels.so", Path(folder) / "kernels.sha256"
-            objects = [command[-1] for command in commands]
-            _run([[compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"]])
+        with alone(target.with_suffix(".lock")):
+            if not is_intact(target):
+                logger.info("compiling %s with %s (once per machine)", sources[0].name, compiler)
+                _compile(compiler, sources, target, at_once)
+    except OSError as error:
+        raise KernelError(f"the kernel cache {target.parent} cannot be used: {error}") from error
+
+
+def _compile(compiler: str, sources: Sequence[Source], target: Path, at_once: int) -> None:
+    parts = target.with_suffix(".parts")
+    parts.mkdir(mode=PRIVATE, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(dir=parts) as temporary:
+            folder = Path(temporary)
+            works = [_compilation(compiler, source, folder, parts) for source in sources]
+            _run([work for work in works if not is_private(work.result)], at_once)
+            library, checksum = folder / "kernels.so", folder / "kernels.sha256"
+            objects = [str(work.result) for work in works]
+            _run([_Work([compiler, *LINK_FLAGS, "-o", str(library), *objects, "-lm"], library, library)], at_once)
             checksum.write_bytes(_checksum(library))
             for made in (library, checksum):
                 made.chmod(0o600)  # whatever the umask leaves to others
             os.replace(library, target)
             os.replace(checksum, _checksum_file(target))
-    except OSError as error:
-        raise KernelError(f"the kernel cache {target.parent} cannot be used: {error}") from error
+        shutil.rmtree(parts)
+    except KernelError:
+        shutil.rmtree(parts)
+        raise
+    finally:
+        with contextlib.suppress(OSError):  # it is gone, or holds what is finished
+            parts.rmdir()
 
 
 def _checksum(library: Path) -> bytes:
@@ -130,28 +160,49 @@ def _checksum_file(library: Path) -> Path:
     return library.with_suffix(".sha256")
 
 
-def _compilation(compiler: str, source: Source, folder: Path) -> list[str]:
-    """Write a C source, and return the command that compiles it, the object file last."""
+@record
+class _Work:
+    """A command, the file that it makes, and the place of that file once it is finished."""
+
+    command: Sequence[str]
+    made: Path
+    result: Path
+
+
+def _compilation(compiler: str, source: Source, folder: Path, parts: Path) -> _Work:
+    """Write a C source to a folder, and return the command that compiles it."""
     path = folder / f"{source.name}.c"
     path.write_text(source.text, encoding="utf-8")
-    return [compiler, *COMPILE_FLAGS, *source.flags, "-c", str(path), "-o", str(path.with_suffix(".o"))]
+    told = "\0".join((source.text, *source.flags))
+    made, name = path.with_suffix(".o"), hashlib.sha256(told.encode()).hexdigest()[:32]
+    command = [compiler, *COMPILE_FLAGS, *source.flags, "-c", str(path), "-o", str(made)]
+    return _Work(command, made, parts / f"{name}.o")
 
 
-def _run(commands: Sequence[Sequence[str]]) -> None:
-    """Run commands side by side; none continues after this function is left."""
-    running: list[subprocess.Popen[bytes]] = []
+def _run(works: Sequence[_Work], at_once: int) -> None:
+    """Run commands, so many at a time; none continues after this function is left."""
+    running: list[tuple[_Work, subprocess.Popen[bytes]]] = []
     try:
-        for command in commands:
-            running.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT))
-        for command, process in zip(commands, running, strict=True):
-            text, _ = process.communicate()
-            if process.returncode:
-                message = text.decode(errors="replace").strip()[:500]
-                raise KernelError(f"{command[0]} failed: {message}")
+        for work in works:
+            if len(running) >= at_once:
+                _finish(*running[0])
+                del running[0]
+            running.append((work, subprocess.Popen(work.command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)))
+        for work, process in running:
+            _finish(work, process)
     finally:
-        for process in running:
+        for _, process in running:
             if process.poll() is None:
                 process.terminate()
                 process.communicate()
             assert process.stdout is not None
             process.stdout.close()
+
+
+def _finish(work: _Work, process: "subprocess.Popen[bytes]") -> None:
+    """Wait for a command, and put what it made in its place."""
+    text, _ = process.communicate()
+    if process.returncode:
+        message = text.decode(errors="replace").strip()[:500]
+        raise KernelError(f"{work.command[0]} failed: {message}")
+    os.replace(work.made, work.result)

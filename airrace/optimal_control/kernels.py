@@ -15,22 +15,25 @@ depends on. Without a C compiler casadi's own virtual machine evaluates the grap
 import hashlib
 import logging
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
 
 from airrace.errors import KernelError
-from airrace.optimal_control import background_compilation, kernel_library
+from airrace.optimal_control import background_compilation, kernel_library, mapping
+from airrace.optimal_control.c_tables import read_text
 from airrace.optimal_control.kernel_library import Source, generated_source
-from airrace.optimal_control.lane_code import has_lanes, header, lane_functions
+from airrace.optimal_control.lane_code import VECTOR_FLAGS, has_lanes, header, lane_functions
 from airrace.optimal_control.lane_interface import Shape, interface_source, interface_text, shape_of
 from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set
+from airrace.optimal_control.mapping import Bound, Callee, Part
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.step_kernel import StepSources, driver_text, step_sources
 from airrace.records import record
 from airrace.system import Observation, System
+from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
 
@@ -38,13 +41,6 @@ DRIVER_FLAGS = ("-O3",)
 """The compiler flags for the driver's loops over sensitivities, which run a third faster than with -O2.
 
 For lanes they are written out, and -O2 does.
-"""
-
-VECTOR_FLAGS = ("-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
-"""The compiler flags for code on vectors, whose parts call only each other.
-
-The last flag belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls
-the C library, and everything took three times as long.
 """
 
 LANE_FLAGS = ("-O2",)
@@ -56,7 +52,7 @@ With -O3 a Hessian of six-dof takes 4 % less time and one of the point mass as m
 TOGETHER = 1000
 """The number of operations up to which generated functions share a file: for some a compiler takes longest to start."""
 
-FORMAT = 6
+FORMAT = 7
 """The number of the form of the generated code.
 
 It is raised with every change of the form, so that no cached library of another form is used.
@@ -82,13 +78,38 @@ class Kernel:
     several: "Kernel | None" = None
     lanes: int = 1
 
+    @property
+    def values(self) -> int:
+        """The number of values."""
+        return self.value.size1_out(0)
+
+    @property
+    def jacobian_pattern(self) -> ca.Sparsity:
+        """The pattern of the Jacobian."""
+        return self.jacobian.sparsity_out(1)
+
+    @property
+    def hessian_pattern(self) -> ca.Sparsity:
+        """The pattern of the Hessian's upper triangle."""
+        return self.hessian.sparsity_out(1)
+
+    def mapped(self, part: Part, calls: int, threads: int) -> ca.Function:
+        """Return all calls of a function at once, see `mapping.Callee`."""
+        of = self.several or self
+        function = (of.value, of.jacobian, of.hessian)[part]
+        return mapping.mapped(function, calls, mapping.spread(calls, self.lanes, threads))
+
+    def bound(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> Bound:
+        """Return all calls of a function at once, on arrays that stay, see `mapping.Callee`."""
+        return mapping.bound(self.mapped(part, calls, threads), given)
+
 
 @record
 class Kernels:
     """The kernels of a system; `path` is None for a system without path quantities."""
 
-    step: Kernel
-    path: Kernel | None
+    step: Callee
+    path: Callee | None
     compiled: bool
 
 
@@ -146,18 +167,28 @@ def _compiled(system: System, scheme: RungeKutta, instructions: InstructionSet) 
     return _load(library, with_path=with_path, lanes=instructions.lanes)
 
 
-def compile_kernels(system: System, scheme: RungeKutta, instructions: InstructionSet | None = None) -> Path:
+def compile_kernels(
+    system: System,
+    scheme: RungeKutta,
+    instructions: InstructionSet | None = None,
+    *,
+    at_once: int = kernel_library.SIDE_BY_SIDE,
+) -> Path:
     """Return the compiled library of a system, built unless the cache has it intact.
+
+    Args:
+        system, scheme: that it is of.
+        instructions: for which it is compiled; None for the widest that this machine has.
+        at_once: number of compilers that run at a time.
 
     Raises:
         KernelError: it cannot be built.
     """
     chosen = _instructions(system) if instructions is None else instructions
     library = _library(system, scheme, chosen)
-    background_compilation.finish(library)
     if not kernel_library.is_intact(library):
         sources = _sources(system, scheme) if chosen.lanes == 1 else _lane_sources(system, scheme, chosen)
-        kernel_library.compile_library(sources, library)
+        kernel_library.compile_library(sources, library, at_once=at_once)
     return library
 
 
@@ -177,33 +208,16 @@ def needs_compiling(system: System, scheme: RungeKutta) -> bool:
     return not kernel_library.is_intact(_library(system, scheme, _instructions(system)))
 
 
-def prepare(system: System, scheme: RungeKutta) -> bool:
-    """Compile the kernels in the background if they need it, and return whether they do.
-
-    `build_kernels` waits for the compilation where it must.
-    """
-    needed = needs_compiling(system, scheme)
-    if needed:
-        background_compilation.start(_library(system, scheme, _instructions(system)), system, scheme)
-    return needed
-
-
-def finish_preparing(system: System, scheme: RungeKutta, on_wait: Callable[[], None]) -> None:
-    """Wait for what this process compiles in the background for a system, so that another process can load it.
-
-    Args:
-        on_wait: called if it takes a while.
-    """
-    library = _library(system, scheme, _instructions(system))
-    if background_compilation.under_way(library):
-        on_wait()
-    background_compilation.finish(library)
+def prepare(system: System, scheme: RungeKutta) -> None:
+    """Let the kernels be compiled in the background if they need it."""
+    if needs_compiling(system, scheme):
+        background_compilation.order(_library(system, scheme, _instructions(system)), system, scheme)
 
 
 def symbolic_kernels(system: System, scheme: RungeKutta) -> dict[str, ca.Function]:
     """Return all kernel functions as SX graphs, by name."""
     y, fraction, p = _arguments(system)
-    return differentiate("step", y, fraction, p, _end(system, scheme, y, fraction, p)) | _path_functions(system)
+    return differentiate("step", y, fraction, p, _end(system, scheme, y, fraction, p)) | path_functions(system)
 
 
 def _sources(system: System, scheme: RungeKutta) -> list[Source]:
@@ -211,14 +225,14 @@ def _sources(system: System, scheme: RungeKutta) -> list[Source]:
     composed = step_sources(system, scheme)
     return [
         *(generated_source(function, hidden=True) for function in (composed.rates, *composed.generated)),
-        Source("step_kernel", composed.driver, DRIVER_FLAGS),
-        *(generated_source(function) for function in _path_functions(system).values()),
+        Source("step_kernel", read_text("one_lane.h") + composed.driver, DRIVER_FLAGS),
+        *(generated_source(function) for function in path_functions(system).values()),
     ]
 
 
 def _lane_sources(system: System, scheme: RungeKutta, instructions: InstructionSet) -> list[Source]:
     """Return the sources for several intervals at once; rates and path quantities serve the replay, too."""
-    lanes, path = instructions.lanes, _path_functions(system)
+    lanes, path = instructions.lanes, path_functions(system)
     composed = step_sources(system, scheme, lanes=lanes)
     before, flags = header(lanes), (*VECTOR_FLAGS, *instructions.flags)
     shapes = _step_shapes(system, composed) | {name: shape_of(function) for name, function in path.items()}
@@ -277,7 +291,8 @@ def _end(system: System, scheme: RungeKutta, y: ca.SX, fraction: ca.SX, p: ca.SX
     return x_next if system.projection is None else system.projection(x_next)
 
 
-def _path_functions(system: System) -> dict[str, ca.Function]:
+def path_functions(system: System) -> dict[str, ca.Function]:
+    """Return the functions of a system's path quantities by name, none for a system without."""
     if system.path_values is None:
         return {}
     y, _, p = _arguments(system)
@@ -337,7 +352,15 @@ def _fingerprint(system: System, scheme: RungeKutta, instructions: InstructionSe
     flags = (*kernel_library.COMPILE_FLAGS, *kernel_library.HIDDEN_FLAGS, *DRIVER_FLAGS)
     if instructions.lanes > 1:
         parts += [repr(instructions), *VECTOR_FLAGS, *LANE_FLAGS, header(instructions.lanes), interface_text()]
-    parts += [repr(scheme), ca.CasadiMeta.version(), platform.machine(), *flags, driver_text(), str(FORMAT)]
+    parts += [
+        repr(scheme),
+        ca.CasadiMeta.version(),
+        platform.machine(),
+        *flags,
+        read_text("one_lane.h"),
+        driver_text(),
+        str(FORMAT),
+    ]
     for part in parts:
         digest.update(part.encode())
         digest.update(b"\0")

@@ -7,11 +7,18 @@ Operations, their order and the functions of the C library are those of casadi's
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import casadi as ca
 
 from airrace.errors import KernelError
+from airrace.optimal_control.c_tables import read_text
+
+VECTOR_FLAGS = ("-fno-math-errno", "-fvisibility=hidden", "-fexpensive-optimizations")
+"""The compiler flags for code on vectors, whose parts call only each other.
+
+The last flag belongs to -O2. With -O1 alone gcc does not clear the upper halves of the vector registers before it calls
+the C library, and everything took three times as long.
+"""
 
 OPERATORS = {
     ca.OP_ASSIGN: "{x}",
@@ -77,7 +84,7 @@ def has_lanes(function: ca.Function) -> bool:
 
 def header(lanes: int) -> str:
     """Return the text that stands before all code on vectors."""
-    return f"#define LANES {lanes}\n{Path(__file__).with_name('lanes.h').read_text(encoding='utf-8')}\n"
+    return f"#define LANES {lanes}\n{read_text('lanes.h')}\n"
 
 
 def lane_functions(functions: Mapping[str, ca.Function]) -> str:

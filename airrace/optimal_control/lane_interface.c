@@ -1,23 +1,9 @@
 /* How others call the functions of several intervals at once: casadi interval after interval, the replay row by row.
  *
- * Before this text stand lanes.h, library_function.h and, per function, its sizes and patterns, see lane_interface.py.
+ * Before this text stand lanes.h, lane_copies.h, library_function.h and, per function, its sizes and patterns, see lane_interface.py.
  */
 
 typedef int function_of_lanes(const real **arg, real **res, integer *iw, real *w, int mem);
-
-/* numbers of one interval after those of another, to the lanes and back */
-
-static void gather(const double *from, int size, real *to)
-{
-    for (int i = 0; i < size; i++)
-        for (int lane = 0; lane < LANES; lane++) to[i][lane] = from[lane * size + i];
-}
-
-static void scatter(const real *from, int size, double *to)
-{
-    for (int lane = 0; lane < LANES; lane++)
-        for (int i = 0; i < size; i++) to[lane * size + i] = from[i][lane];
-}
 
 /* the third argument is what all intervals share */
 static int call(
@@ -52,21 +38,6 @@ static int call(
             name##_of_lanes, arg, res, inputs, name##_SIZE_IN, outputs, name##_SIZE_OUT, given, found);               \
     }                                                                                                                 \
     WHAT_CASADI_ASKS(name, inputs, outputs)
-
-/* Rows of `count` numbers, one per point. The lanes beyond the last point repeat it. */
-
-static void gather_rows(const double *from, int rows, integer first, integer count, real *to)
-{
-    for (int r = 0; r < rows; r++)
-        for (int lane = 0; lane < LANES; lane++)
-            to[r][lane] = from[r * count + (first + lane < count ? first + lane : count - 1)];
-}
-
-static void scatter_rows(const real *from, int rows, integer first, integer count, double *to)
-{
-    for (int r = 0; r < rows; r++)
-        for (int lane = 0; lane < LANES && first + lane < count; lane++) to[r * count + first + lane] = from[r][lane];
-}
 
 /* values (x, u, p) at many points: rows of x, of u and of the values, and p once */
 #define ROW_BY_ROW(name, values)                                                                                      \

@@ -5,11 +5,10 @@ The replay calls them row by row, see `compiled_rates.py`.
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import casadi as ca
 
-from airrace.optimal_control.c_tables import encoded, integers, library_function_text
+from airrace.optimal_control.c_tables import encoded, integers, library_function_text, read_text
 from airrace.optimal_control.lane_code import header
 from airrace.records import record
 from airrace.system import System
@@ -33,7 +32,7 @@ def shape_of(function: ca.Function) -> Shape:
 
 def interface_text() -> str:
     """Return the part of the source that is the same for all models."""
-    return library_function_text() + Path(__file__).with_name("lane_interface.c").read_text(encoding="utf-8")
+    return read_text("lane_copies.h") + library_function_text() + read_text("lane_interface.c")
 
 
 def interface_source(shapes: Mapping[str, Shape], rows: Mapping[str, int], system: System, lanes: int) -> str:

@@ -1,11 +1,17 @@
-"""The mapping of a kernel's function over all of its calls, on several threads where that pays."""
+"""The demands of a program's evaluation on a kernel: one of its functions for all of its calls at once.
 
-from collections.abc import Callable
+casadi's functions are mapped over the calls here; `machine.py` has kernels without functions of casadi.
+"""
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from typing import Protocol
 
 import casadi as ca
+import numpy as np
 
-from airrace.optimal_control.assembly import Calls
-from airrace.optimal_control.kernels import Kernel
+from airrace.errors import SolverCrash
+from airrace.trajectory import Array
 
 MAP_IN_THREADS = 64
 """The number of calls of a kernel from which they are spread over threads; twice as many if it has lanes.
@@ -15,30 +21,94 @@ a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, t
 step, or 128 intervals in lanes. For fewer calls little of the gain would be left.
 """
 
-Part = Callable[[Kernel], ca.Function]
-"""A choice of one of a kernel's functions: `value_of`, `jacobian_of` or `hessian_of`."""
+
+class Part(IntEnum):
+    """The functions of a kernel, by the order of the derivatives that they evaluate."""
+
+    VALUES = 0
+    JACOBIAN = 1
+    HESSIAN = 2
 
 
-def value_of(kernel: Kernel) -> ca.Function:
-    """Return the function of the values."""
-    return kernel.value
+Bound = tuple[Callable[[], None], list[Array]]
+"""A call of a function with its arguments in arrays that stay, and the arrays that it writes its results to."""
 
 
-def jacobian_of(kernel: Kernel) -> ca.Function:
-    """Return the function of values and Jacobian."""
-    return kernel.jacobian
+class Callee(Protocol):
+    """A kernel as the evaluation of a program sees it: what it takes and returns stands interval after interval."""
+
+    @property
+    def lanes(self) -> int:
+        """The number of intervals in a call."""
+        ...
+
+    @property
+    def values(self) -> int:
+        """The number of values."""
+        ...
+
+    @property
+    def jacobian_pattern(self) -> ca.Sparsity:
+        """The pattern of the Jacobian."""
+        ...
+
+    @property
+    def hessian_pattern(self) -> ca.Sparsity:
+        """The pattern of the Hessian's upper triangle."""
+        ...
+
+    def bound(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> Bound:
+        """Return all calls of a function at once.
+
+        Args:
+            part: which function.
+            calls: number of calls, each with as many intervals as there are lanes.
+            threads: number of threads that the calls are spread over.
+            given: (y, own, shared[, lam]) of all intervals; `shared` once per call.
+
+        Raises:
+            SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
+        """
+        ...
+
+    def mapped(self, part: Part, calls: int, threads: int) -> ca.Function:
+        """Return all calls of a function at once as a function of casadi.
+
+        Raises:
+            KernelError: there is none.
+        """
+        ...
 
 
-def hessian_of(kernel: Kernel) -> ca.Function:
-    """Return the function of gradient and Hessian."""
-    return kernel.hessian
+def spread(calls: int, lanes: int, threads: int) -> int:
+    """Return over how many threads so many calls are to be spread."""
+    return threads if calls * lanes >= (MAP_IN_THREADS if lanes == 1 else 2 * MAP_IN_THREADS) else 1
 
 
-def mapped(part: Part, calls: Calls, threads: int) -> ca.Function:
-    """Return one of a kernel's functions for all batches of its calls at once."""
-    kernel = calls.kernel
-    function = part(kernel.several or kernel)
-    enough = MAP_IN_THREADS if kernel.lanes == 1 else 2 * MAP_IN_THREADS
-    if threads > 1 and len(calls.inputs) >= enough:
-        return function.map(calls.batches, "thread", threads)
-    return function.map(calls.batches)
+def mapped(function: ca.Function, calls: int, threads: int) -> ca.Function:
+    """Return a function of casadi for all calls at once."""
+    return function.map(calls, "thread", threads) if threads > 1 else function.map(calls)
+
+
+def bound(function: ca.Function, arguments: Sequence[Array]) -> Bound:
+    """Return a call of a function of casadi, and its results.
+
+    Raises:
+        SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
+    """
+    buffer, evaluate = function.buffer()
+    results = [np.zeros(function.nnz_out(place)) for place in range(function.n_out())]
+    # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
+    for place, array in enumerate(arguments):
+        if array.size != function.nnz_in(place):
+            raise SolverCrash(f"{function.name()}: argument {place} has another size")
+        buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
+    for place, array in enumerate(results):
+        buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
+
+    def call() -> None:
+        evaluate()
+        if buffer.ret():
+            raise SolverCrash(f"{function.name()} could not be evaluated")
+
+    return call, results

@@ -20,10 +20,23 @@ def compiled(file: Path, flags: tuple[str, ...]) -> Path:
     Raises:
         KernelError: it cannot be built.
     """
-    text = file.read_text(encoding="utf-8")
+    return compiled_text(file.stem, file.read_text(encoding="utf-8"), flags)
+
+
+def compiled_text(name: str, text: str, flags: tuple[str, ...]) -> Path:
+    """Return the compiled library of a source, built unless the cache has it intact.
+
+    Args:
+        name: of the file that a compiler sees.
+        text: the source.
+        flags: for the compiler, besides those of all sources.
+
+    Raises:
+        KernelError: it cannot be built.
+    """
     parts = (text, *kernel_library.COMPILE_FLAGS, *flags, platform.machine(), ca.CasadiMeta.version())
-    name = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-    library = kernel_library.cache_folder() / f"{name}.so"
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    library = kernel_library.cache_folder() / f"{digest}.so"
     if not kernel_library.is_intact(library):
-        kernel_library.compile_library([Source(file.stem, text, flags)], library)
+        kernel_library.compile_library([Source(name, text, flags)], library)
     return library

@@ -18,7 +18,6 @@ from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import kernels
 from airrace.optimal_control.messages import (
-    COMPILING,
     Announcement,
     IterationReport,
     Notice,
@@ -89,7 +88,6 @@ class SolverService:
         self._ended = False
         self._stopping = threading.Lock()
         self._solving = False
-        self._preparing: list[tuple[System, RungeKutta]] = []
         self._chores: list[Callable[[], None]] = []
         self._start()
 
@@ -104,20 +102,19 @@ class SolverService:
     def prepare(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
         """Get the kernels of a system ready that will be flown later.
 
-        They are compiled in the background, at low priority, or loaded by the process if they are compiled.
+        They are compiled in the background, at low priority, and the process makes ready what it can have at once.
         """
-        if self._compiled and kernels.prepare(system, scheme):
-            self._preparing.append((system, scheme))
-        else:
+        if self._compiled:
+            kernels.prepare(system, scheme)
             self.announce(system, scheme)
 
     def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Let the process load the kernels of a system that is flown next, if they are compiled.
+        """Let the process make the kernels of a system ready that is flown next.
 
         While the process works on a problem, what is announced waits for the solution: the process reads nothing before
         it has written that, and a pipe holds so little that each would wait for the other to read.
         """
-        if self._process is not None and self._compiled and not kernels.needs_compiling(system, scheme):
+        if self._process is not None and self._compiled:
             self._sender.pack(Announcement(system, scheme))
             if not self._solving:
                 self._deliver()
@@ -160,7 +157,6 @@ class SolverService:
         """
         if self._process is None:
             self._start()
-        self._finish_preparing(problem.system, problem.scheme)
         request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, threads or self._threads)
         try:
             with self._alive():
@@ -168,6 +164,8 @@ class SolverService:
             with self._working():
                 while self._chores:
                     self._chores.pop(0)()
+                if self._compiled:  # for the next problem of this system, or the next run
+                    kernels.prepare(problem.system, problem.scheme)
                 return self._answered(stall_seconds or self._stall_seconds, on_iteration)
         except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
             self.stop()  # more use
@@ -217,13 +215,6 @@ class SolverService:
             if status == memory.CODE:
                 raise MemoryError from error
             raise SolverCrash(f"the solver process died (status {status})") from error
-
-    def _finish_preparing(self, system: System, scheme: RungeKutta) -> None:
-        """Wait for what is compiled for a system before the solver process asks for it."""
-        if not any(one is system and how == scheme for one, how in self._preparing):
-            return
-        self._preparing = [(one, how) for one, how in self._preparing if one is not system or how != scheme]
-        kernels.finish_preparing(system, scheme, lambda: self._notice(COMPILING))
 
     def _notice(self, text: str) -> None:
         if self._on_notice is not None:

@@ -35,8 +35,8 @@ def solve(
         guess: where the solver begins, in SI.
         solver: one of the names in `solvers.SOLVERS`.
         options: tolerance, iterations and barrier; by default those of `SolverOptions`.
-        compiled: whether the system's functions are compiled to machine code first, which takes seconds once per
-            system and machine and pays for long solves of large systems.
+        compiled: whether the system's functions are compiled to machine code, in the background where the solver can do
+            without meanwhile; that takes seconds once per system and machine and pays for long solves.
         stall_seconds: longest wait for the next iteration, the first one included, s; what is prepared before it counts
             except compiling.
 

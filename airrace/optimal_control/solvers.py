@@ -141,11 +141,13 @@ class Solver(ABC):
         name: that settings know.
         begins_with_multipliers: whether a guess of the multipliers changes where it begins.
         effort: the processor time of an iteration, in those of fatrop (1).
+        needs_functions: whether it evaluates kernels as functions of casadi.
     """
 
     name: str
     begins_with_multipliers = False
     effort = 1
+    needs_functions = False
 
     @abstractmethod
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
@@ -196,6 +198,7 @@ class FatropByCasadi(Solver):
     """The solver fatrop through casadi's interface, set up in quadratic time; `Fatrop` is compared with it."""
 
     name = "fatrop-casadi"
+    needs_functions = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
         layout, program = functions.assembly.layout, transcribed(functions.assembly, functions.threads)
@@ -235,6 +238,7 @@ class Ipopt(Solver):
 
     name = "ipopt"
     effort = 2
+    needs_functions = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
         program = transcribed(functions.assembly, functions.threads)

@@ -12,7 +12,7 @@ import casadi as ca
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.layout import Indices, Layout
-from airrace.optimal_control.mapping import Part, hessian_of, jacobian_of, mapped, value_of
+from airrace.optimal_control.mapping import Part
 from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
@@ -73,9 +73,9 @@ class _Transcription:
     def program(self) -> NonlinearProgram:
         w, p, lam_f, lam_g = self.w, self.p, self.lam_f, self.lam_g
         f, grad_f = self._objective()
-        g = self._constraints([self._evaluate(calls, value_of)[0] for calls in self.assembly.calls])
-        linear = [self._evaluate(calls, jacobian_of) for calls in self.assembly.calls]
-        curved = [self._evaluate(calls, hessian_of, self._multipliers(calls)) for calls in self.assembly.calls]
+        g = self._constraints([self._evaluate(calls, Part.VALUES)[0] for calls in self.assembly.calls])
+        linear = [self._evaluate(calls, Part.JACOBIAN) for calls in self.assembly.calls]
+        curved = [self._evaluate(calls, Part.HESSIAN, self._multipliers(calls)) for calls in self.assembly.calls]
         jacobian = self.assembly.jacobian.expression(ca.vertcat(*(nonzeros for _, nonzeros in linear), 1.0))
         adjoint = self.assembly.adjoint.expression(ca.vertcat(*(gradient for gradient, _ in curved), lam_g))
         gradient = lam_f * grad_f + ca.densify(adjoint)
@@ -94,19 +94,19 @@ class _Transcription:
         )
 
     def constraint_function(self) -> ca.Function:
-        g = self._constraints([self._evaluate(calls, value_of)[0] for calls in self.assembly.calls])
+        g = self._constraints([self._evaluate(calls, Part.VALUES)[0] for calls in self.assembly.calls])
         return ca.Function("nlp_g", [self.w, self.p], [g], ["x", "p"], ["g"])
 
     # the kernel calls
 
-    def _evaluate(self, calls: Calls, of: Part, *multipliers: ca.MX) -> list[ca.MX]:
+    def _evaluate(self, calls: Calls, part: Part, *multipliers: ca.MX) -> list[ca.MX]:
         """Return the outputs of a kernel function over all its calls, lanes included, as columns of nonzeros."""
         y = _drawn(self.unscaled, calls.inputs[calls.filled])
         if calls.jumps is not None:
             y -= _drawn(self.padded, calls.jumps[calls.filled])
         own = _drawn(self.padded, calls.own[calls.filled])
         shared = ca.repmat(self.p[calls.shared.tolist()], 1, calls.batches)
-        function = mapped(of, calls, self.threads)
+        function = calls.kernel.mapped(part, calls.batches, self.threads)
         outputs = function(y, own, shared, *multipliers)
         # the nonzeros of a row come as a row
         return [ca.vec(one.nz[:]) for one in (outputs if isinstance(outputs, tuple) else (outputs,))]

@@ -12,6 +12,7 @@ import logging
 import re
 import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -24,6 +25,8 @@ from airrace.optimal_control import summation
 from airrace.optimal_control.fatrop import arena, products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.machine import machine
+from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.messages import (
     COMPILING,
     Announcement,
@@ -88,12 +91,18 @@ class NoticeHandler(logging.Handler):
 
 
 class Workshop:
-    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
+    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure.
+
+    The C files of this package are compiled meanwhile if they have yet to be: that begins before anything is asked for.
+    """
 
     def __init__(self, notify: Callable[[str], None]) -> None:
+        self._own_code = threading.Thread(target=_install, daemon=True)
+        self._own_code.start()
         self._notify = notify
         self._known: list[System | Observation] = []
         self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
+        self._prompt: dict[tuple[int, RungeKutta], Kernels | None] = {}
         self._prepared: dict[Structure, PreparedProblem] = {}
         self._sizes: dict[Structure, int] = {}
 
@@ -104,16 +113,17 @@ class Workshop:
         prepared = self._prepared.pop(key, None)
         if prepared is None:
             self._make_room(layout.intervals)
-            kernels = self._kernels_of(request.problem.system, request.problem.scheme, compiled=request.compiled)
-            solver = SOLVERS[request.solver]
+            solver, problem = SOLVERS[request.solver], request.problem
+            kernels = self._ready_kernels(problem.system, problem.scheme) if request.compiled else None
+            if kernels is None or solver.needs_functions:
+                kernels = self._kernels_of(problem.system, problem.scheme, compiled=request.compiled)
             prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
 
     def expect(self, announced: Announcement) -> None:
-        """Load the kernels of a system, unless they have yet to be compiled."""
-        if not needs_compiling(announced.system, announced.scheme):
-            self._kernels_of(announced.system, announced.scheme, compiled=True)
+        """Make the kernels of a system ready, unless they have to be compiled first."""
+        self._ready_kernels(announced.system, announced.scheme)
 
     def _make_room(self, intervals: int) -> None:
         """Forget the problems that were not asked for longest."""
@@ -131,16 +141,24 @@ class Workshop:
         self._known.append(shared)
         return len(self._known) - 1
 
+    def _ready_kernels(self, system: System, scheme: RungeKutta) -> Kernels | None:
+        """Return the kernels that can be had at once: compiled if they are, else the machine's; None without one."""
+        self._own_code.join()
+        if not needs_compiling(system, scheme):
+            return self._kernels_of(system, scheme, compiled=True)
+        key = (self._number(system), scheme)
+        if key not in self._prompt:
+            self._prompt[key] = machine_kernels(system, scheme)
+        return self._prompt[key]
+
     def _kernels_of(self, system: System, scheme: RungeKutta, *, compiled: bool) -> Kernels:
         key = (self._number(system), scheme, compiled)
         if key not in self._kernels:
-            if compiled and needs_compiling(system, scheme):
-                self._notify(COMPILING)
-            with ThreadPoolExecutor(1) as beside:  # all of them may have to be compiled
-                installed = beside.submit(_install) if compiled else None
-                self._kernels[key] = build_kernels(system, scheme, compiled=compiled)
-                if installed is not None:
-                    installed.result()
+            if compiled:
+                self._own_code.join()
+                if needs_compiling(system, scheme):
+                    self._notify(COMPILING)
+            self._kernels[key] = build_kernels(system, scheme, compiled=compiled)
         return self._kernels[key]
 
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
@@ -159,9 +177,11 @@ class Workshop:
 
 
 def _install() -> None:
-    products.install()
-    arena.install()
-    summation.install()
+    """Compile what has yet to be compiled, side by side, and load it."""
+    installations = (machine, products.install, arena.install, summation.install)
+    with ThreadPoolExecutor(len(installations)) as beside:
+        for done in [beside.submit(install) for install in installations]:
+            done.result()
 
 
 def die_with_parent() -> None:

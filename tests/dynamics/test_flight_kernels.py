@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from kept import compile_quickly, keep_kernels
+from same_bits import assert_same_bits
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
@@ -18,6 +19,8 @@ from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.optimal_control.compiled_rates import compiled_rows, interpreted
 from airrace.optimal_control.kernels import Kernel, build_kernels, cached_rows
 from airrace.optimal_control.lanes import SINGLE
+from airrace.optimal_control.machine import machine as machine_of
+from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 from airrace.track.course import Rules
 
@@ -86,6 +89,41 @@ MODELS = [
 ]
 OPTIMISED = (build_point_mass,)
 """Of these the bits are compared as they are compiled for flights; of the others as they are compiled quickly."""
+
+
+EVERY = [
+    pytest.param(build, air, marks=[] if air == Air() and build is build_six_dof else [pytest.mark.slow])
+    for build in (
+        *(build_point_mass, build_transfer_functions),
+        *(build_state_space_inversion, build_state_space, build_six_dof),
+    )
+    for air in (Air(), WINDY)
+]
+
+
+@pytest.mark.parametrize(("build", "air"), EVERY)
+def test_the_machine_has_the_bits_of_what_is_compiled(
+    build: Callable[..., FlightModel], air: Air, edge540: Aircraft, rules: Rules, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep_kernels(monkeypatch)
+    machine_of.cache_clear()
+    model = build(edge540, rules, air)
+    interpreted = machine_kernels(model.system, DORMAND_PRINCE_5)
+    if interpreted is None:
+        pytest.skip("there is no C compiler, or none for several intervals at once")
+    compile_quickly(monkeypatch)
+    compiled = build_kernels(model.system, DORMAND_PRINCE_5, compiled=True)
+    calls = 3
+    y, own, p, lam = (one.T for one in columns(model, calls * compiled.step.lanes))
+    shared = np.tile(p, calls)
+    path_lam = np.random.default_rng(0).normal(size=(len(y), len(model.system.path)))
+    for mine, theirs, given in (
+        (interpreted.step, compiled.step, [y, own, shared, lam]),
+        (interpreted.path, compiled.path, [y[:, :-1], np.zeros(0), shared, path_lam]),
+    ):
+        assert mine is not None
+        assert theirs is not None
+        assert_same_bits(mine, theirs, calls, given)
 
 
 def columns(model: FlightModel, count: int) -> list[np.ndarray]:

@@ -6,9 +6,10 @@ from small_problems import PROBLEMS, random_point
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.evaluation import Evaluation, bound
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.mapping import bound
 from airrace.optimal_control.sums import Contributions
 from airrace.optimal_control.transcription import transcribed
 

@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +20,11 @@ from kept import compile_quickly
 from kernel_comparison import needs_compiler
 from small_problems import rich_system
 
+from airrace.optimal_control import kernel_library
 from airrace.optimal_control.compiler_process import AUTOGROUP, PRIORITY
-from airrace.optimal_control.kernel_library import cache_folder
-from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, needs_compiling, prepare
+from airrace.optimal_control.kernel_library import cache_folder, find_compiler
+from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, compile_kernels, needs_compiling, prepare
+from airrace.optimal_control.one_at_a_time import alone
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4
 
 posix_only = pytest.mark.skipif(os.name != "posix", reason="asks for owners and modes of files")
@@ -177,14 +180,20 @@ def test_cache_folder_follows_the_environment(tmp_path: Path, monkeypatch: pytes
 def test_kernels_prepared_in_the_background_need_no_compiler_later(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    prepare(rich_system(), RK4)
-    prepare(rich_system(), DORMAND_PRINCE_5)
+    for scheme in (RK4, DORMAND_PRINCE_5):
+        prepare(rich_system(), scheme)
+    deadline = time.monotonic() + 120.0
+    while any(needs_compiling(rich_system(), scheme) for scheme in (RK4, DORMAND_PRINCE_5)):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
     monkeypatch.setenv("CC", "")
     for scheme in (RK4, DORMAND_PRINCE_5):
         prepared = build_kernels(rich_system(), scheme, compiled=True)
         assert prepared.compiled
         assert_same(prepared, build_kernels(rich_system(), scheme, compiled=False))
-    assert len(list(cache.iterdir())) == 4
+    while len(list(cache.iterdir())) > 4:  # the last lock is given back
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
 
 
 @needs_compiler
@@ -231,7 +240,7 @@ def preparing(folder: Path, *, own_session: bool = False) -> Iterator[subprocess
 
 def test_a_preparation_that_is_ended_leaves_nothing_behind(cache: Path, tmp_path: Path) -> None:
     with preparing(tmp_path) as process:
-        assert len(list(cache.iterdir())) == 1
+        assert {one.suffix for one in cache.iterdir()} == {".lock", ".parts"}
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=30.0) == 128 + signal.SIGTERM
         assert process.stderr is not None
@@ -255,6 +264,78 @@ def test_a_preparation_gives_way_beyond_its_session_and_lowers_no_other(tmp_path
             group = Path(f"/proc/{process.pid}/autogroup").read_text()
             assert group.split()[-1] == (str(PRIORITY) if own_session else here.split()[-1])
     assert AUTOGROUP.read_text() == here
+
+
+COUNTING_COMPILER = """#!/bin/sh
+for argument; do case "$argument" in *.c) echo "$argument" >> "$COUNTED";; esac; done
+exec {compiler} "$@"
+"""
+
+
+@pytest.fixture
+def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file with a line for every source that is compiled."""
+    compiler, lines = tmp_path / "counting-compiler", tmp_path / "counted"
+    compiler.write_text(COUNTING_COMPILER.format(compiler=find_compiler()))
+    compiler.chmod(0o755)
+    lines.touch()
+    monkeypatch.setenv("CC", str(compiler))
+    monkeypatch.setenv("COUNTED", str(lines))
+    return lines
+
+
+@needs_compiler
+def test_processes_do_not_compile_the_same_system_side_by_side(cache: Path, counted: Path) -> None:
+    order = pickle.dumps((rich_system(), RK4))
+    command = [sys.executable, "-m", "airrace.optimal_control.compiler_process"]
+    processes = [subprocess.Popen(command, stdin=subprocess.PIPE) for _ in range(3)]
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write(order)
+        process.stdin.close()
+    assert [process.wait() for process in processes] == [0, 0, 0]
+    compiled = [Path(line).name for line in counted.read_text().splitlines()]
+    assert len(compiled) == len(set(compiled))
+    assert {one.suffix for one in cache.iterdir()} == {".so", ".sha256"}
+
+
+@needs_compiler
+def test_what_an_ended_process_has_compiled_is_not_compiled_again(
+    quick_cache: Path, counted: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finish = kernel_library._finish
+    finished: list[object] = []
+
+    def ended_after_two(*work: Any) -> None:
+        finish(*work)
+        finished.append(work)
+        if len(finished) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(kernel_library, "_finish", ended_after_two)
+    with pytest.raises(KeyboardInterrupt):
+        compile_kernels(rich_system(), RK4, at_once=1)
+    assert len(list(quick_cache.glob("*.parts/*.o"))) == 2
+    before = len(counted.read_text().splitlines())
+    compile_kernels(rich_system(), RK4, at_once=1)
+    compiled = [Path(line).name for line in counted.read_text().splitlines()]
+    assert not {*compiled[:2]} & {*compiled[before:]}
+    assert {one.suffix for one in quick_cache.iterdir()} == {".so", ".sha256"}
+
+
+def test_a_lock_whose_holder_died_is_free(tmp_path: Path) -> None:
+    path = tmp_path / "some.lock"
+    program = f"""
+import os, pathlib, signal
+from airrace.optimal_control.one_at_a_time import alone
+with alone(pathlib.Path({str(path)!r})):
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == -signal.SIGKILL
+    assert path.exists()
+    with alone(path):
+        pass
+    assert not path.exists()
 
 
 @needs_compiler

@@ -22,6 +22,7 @@ from known_flights import rest_to_rest
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import background_compilation
 from airrace.optimal_control.kernels import Kernels, build_kernels, compile_kernels
+from airrace.optimal_control.lanes import instruction_set
 from airrace.optimal_control.messages import Announcement, IterationReport, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
@@ -241,7 +242,7 @@ def test_what_is_announced_meanwhile_and_the_solution_do_not_wait_for_each_other
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Neither fits into a pipe: who writes one waits until the other side reads."""
-    monkeypatch.setattr("airrace.optimal_control.service.kernels.needs_compiling", lambda *_: False)
+    monkeypatch.setattr("airrace.optimal_control.service.kernels.prepare", lambda *_: None)
     problem, guess = rest_to_rest(2000)
     large = replace(problem.system, name="oscillator" * 100_000)
     with SolverService() as service:
@@ -313,7 +314,7 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
 
 
 @needs_compiler
-def test_announced_kernels_are_loaded_before_they_are_needed_and_never_compiled(
+def test_announced_kernels_are_made_ready_before_they_are_needed_and_never_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
@@ -359,24 +360,41 @@ def test_a_process_that_died_is_announced_to_in_vain_and_told_by_the_next_solve(
 
 
 @needs_compiler
-def test_prepared_equations_are_compiled_once_and_loaded_by_the_process(
+def test_what_is_solved_is_compiled_once_in_the_background_and_nobody_waits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
-    started: list[Path] = []
-    start = background_compilation.start
+    ordered: list[Path] = []
+    order = background_compilation.order
 
-    def watched(library: Path, *order: Any) -> None:
-        started.append(library)
-        start(library, *order)
+    def watched(library: Path, *of: Any) -> None:
+        ordered.append(library)
+        order(library, *of)
 
-    monkeypatch.setattr(background_compilation, "start", watched)
+    monkeypatch.setattr(background_compilation, "order", watched)
     notices: list[str] = []
     problem, guess = rest_to_rest()
     with SolverService(on_notice=notices.append) as service:
         service.prepare(problem.system, problem.scheme)
+        found = [solve(service, (problem, guess))]
+        deadline = time.monotonic() + 60.0
+        while not ordered[0].with_suffix(".sha256").exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        found.append(solve(service, (problem, guess)))
+    assert len(set(ordered)) == 1
+    assert [one.success for one in found] == [True, True]
+    assert found[0].objective == found[1].objective
+    assert notices == [] or instruction_set().lanes == 1
+
+
+@needs_compiler
+def test_compiling_is_announced_where_the_solver_needs_functions_of_casadi(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr("airrace.optimal_control.service.kernels.prepare", lambda *_: None)
+    notices: list[str] = []
+    with SolverService(on_notice=notices.append) as service:
         for _ in range(2):
-            assert solve(service, (problem, guess)).success
+            assert solve(service, solver="ipopt").success
             assert notices == ["compiling the equations (once per model and machine)"]
-        service.prepare(problem.system, problem.scheme)
-    assert [library.exists() for library in started] == [True]
