@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -284,7 +285,7 @@ def _threads(count: int) -> ThreadPoolExecutor:
 def _parts(calls: int, count: int) -> list[tuple[int, int]]:
     """Return where so many parts of the calls begin and end."""
     ends = [calls * number // count for number in range(count + 1)]
-    return list(zip(ends[:-1], ends[1:], strict=True))
+    return list(pairwise(ends))
 
 
 def _reader(tables: Tables, memory: Array | None = None) -> _Reader:
