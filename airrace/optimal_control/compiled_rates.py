@@ -1,11 +1,12 @@
 """The rates and path quantities of a system at many points, called as often as an integrator asks.
 
-They come from the system's compiled kernels if the cache holds them, for several points at once and without casadi;
-else casadi's virtual machine evaluates the same functions. Both work on arrays that stay where they are, without the
-conversions of a call of casadi from Python. Nothing is compiled here, and both give the same bits, so what is
-integrated does not depend on what the cache holds.
+They come from the system's compiled kernels if the cache holds them, else from the machine for all models (see
+`machine.py`), both for several points at once and without casadi; else casadi's virtual machine evaluates the same
+functions. All work on arrays that stay where they are, without the conversions of a call of casadi from Python. Nothing
+is compiled here, and all give the same bits, so what is integrated does not depend on what the cache holds.
 """
 
+import contextlib
 import ctypes
 import logging
 from pathlib import Path
@@ -17,7 +18,9 @@ import numpy as np
 from airrace.errors import KernelError
 from airrace.optimal_control.interpreted_rates import AtPoints, interpreted
 from airrace.optimal_control.kernels import cached_rows
+from airrace.optimal_control.machine import machine_unless_missing
 from airrace.optimal_control.problem import Problem
+from airrace.points import dense
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
@@ -33,6 +36,7 @@ class PointFunctions:
         self._system = problem.system
         self._p = np.ascontiguousarray(problem.parameters, dtype=np.float64)
         self._library = _loaded(cached_rows(problem.system, problem.scheme))
+        self._machine = machine_unless_missing() if self._library is None else None
 
     def rates(self, control: Array) -> AtPoints:
         """Return the rates under the controls (n_u, n) as a function of the states, one column per point.
@@ -53,6 +57,9 @@ class PointFunctions:
     def _at(self, function: ca.Function, name: str, control: Array) -> AtPoints:
         if self._library is not None:
             return compiled_rows(self._library, name, function.size1_out(0), control, self._p)
+        if self._machine is not None:
+            with contextlib.suppress(KernelError):  # it does not know an operation
+                return self._machine.rows(dense(function), control, self._p)
         return interpreted(function, control, self._p)
 
 

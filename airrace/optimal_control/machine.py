@@ -9,7 +9,8 @@ import ctypes
 import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache, partial
+from functools import cache, lru_cache, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from airrace.errors import KernelError, SolverCrash
 from airrace.optimal_control import own_code
 from airrace.optimal_control.bytecode import NOTHING, bytecode
 from airrace.optimal_control.c_tables import read_text
+from airrace.optimal_control.kernel_library import is_intact
 from airrace.optimal_control.lane_code import LANE_BY_LANE, OPERATORS, VECTOR_FLAGS, header
 from airrace.optimal_control.lanes import InstructionSet, instruction_set
 from airrace.optimal_control.machine_tables import Tables
@@ -73,6 +75,8 @@ class Machine:
             room.argtypes, room.restype = given, ctypes.c_longlong
             calls.argtypes = [*given, ctypes.POINTER(_Calls), *[ctypes.c_longlong] * 2]
             calls.restype = None
+        rows = self._library.function_rows
+        rows.argtypes, rows.restype = [_Reader, *[ctypes.c_void_p] * 4, ctypes.c_longlong], None
 
     def step(self, tables: Tables, part: Part) -> "_Entry":
         """Return what evaluates one of a step's functions."""
@@ -83,6 +87,27 @@ class Machine:
             library.step_calls(reader, int(part), of, first, end)
 
         return _Entry(tables, room * self.lanes, calls)
+
+    def rows(self, function: ca.Function, control: Array, p: Array) -> Callable[[Array], Array]:
+        """Return a function (x, u, p) -> values of the states (n_x, n), see `compiled_rates.py`.
+
+        Raises:
+            KernelError: it has an operation that the machine does not know.
+        """
+        tables = _function_tables(function)
+        room: int = self._library.function_room(_reader(tables))
+        memory = _aligned(room * self.lanes)
+        u, count, values = np.ascontiguousarray(control, dtype=np.float64), control.shape[1], function.nnz_out(0)
+        rows, reader = self._library.function_rows, _reader(tables, memory)
+
+        def at(x: Array, kept: object = (tables, memory)) -> Array:  # nobody else holds what the machine works on
+            states, found = np.ascontiguousarray(x, dtype=np.float64), np.empty((values, count))
+            if states.ndim != 2 or states.shape[1] != count:
+                raise ValueError(f"states of shape {states.shape} for {count} points")
+            rows(reader, states.ctypes.data, u.ctypes.data, p.ctypes.data, found.ctypes.data, count)
+            return found
+
+        return at
 
     def function(self, tables: Tables) -> "_Entry":
         """Return what evaluates a function that stands for itself."""
@@ -189,6 +214,13 @@ def machine() -> Machine | None:
         return None
 
 
+def machine_unless_missing() -> Machine | None:
+    """Return the machine if it is compiled already; nothing is compiled here."""
+    instructions = instruction_set()
+    library = own_code.library_of(source(instructions.lanes), (*FLAGS, *instructions.flags))
+    return machine() if instructions.lanes > 1 and is_intact(library) else None
+
+
 def compiled(instructions: InstructionSet) -> Path:
     """Return the compiled library, built unless the cache has it intact.
 
@@ -234,9 +266,14 @@ def function_kernel(machine: Machine, functions: Sequence[ca.Function]) -> Machi
     """
     value, jacobian, hessian = functions
     y, own, shared, lam = (hessian.nnz_in(place) for place in range(4))
-    entries = [machine.function(Tables.of([], [], [bytecode(function)])) for function in functions]
+    entries = [machine.function(_function_tables(function)) for function in functions]
     patterns = jacobian.sparsity_out(1), hessian.sparsity_out(1)
     return MachineKernel(value.name(), machine.lanes, (y, own, shared, lam), *patterns, entries)
+
+
+@lru_cache(maxsize=32)
+def _function_tables(function: ca.Function) -> Tables:
+    return Tables.of([], [], [bytecode(function)])
 
 
 @cache
@@ -248,7 +285,7 @@ def _threads(count: int) -> ThreadPoolExecutor:
 def _parts(calls: int, count: int) -> list[tuple[int, int]]:
     """Return where so many parts of the calls begin and end."""
     ends = [calls * number // count for number in range(count + 1)]
-    return list(zip(ends[:-1], ends[1:], strict=True))
+    return list(pairwise(ends))
 
 
 def _reader(tables: Tables, memory: Array | None = None) -> _Reader:

@@ -34,9 +34,14 @@ def compiled_text(name: str, text: str, flags: tuple[str, ...]) -> Path:
     Raises:
         KernelError: it cannot be built.
     """
-    parts = (text, *kernel_library.COMPILE_FLAGS, *flags, platform.machine(), ca.CasadiMeta.version())
-    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
-    library = kernel_library.cache_folder() / f"{digest}.so"
+    library = library_of(text, flags)
     if not kernel_library.is_intact(library):
         kernel_library.compile_library([Source(name, text, flags)], library)
     return library
+
+
+def library_of(text: str, flags: tuple[str, ...]) -> Path:
+    """Return where the compiled library of a source is, or will be."""
+    parts = (text, *kernel_library.COMPILE_FLAGS, *flags, platform.machine(), ca.CasadiMeta.version())
+    digest = hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+    return kernel_library.cache_folder() / f"{digest}.so"

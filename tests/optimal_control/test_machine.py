@@ -16,10 +16,18 @@ from airrace.errors import KernelError, SolverCrash
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.bytecode import bytecode, in_runs
 from airrace.optimal_control.evaluation import Evaluation
+from airrace.optimal_control.interpreted_rates import interpreted
 from airrace.optimal_control.kernels import Kernels, build_kernels, path_functions
 from airrace.optimal_control.lanes import InstructionSet, instruction_sets
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.machine import Machine, compiled, function_kernel, machine, step_kernel
+from airrace.optimal_control.machine import (
+    Machine,
+    compiled,
+    function_kernel,
+    machine,
+    machine_unless_missing,
+    step_kernel,
+)
 from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.mapping import Callee, Part
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
@@ -150,3 +158,19 @@ def test_every_operation_follows_those_that_it_depends_on() -> None:
         assert all(place[one - fixed] < place[number] for one in (a, b) if one >= fixed)
     assert all(len({operations[number][0] for number in run}) == 1 for run in runs)
     assert len(runs) < 150
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 30])
+def test_rates_at_any_number_of_points_are_those_of_casadi(count: int) -> None:
+    found = machine()
+    assert found is not None
+    assert machine_unless_missing() is found
+    random = np.random.default_rng(count)
+    system, p = rich_system(), np.array([0.7, -0.3])
+    x, u = random.normal(size=(3, count)), random.normal(size=(2, count))
+    for function in (system.rates, system.path_values):
+        assert function is not None
+        rows = found.rows(function, u, p)
+        assert np.array_equal(rows(x), interpreted(function, u, p)(x))
+        with pytest.raises(ValueError, match="points"):
+            rows(np.zeros((3, count + 1)))
