@@ -12,7 +12,6 @@ from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase,
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.certification import Evidence
-from airrace.procedure.joint import CARRIED_BARRIER, MENDED_BARRIER, carried_barrier
 from airrace.procedure.meshing import (
     CALM,
     PARTS_MAX,
@@ -79,8 +78,6 @@ def everywhere(value: float) -> Mapping[int, float]:
 
 RESTLESS = everywhere(2.0 * CALM * LIMITS.hamiltonian)
 """Too much for nodes to be dropped, too little for new ones."""
-RESTLESS_LIMITS = everywhere(0.2)
-"""The same of limits between the nodes."""
 
 
 def test_draft_fits_its_guess() -> None:
@@ -109,7 +106,7 @@ def test_nodes_are_dropped_only_where_any_length_will_do() -> None:
     assert adapted(flown(), LIMITS, early=True, joining=False) is None
 
 
-@pytest.mark.parametrize("marks", [{"drift": RESTLESS}, {"excess": RESTLESS_LIMITS}, {"defect": everywhere(0.4e-6)}])
+@pytest.mark.parametrize("marks", [{"drift": RESTLESS}, {"excess": everywhere(0.2)}, {"defect": everywhere(0.4e-6)}])
 def test_mesh_with_something_going_on_is_left_alone(marks: Mapping[str, Mapping[int, float]]) -> None:
     assert adapted(flown(marks), LIMITS, early=True, joining=True) is None
 
@@ -387,26 +384,14 @@ def test_errors_of_the_integrator_that_add_up_are_cut_before_all_is_halved() -> 
 
 
 def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows() -> None:
-    marks = {
-        "drift": {3: 3.0 * LIMITS.hamiltonian},  # so that another mesh comes in any case
-        "excess": RESTLESS_LIMITS,
-        "integration": everywhere(0.4 * LIMITS.race_time),  # 8 times what a short race may change by
-    }
+    busy = {"drift": {3: 3.0 * LIMITS.hamiltonian}, "excess": everywhere(0.2)}  # another mesh comes in any case
+    marks = {**busy, "integration": everywhere(0.4 * LIMITS.race_time)}  # 8 times what a short race may change by
     short = adapted(flown(marks), LIMITS, early=True, joining=False)
     long = adapted(flown(marks, (20.0 * LONG_RACE, 10.0 * LONG_RACE)), LIMITS, early=True, joining=False)
     assert short is not None
     assert long is not None
     assert Why.RACE_TIME in short.why
     assert Why.RACE_TIME not in long.why
-    assert sum(counts(long)) < sum(counts(short))
-
-
-def test_barrier_is_smallest_where_the_mesh_is_nearly_the_one_before() -> None:
-    one = flown({"defect": {3: 4.0 * LIMITS.replay}})
-    few, all_of_them = mended(one, LIMITS), halved(one, LIMITS)
-    assert few is not None
-    assert carried_barrier(one.problem, few) == MENDED_BARRIER
-    assert carried_barrier(one.problem, all_of_them) == CARRIED_BARRIER > MENDED_BARRIER
 
 
 def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
