@@ -95,13 +95,15 @@ class Kernel:
 
     def mapped(self, part: Part, calls: int, threads: int) -> ca.Function:
         """Return all calls of a function at once, see `mapping.Callee`."""
-        of = self.several or self
-        function = (of.value, of.jacobian, of.hessian)[part]
-        return mapping.mapped(function, calls, mapping.spread(calls, self.lanes, threads))
+        return mapping.mapped(self._function(part), calls, mapping.spread(calls, self.lanes, threads))
 
     def bound(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> Bound:
         """Return all calls of a function at once, on arrays that stay, see `mapping.Callee`."""
-        return mapping.bound(self.mapped(part, calls, threads), given)
+        return mapping.bound_to_all(self._function(part), calls, mapping.spread(calls, self.lanes, threads), given)
+
+    def _function(self, part: Part) -> ca.Function:
+        of = self.several or self
+        return (of.value, of.jacobian, of.hessian)[part]
 
 
 @record

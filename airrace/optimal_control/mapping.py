@@ -90,20 +90,25 @@ def mapped(function: ca.Function, calls: int, threads: int) -> ca.Function:
     return function.map(calls, "thread", threads) if threads > 1 else function.map(calls)
 
 
-def bound(function: ca.Function, arguments: Sequence[Array]) -> Bound:
+def bound(function: ca.Function, arguments: Sequence[Array], results: Sequence[Array] | None = None) -> Bound:
     """Return a call of a function of casadi, and its results.
+
+    Args:
+        function: what is called.
+        arguments: from where it reads, contiguous.
+        results: to where it writes, contiguous; None for new arrays.
 
     Raises:
         SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
     """
     buffer, evaluate = function.buffer()
-    results = [np.zeros(function.nnz_out(place)) for place in range(function.n_out())]
+    found = _new(function, 1) if results is None else list(results)
     # casadi's stubs ask for the buffers' sizes, its code takes them from the buffers.
     for place, array in enumerate(arguments):
         if array.size != function.nnz_in(place):
             raise SolverCrash(f"{function.name()}: argument {place} has another size")
         buffer.set_arg(place, array.data)  # pyright: ignore[reportCallIssue]
-    for place, array in enumerate(results):
+    for place, array in enumerate(found):
         buffer.set_res(place, array.data)  # pyright: ignore[reportCallIssue]
 
     def call() -> None:
@@ -111,4 +116,38 @@ def bound(function: ca.Function, arguments: Sequence[Array]) -> Bound:
         if buffer.ret():
             raise SolverCrash(f"{function.name()} could not be evaluated")
 
+    return call, found
+
+
+def bound_to_all(function: ca.Function, calls: int, threads: int, arguments: Sequence[Array]) -> Bound:
+    """Return all calls of a function of casadi at once, and their results, one call's after another's.
+
+    Where threads do not have equally many calls each, casadi copies everything, which takes as much memory again. So
+    what is left over is called after the rest.
+
+    Raises:
+        SolverCrash: as `bound`.
+    """
+    whole = calls - calls % threads
+    if whole in (0, calls):
+        return bound(mapped(function, calls, threads if whole else 1), arguments)
+    results = _new(function, calls)
+    parts: list[Callable[[], None]] = []
+    for first, end, of in ((0, whole, threads), (whole, calls, 1)):
+        given, found = ([_part(one, calls, first, end) for one in arrays] for arrays in (arguments, results))
+        parts.append(bound(mapped(function, end - first, of), given, found)[0])
+
+    def call() -> None:
+        for part in parts:
+            part()
+
     return call, results
+
+
+def _new(function: ca.Function, calls: int) -> list[Array]:
+    return [np.zeros(calls * function.nnz_out(place)) for place in range(function.n_out())]
+
+
+def _part(array: Array, calls: int, first: int, end: int) -> Array:
+    """Return what belongs to some of the calls, not copied."""
+    return array.reshape(calls, -1)[first:end].reshape(-1)

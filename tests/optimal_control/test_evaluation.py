@@ -9,7 +9,7 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mapping import bound
+from airrace.optimal_control.mapping import bound, bound_to_all
 from airrace.optimal_control.sums import Contributions
 from airrace.optimal_control.transcription import transcribed
 
@@ -72,6 +72,21 @@ def test_arguments_of_another_size_are_refused(assembly: Assembly) -> None:
     kernel = assembly.calls[0].kernel
     with pytest.raises(SolverCrash, match="argument 0 has another size"):
         bound(kernel.value, (np.zeros(1), np.zeros(1), np.zeros(kernel.value.nnz_in(2))))
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("calls", [1, 2, 5, 7, 9])
+def test_calls_that_threads_cannot_share_evenly_are_made_as_well(assembly: Assembly, calls: int, threads: int) -> None:
+    function, random = assembly.calls[0].kernel.hessian, np.random.default_rng(calls)
+    sizes = [function.nnz_in(place) for place in range(function.n_in())]
+    given = [random.uniform(0.5, 1.0, size=(calls, size)) for size in sizes]
+    call, results = bound_to_all(function, calls, threads, given)
+    call()
+    for number in range(calls):
+        alone, expected = bound(function, [one[number].copy() for one in given])
+        alone()
+        for one, other in zip(results, expected, strict=True):
+            assert one.reshape(calls, -1)[number].tobytes() == other.tobytes()
 
 
 def test_summands_that_meet_are_added_and_some_nonzeros_can_be_chosen() -> None:
