@@ -19,7 +19,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 
 from airrace.errors import is_lack_of_memory
-from airrace.optimal_control import summation
+from airrace.optimal_control import riccati, summation
 from airrace.optimal_control.fatrop import products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
@@ -151,6 +151,7 @@ class Workshop:
 def _install() -> None:
     products.install()
     summation.install()
+    riccati.install()
 
 
 def die_with_parent() -> None:
