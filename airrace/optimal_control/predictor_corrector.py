@@ -197,7 +197,7 @@ class _Run:
             error, infeasibility = self._errors(point, residuals)
             sys.stdout.write(f"{iteration:4d} {self._functions.f:.8e} {infeasibility:.2e} predictor-corrector\n")
             if error <= self._tolerance:
-                return Found(point.w, self._all_multipliers(point), True, iteration)
+                return Found(self._kept(point.w), self._all_multipliers(point), True, iteration)
             if iteration == iterations_max or not self._factorised(point):
                 break
             following = self._next(point, residuals)
@@ -316,6 +316,12 @@ class _Run:
         changes = self._system.values(w)
         e = (changes[self._equal] - equalities) / _PENALTY
         return w, y, e, changes
+
+    def _kept(self, w: Array) -> Array:
+        """Return the unknowns with those that are given as they are given, of which a penalty leaves 1e-11."""
+        values = np.concatenate([np.zeros(len(self._rows)), w])
+        values[self._equal] = self._targets
+        return values[len(self._rows) :]
 
     def _weights(self, of_sides: Array) -> Array:
         weights = self._sides.summed(of_sides)
