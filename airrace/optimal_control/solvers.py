@@ -6,11 +6,13 @@ A solve that fails is a value: `Solution.success` is False and `status` holds th
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
 
+from airrace.optimal_control import riccati
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop.solver import FatropSolver
@@ -18,6 +20,7 @@ from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.predictor_corrector import PredictorCorrector
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.transcription import transcribed
 from airrace.records import record
@@ -158,22 +161,63 @@ class Solver(ABC):
         return "infeasible" in status.lower()
 
 
+NEAR_BARRIER = 1e-5
+"""The largest first value of the barrier parameter of a solve that begins near its optimum.
+
+From another stage, with 1e-4, predictor-corrector steps lead astray: they took as long as fatrop, or failed.
+"""
+
+
 class Fatrop(Solver):
-    """The Riccati-structured interior point method fatrop (Vanroye et al.)."""
+    """The Riccati-structured interior point method fatrop (Vanroye et al.).
+
+    Near an optimum with known multipliers predictor-corrector steps come first, where there is a compiler.
+    """
 
     name = "fatrop"
     begins_with_multipliers = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
-        return _ReadyFatrop(FatropSolver(functions, fatrop_options(options), exact=options.exact))
+        solver = FatropSolver(functions, fatrop_options(options), exact=options.exact)
+        near = options.barrier <= NEAR_BARRIER and riccati.available(functions.assembly)
+        return _ReadyFatrop(solver, functions, options, PredictorCorrector(functions) if near else None)
 
 
 @record
 class _ReadyFatrop:
     solver: FatropSolver
+    functions: Evaluation
+    options: SolverOptions
+    near: PredictorCorrector | None
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
         known = None if multipliers is None else np.concatenate([multipliers.constraints, multipliers.bounds])
+        if known is None or self.near is None:
+            return self._by_fatrop(guess, bounds, p, known)
+        options = self.options
+        found = self.near.solve(
+            guess,
+            bounds,
+            p,
+            known,
+            tolerance=options.tolerance,
+            barrier=options.barrier,
+            iterations_max=options.iterations_max,
+        )
+        if not found.optimal:
+            answer = self._by_fatrop(guess, bounds, p, known)
+            return replace(answer, iterations=answer.iterations + found.iterations)
+        return Answer(
+            w=found.w,
+            lam_g=found.lam_g,
+            objective=self.functions.f,
+            status="solved by predictor-corrector steps",
+            success=True,
+            iterations=found.iterations,
+            derivative_seconds=self.functions.seconds,
+        )
+
+    def _by_fatrop(self, guess: Array, bounds: Bounds, p: Array, known: Array | None) -> Answer:
         result = self.solver.solve(guess, bounds, p, known)
         return Answer(
             w=result.w,

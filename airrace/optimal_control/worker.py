@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 
 from airrace import memory
 from airrace.errors import is_lack_of_memory
-from airrace.optimal_control import summation
+from airrace.optimal_control import riccati, summation
 from airrace.optimal_control.fatrop import arena, products
 from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
 from airrace.optimal_control.layout import Layout
@@ -178,7 +178,7 @@ class Workshop:
 
 def _install() -> None:
     """Compile what has yet to be compiled, side by side, and load it."""
-    installations = (machine, products.install, arena.install, summation.install)
+    installations = (machine, products.install, arena.install, summation.install, riccati.install)
     with ThreadPoolExecutor(len(installations)) as beside:
         for done in [beside.submit(install) for install in installations]:
             done.result()

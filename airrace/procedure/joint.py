@@ -43,14 +43,6 @@ When it fell from 1e-3 to 1e-6 and `HANDOVER_BARRIER` from 1e-2 to 1e-4, the lad
 """
 CARRIED_BARRIER = 1e-5
 """The first value of the barrier parameter of a solve from an optimum on another mesh, with its multipliers."""
-MENDED_BARRIER = 1e-7
-"""The first value of the barrier parameter where that mesh has nearly as many intervals.
-
-Fifteen such solves of the ladders of Rovinj, Abu Dhabi, Chiba and the half Cuban eight took 107 iterations from 1e-5,
-87 from 1e-6 and 80 from 1e-7; from 1e-7, those on much finer meshes took up to twice as many as from 1e-5.
-"""
-ALIKE = 1.15
-"""The ratio of their intervals (1) up to which a mesh is taken for nearly that of the optimum before."""
 
 
 @record
@@ -201,7 +193,7 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
         if following is None:
             certificate = certificate or certificate_of(optimum, solution, math.nan, limits)
             return finished(start, bench, optimum, solution, certificate)
-        draft, barrier, solvers = following, carried_barrier(problem, following), bench.solvers
+        draft, barrier, solvers = following, CARRIED_BARRIER, bench.solvers
         multipliers = carried_over(solution.multipliers, problem, flight.problem(draft.mesh))
     raise AssertionError("the last refinement returns")
 
@@ -209,11 +201,6 @@ def refined_from(bench: Workbench, start: Start, first: Upcoming) -> StageResult
 def carried_over(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
     """Return the multipliers of the limits of one problem for another one with as many phases."""
     return carried(multipliers, Layout(there), Layout(here))
-
-
-def carried_barrier(before: Problem, draft: Draft) -> float:
-    """Return the barrier parameter of a solve on a mesh that starts from the optimum of a problem on another one."""
-    return MENDED_BARRIER if len(draft.why) <= ALIKE * before.intervals else CARRIED_BARRIER
 
 
 def announced(bench: Workbench, problem: Problem, refinement: int) -> str:

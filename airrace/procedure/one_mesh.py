@@ -12,11 +12,11 @@ import numpy as np
 from airrace.procedure.certification import examine
 from airrace.procedure.joint import (
     ADAPTATIONS_MAX,
+    CARRIED_BARRIER,
     REFINED_BARRIER,
     Failure,
     Start,
     announced,
-    carried_barrier,
     carried_over,
     certificate_of,
     finished,
@@ -60,7 +60,7 @@ def on_one_mesh(bench: Workbench, start: Start, solver: str) -> StageResult | Fa
             return finished(start, bench, optimum, solution, certificate_of(optimum, solution, None, limits))
         rough = ROUGH if better else 0.0
         draft = good or replace(draft, guess=solution.iterate)  # the mesh was good already: solve closely on it
-        barrier, solvers = REFINED_BARRIER if rough else carried_barrier(problem, draft), bench.solvers
+        barrier, solvers = REFINED_BARRIER if rough else CARRIED_BARRIER, bench.solvers
         multipliers = carried_over(solution.multipliers, problem, flight.problem(draft.mesh))
     raise AssertionError("the last refinement returns")
 

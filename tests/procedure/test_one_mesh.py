@@ -5,17 +5,14 @@ import functools
 
 import numpy as np
 import pytest
-from races import SMALL, planned, prepared, settings
+from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
-from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.joint import CARRIED_BARRIER, MENDED_BARRIER, carried_barrier
 from airrace.procedure.ladder import UNPROVED
-from airrace.procedure.meshing import Draft
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
 from airrace.procedure.run import optimize, recertify
-from airrace.procedure.settings import GuessKind, MeshSettings, Proof, Settings
+from airrace.procedure.settings import GuessKind, Proof, Settings
 from airrace.runs.discrepancies import discrepancies
 
 ALL = settings(GuessKind.PLAN)
@@ -55,14 +52,6 @@ def seconds(result: StageResult) -> float:
 def items_of(result: StageResult) -> list[str]:
     assert result.certificate is not None
     return [item.name for item in result.certificate.items]
-
-
-def test_barrier_is_smallest_where_the_mesh_is_nearly_the_one_before() -> None:
-    plan = planned(SMALL)
-    coarse, fine = (first_mesh(plan, MeshSettings(interval=interval)) for interval in (0.2, 0.1))
-    before, after = (prepared(SMALL).problem(mesh) for mesh in (coarse, fine))
-    assert carried_barrier(before, Draft.first(before, guess(plan, coarse))) == MENDED_BARRIER
-    assert carried_barrier(before, Draft.first(after, guess(plan, fine))) == CARRIED_BARRIER > MENDED_BARRIER
 
 
 def test_stages_below_the_last_are_solved_and_the_last_is_certified() -> None:
