@@ -1,7 +1,7 @@
 """A process that compiles kernels, one system after another: `python -m airrace.optimal_control.compiler_process`.
 
-`background_compilation.py` starts it and writes systems and schemes, pickled, to its standard input. Ended early, it
-takes its compilers and temporary files along.
+`background_compilation.py` starts it and writes environments, systems and schemes to its standard input, pickled.
+Ended early, it takes its compilers and temporary files along, and leaves what is compiled of a library to the next one.
 """
 
 import contextlib
@@ -50,7 +50,9 @@ def main() -> int:
     failures = 0
     with contextlib.suppress(EOFError):
         while True:
-            system, scheme = pickle.load(sys.stdin.buffer)
+            environment, system, scheme = pickle.load(sys.stdin.buffer)
+            os.environ.clear()
+            os.environ.update(environment)  # which names the compiler and the folder
             try:
                 compile_kernels(system, scheme, at_once=1)
             except KernelError:

@@ -229,7 +229,7 @@ def preparing(folder: Path, *, own_session: bool = False) -> Iterator[subprocess
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stderr=pipe, env=environment, start_new_session=own_session) as process:
         assert process.stdin is not None
-        process.stdin.write(pickle.dumps((rich_system(), RK4)))
+        process.stdin.write(pickle.dumps((environment, rich_system(), RK4)))
         process.stdin.close()
         deadline = time.monotonic() + 60.0
         while not started.exists() and process.poll() is None and time.monotonic() < deadline:
@@ -286,7 +286,7 @@ def counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @needs_compiler
 def test_processes_do_not_compile_the_same_system_side_by_side(cache: Path, counted: Path) -> None:
-    order = pickle.dumps((rich_system(), RK4))
+    order = pickle.dumps((dict(os.environ), rich_system(), RK4))
     command = [sys.executable, "-m", "airrace.optimal_control.compiler_process"]
     processes = [subprocess.Popen(command, stdin=subprocess.PIPE) for _ in range(3)]
     for process in processes:
