@@ -17,7 +17,8 @@ struct function {
 static struct function function(struct reader *from)
 {
 #if PROJECTED_END
-    static generated *const functions[] = {RATES_ALONE, rates_linear, rates_curved, projection_linear, projection_curved};
+    static generated *const functions[] = {
+        RATES_ALONE, rates_linear, rates_curved, projection_linear, projection_curved};
 #else
     static generated *const functions[] = {RATES_ALONE, rates_linear, rates_curved, 0, 0};
 #endif
@@ -26,7 +27,8 @@ static struct function function(struct reader *from)
 
 static void call(const struct function *function, const real *const given[ARGUMENTS], real *const found[RESULTS])
 {
-    const real *arg[ROOM_FOR_ARGUMENTS] = {given[0], given[1], function->shared ? function->shared : given[2], given[3]};
+    const real *shared = function->shared ? function->shared : given[SHARED];
+    const real *arg[ROOM_FOR_ARGUMENTS] = {given[0], given[1], shared, given[3]};
     real *res[ROOM_FOR_RESULTS] = {found[0], found[1]};
     integer iw[ROOM_FOR_INTEGERS];
     real w[ROOM_FOR_REALS];

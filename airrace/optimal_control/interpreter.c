@@ -3,7 +3,8 @@
  * A function is a list of elementary operations, see bytecode.py. Operations of one kind stand together as far as their
  * arguments allow: a processor that guesses for every single one what comes next guesses wrongly too often.
  *
- * Before this text stand lanes.h, the lists of all operations (ON_VECTORS and LANE_AFTER_LANE, see machine.py) and tables.h.
+ * Before this text stand lanes.h, the lists of all operations (ON_VECTORS and LANE_AFTER_LANE, see machine.py) and
+ * tables.h.
  */
 
 /* Places of numbers: to = a OPERATION b. Before each run of one operation stand its kind and how often it follows. */

@@ -1,6 +1,7 @@
 /* How others call the functions of several intervals at once: casadi interval after interval, the replay row by row.
  *
- * Before this text stand lanes.h, lane_copies.h, library_function.h and, per function, its sizes and patterns, see lane_interface.py.
+ * Before this text stand lanes.h, per function its sizes and patterns, see lane_interface.py, lane_copies.h and
+ * library_function.h.
  */
 
 typedef int function_of_lanes(const real **arg, real **res, integer *iw, real *w, int mem);

@@ -3,8 +3,8 @@
  * Before this text stand interpreter.c, step_driver.c, model_tables.c and lane_copies.h.
  */
 
-/* Intervals from batch `first` to batch `end`, LANES in a batch: arguments (y, own, shared[, lam]) and results, interval
- * after interval, but for what they share. */
+/* Intervals from batch `first` to batch `end`, LANES in a batch: arguments (y, own, shared[, lam]) and results,
+ * interval after interval, but for what they share. */
 struct calls {
     const double *given[ARGUMENTS];
     double *found[RESULTS];
@@ -32,7 +32,9 @@ struct exchange {
 
 static struct exchange exchange_of(const struct model *model, int order, struct reader *from)
 {
-    struct exchange of = {{NY, 1, 0, NX}, {order == 2 ? NY : NX, order == 2 ? HESSIAN_NONZEROS : JACOBIAN_NONZEROS}};
+    struct exchange of = {
+        .given_size = {NY, 1, 0, NX},
+        .found_size = {order == 2 ? NY : NX, order == 2 ? HESSIAN_NONZEROS : JACOBIAN_NONZEROS}};
     for (int k = 0; k < ARGUMENTS; k++) of.given[k] = room(from, of.given_size[k]);
     for (int k = 0; k < RESULTS; k++) of.found[k] = room(from, of.found_size[k]);
     return of;

@@ -1,4 +1,4 @@
-"""One machine for all models: kernels that are evaluated from tables, before a compiler has seen their model.
+"""One machine for all models: it evaluates their functions from tables, before a compiler has seen them.
 
 The machine (`machine.c` and what stands before it) is compiled once per computer, like all C files that belong to no
 model. It does what compiled kernels do, operation by operation and in the same order of all that depends on each other,
@@ -17,19 +17,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from airrace.errors import KernelError, SolverCrash
+from airrace.errors import KernelError
 from airrace.optimal_control import own_code
-from airrace.optimal_control.bytecode import NOTHING, bytecode
+from airrace.optimal_control.bytecode import bytecode
 from airrace.optimal_control.c_tables import read_text
 from airrace.optimal_control.kernel_library import is_intact
 from airrace.optimal_control.lane_code import LANE_BY_LANE, OPERATORS, VECTOR_FLAGS, header
 from airrace.optimal_control.lanes import InstructionSet, instruction_set
 from airrace.optimal_control.machine_tables import Tables
-from airrace.optimal_control.mapping import Bound, Part, spread
-from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.step_tables import scheme_numbers, step_parts, step_tables
+from airrace.optimal_control.mapping import Part
 from airrace.records import record
-from airrace.system import System
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
@@ -39,10 +36,9 @@ FLAGS = ("-O1", "-fstrict-aliasing", "-fschedule-insns2", *VECTOR_FLAGS)
 """The compiler flags for the machine.
 
 With -O2 derivatives take the same time within 3 %, and the machine takes half as long again to compile; without the
-last of the first three a Hessian takes 6 % longer, with -O1 alone 11 %.
+last of the first three a Hessian takes up to 7 % longer, with -O1 alone up to 12 %.
 """
 
-FUNCTIONS = 5  # of a model: f, and Jacobian and Hessian of f and of the projection
 _ALIGNED = 64  # bytes of the widest vector
 
 Range = Callable[["_Reader", "_Calls", int, int], None]
@@ -78,7 +74,7 @@ class Machine:
         rows = self._library.function_rows
         rows.argtypes, rows.restype = [_Reader, *[ctypes.c_void_p] * 4, ctypes.c_longlong], None
 
-    def step(self, tables: Tables, part: Part) -> "_Entry":
+    def step(self, tables: Tables, part: Part) -> "Entry":
         """Return what evaluates one of a step's functions."""
         library = self._library
         room: int = library.step_room(_reader(tables), int(part))
@@ -86,7 +82,7 @@ class Machine:
         def calls(reader: _Reader, of: _Calls, first: int, end: int) -> None:
             library.step_calls(reader, int(part), of, first, end)
 
-        return _Entry(tables, room * self.lanes, calls)
+        return Entry(tables, room * self.lanes, calls)
 
     def rows(self, function: ca.Function, control: Array, p: Array) -> Callable[[Array], Array]:
         """Return a function (x, u, p) -> values of the states (n_x, n), see `compiled_rates.py`.
@@ -94,7 +90,7 @@ class Machine:
         Raises:
             KernelError: it has an operation that the machine does not know.
         """
-        tables = _function_tables(function)
+        tables = function_tables(function)
         room: int = self._library.function_room(_reader(tables))
         memory = _aligned(room * self.lanes)
         u, count, values = np.ascontiguousarray(control, dtype=np.float64), control.shape[1], function.nnz_out(0)
@@ -109,14 +105,14 @@ class Machine:
 
         return at
 
-    def function(self, tables: Tables) -> "_Entry":
+    def function(self, tables: Tables) -> "Entry":
         """Return what evaluates a function that stands for itself."""
         room: int = self._library.function_room(_reader(tables))
-        return _Entry(tables, room * self.lanes, self._library.function_calls)
+        return Entry(tables, room * self.lanes, self._library.function_calls)
 
 
 @record
-class _Entry:
+class Entry:
     """An evaluation of a function for many intervals.
 
     Attributes:
@@ -129,60 +125,18 @@ class _Entry:
     room: int
     calls: Range
 
-
-@record
-class MachineKernel:
-    """A kernel that the machine evaluates, see `mapping.Callee`.
-
-    Attributes:
-        name: for messages.
-        lanes: number of intervals in a call.
-        sizes: of one interval's y, own, shared and lam.
-        jacobian_pattern, hessian_pattern: of the derivatives.
-        entries: what evaluates values, Jacobian and Hessian.
-    """
-
-    name: str
-    lanes: int
-    sizes: tuple[int, int, int, int]
-    jacobian_pattern: ca.Sparsity
-    hessian_pattern: ca.Sparsity
-    entries: Sequence[_Entry]
-
-    @property
-    def values(self) -> int:
-        """The number of values."""
-        return self.jacobian_pattern.size1()
-
-    def mapped(self, part: Part, calls: int, threads: int) -> ca.Function:
-        """Refuse what the machine does not have: functions of casadi.
-
-        Raises:
-            KernelError: always.
-        """
-        raise KernelError(f"{self.name} is evaluated without functions of casadi")
-
-    def bound(self, part: Part, calls: int, threads: int, given: Sequence[Array]) -> Bound:
-        """Return all calls of a function at once.
-
-        Raises:
-            SolverCrash: an argument has another size.
-        """
-        entry, intervals = self.entries[part], calls * self.lanes
-        for place, (array, size) in enumerate(zip(given, self.sizes, strict=False)):
-            if array.size != size * (calls if place == 2 else intervals):
-                raise SolverCrash(f"{self.name}: argument {place} has another size")
-        results = [np.zeros(intervals * size) for size in self._results(part)]
+    def bound(self, given: Sequence[Array], found: Sequence[Array], parts: int, calls: int) -> Callable[[], None]:
+        """Return all calls at once, in parts that go side by side, with arguments and results in arrays that stay."""
         of = _Calls()
         for place, array in enumerate(given):  # of what is shared the first is read
             of.given[place] = array.ctypes.data
-        for place, array in enumerate(results):
+        for place, array in enumerate(found):
             of.found[place] = array.ctypes.data
-        parts = _parts(calls, spread(calls, self.lanes, threads))
-        memory = [_aligned(entry.room) for _ in parts]
-        readers = [_reader(entry.tables, array) for array in memory]
-        works = [partial(entry.calls, reader, of, *ends) for reader, ends in zip(readers, parts, strict=True)]
-        kept = (given, results, memory, entry.tables)  # nobody else holds what the machine works on
+        ends = [calls * number // parts for number in range(parts + 1)]
+        memory = [_aligned(self.room) for _ in range(parts)]
+        readers = [_reader(self.tables, array) for array in memory]
+        works = [partial(self.calls, reader, of, *part) for reader, part in zip(readers, pairwise(ends), strict=True)]
+        kept = (given, found, memory)  # nobody else holds what the machine works on
 
         def call(kept: object = kept) -> None:
             others = [_threads(len(works) - 1).submit(work) for work in works[1:]]
@@ -190,15 +144,7 @@ class MachineKernel:
             for other in others:
                 other.result()
 
-        return call, results
-
-    def _results(self, part: Part) -> list[int]:
-        n_y = self.sizes[0]
-        if part is Part.VALUES:
-            return [self.values]
-        return (
-            [self.values, self.jacobian_pattern.nnz()] if part is Part.JACOBIAN else [n_y, self.hessian_pattern.nnz()]
-        )
+        return call
 
 
 @cache
@@ -242,37 +188,13 @@ def source(lanes: int) -> str:
     return header(lanes) + "\n".join(lines) + "\n\n" + "\n".join(read_text(name) for name in _TEXTS)
 
 
-def step_kernel(machine: Machine, system: System, scheme: RungeKutta) -> MachineKernel:
-    """Return the kernel of a step.
-
-    Raises:
-        KernelError: the system has an operation that the machine does not know.
-    """
-    parts = step_parts(system, scheme)
-    functions = [bytecode(function) for function in (parts.alone, *parts.generated)]
-    functions += [NOTHING] * (FUNCTIONS - len(functions))
-    tables = Tables.of(step_tables(parts), scheme_numbers(scheme), functions)
-    n_x, n_p = len(system.states), len(system.parameters)
-    sizes = (n_x + len(system.controls) + 1, 1, n_p, n_x)
-    entries = [machine.step(tables, part) for part in Part]
-    return MachineKernel("step", machine.lanes, sizes, parts.jacobian, parts.hessian, entries)
-
-
-def function_kernel(machine: Machine, functions: Sequence[ca.Function]) -> MachineKernel:
-    """Return the kernel of a function, of its Jacobian and its Hessian.
-
-    Raises:
-        KernelError: they have an operation that the machine does not know.
-    """
-    value, jacobian, hessian = functions
-    y, own, shared, lam = (hessian.nnz_in(place) for place in range(4))
-    entries = [machine.function(_function_tables(function)) for function in functions]
-    patterns = jacobian.sparsity_out(1), hessian.sparsity_out(1)
-    return MachineKernel(value.name(), machine.lanes, (y, own, shared, lam), *patterns, entries)
-
-
 @lru_cache(maxsize=32)
-def _function_tables(function: ca.Function) -> Tables:
+def function_tables(function: ca.Function) -> Tables:
+    """Return the tables of a function that stands for itself.
+
+    Raises:
+        KernelError: it has an operation that the machine does not know.
+    """
     return Tables.of([], [], [bytecode(function)])
 
 
@@ -280,12 +202,6 @@ def _function_tables(function: ca.Function) -> Tables:
 def _threads(count: int) -> ThreadPoolExecutor:
     """Return threads that wait for calls; ctypes lets them run beside each other."""
     return ThreadPoolExecutor(count)
-
-
-def _parts(calls: int, count: int) -> list[tuple[int, int]]:
-    """Return where so many parts of the calls begin and end."""
-    ends = [calls * number // count for number in range(count + 1)]
-    return list(pairwise(ends))
 
 
 def _reader(tables: Tables, memory: Array | None = None) -> _Reader:

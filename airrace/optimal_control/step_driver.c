@@ -57,8 +57,8 @@ struct model {
 #define NZ (NX + NU)
 #define NY (NX + NU + 1)
 
-/* What a flight through an interval leaves behind, each in memory of its own. Of one stage are z, K, jacobian and S, and
- * there are as many as the stages of all steps. */
+/* What a flight through an interval leaves behind, each in memory of its own. Of one stage are z, K, jacobian and S,
+ * and there are as many as the stages of all steps. */
 struct flight {
     real g, h, *y, *x, *dx;               /* x: the end, before the projection; dx: its sensitivity */
     real *z, *K, *jacobian, *S;           /* of all stages */

@@ -1,7 +1,7 @@
 /* The step of a compiled model and its derivatives as functions of its library.
  *
- * Before this text stand model_tables.c and the tables of the model, see step_kernel.py. On lanes the functions are called
- * by the library's interface, see lane_interface.c.
+ * Before this text stand model_tables.c and the tables of the model, see step_kernel.py. On lanes the functions are
+ * called by the library's interface, see lane_interface.c.
  */
 
 #ifdef LANES

@@ -20,15 +20,8 @@ from airrace.optimal_control.interpreted_rates import interpreted
 from airrace.optimal_control.kernels import Kernels, build_kernels, path_functions
 from airrace.optimal_control.lanes import InstructionSet, instruction_sets
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.machine import (
-    Machine,
-    compiled,
-    function_kernel,
-    machine,
-    machine_unless_missing,
-    step_kernel,
-)
-from airrace.optimal_control.machine_kernels import machine_kernels
+from airrace.optimal_control.machine import Machine, compiled, machine, machine_unless_missing
+from airrace.optimal_control.machine_kernels import function_kernel, machine_kernels, step_kernel
 from airrace.optimal_control.mapping import Callee, Part
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
 from airrace.quantities import Quantity
