@@ -4,6 +4,7 @@ Nobody waits for it: what is not compiled yet is evaluated by the machine, see `
 with this one; what it has not finished then is compiled by a later run.
 """
 
+import contextlib
 import os
 import pickle
 import queue
@@ -32,16 +33,20 @@ def order(library: Path, system: System, scheme: RungeKutta) -> None:
 
 
 def _deliver() -> None:
-    """Start a process, and write to it what is ordered; a pipe fills up while the other side loads or compiles."""
-    process = _started()
-    while True:
-        text = _orders.get()
-        try:
-            _write(text, process)
-        except OSError:
-            process.wait()  # it has ended
-            process = _started()
-            _write(text, process)
+    """Start a process, and write to it what is ordered; a pipe fills up while the other side loads or compiles.
+
+    One that has ended is followed by another. Where the system has none to give, later runs will compile.
+    """
+    with contextlib.suppress(OSError):
+        process = _started()
+        while True:
+            text = _orders.get()
+            try:
+                _write(text, process)
+            except OSError:
+                process.wait()
+                process = _started()
+                _write(text, process)
 
 
 def _write(text: bytes, process: "subprocess.Popen[bytes]") -> None:

@@ -255,7 +255,7 @@ FOUND: dict[str, Forgery] = {
     "drift divided": last(items(million, "hamiltonian_drift")),
     "variation halved": last(items(lambda item: replace(item, value=0.5 * item.value), "variation_n_z_cmd")),
     "unit of an item": last(items(lambda item: replace(item, unit="km"), "replay_gate")),
-    "place of an item": last(items(lambda item: replace(item, where="g99"), "replay_gate")),
+    "place of an item": last(items(lambda item: replace(item, where="g99"), "hamiltonian_drift")),
     "name of an item": last(items(lambda item: replace(item, name="kkt"), "kkt_error")),
     "words of the solver": last(certificate(lambda one: replace(one, solver_status="fatrop: perfect"))),
     "words of the solver in its item": last(items(lambda item: replace(item, where="perfect"), "solver")),
