@@ -10,7 +10,7 @@ machine meets all of them. Of each course the run with the median wall time is t
 processor time over race time, then per stage race time, iterations, intervals, seconds and accuracy. Processor seconds,
 of all cores together, tell how much of the wall time was waiting for other work on the machine.
 
-- `--cold` flies each course once more with an empty kernel cache: what the first run on a machine takes.
+- `--cold` flies each course as often with an empty kernel cache, in turn: what the first run on a machine takes.
 - `--shares` flies each course once more with clocks around its parts, see `ladder_shares.py`: which shares of each
   stage's seconds went into derivatives, linear algebra, putting together, replay, simulation, and input and output.
 - `--what-if KEY=VALUE` (again for more) changes the flown run, too, as `airrace resume --set` does.
@@ -32,7 +32,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from compiled_models import compile_models
 from ladder_shares import BETWEEN
+
+from airrace.procedure.stage import Stage as Stages
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = (sys.executable, "-m", "airrace")
@@ -216,16 +219,16 @@ def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> 
         chosen = (*options, "--explore", asked.explore)
         return measured("optimize", course, "--out", out, "--force", *chosen, environment=environment)
 
-    found: dict[str, Measurement] = {}
-    if asked.cold:
-        for course in courses:
-            with tempfile.TemporaryDirectory() as cache:
-                found[f"{Path(course).stem}, empty cache"] = fly(course, {**os.environ, "AIRRACE_CACHE_DIR": cache})
-    turns: list[list[Measurement]] = [[] for _ in courses]
+    compile_models(courses, Stages(asked.until))
+    runs: dict[str, list[Measurement]] = {}
     for _ in range(asked.repeats):
-        for course, runs in zip(courses, turns, strict=True):
-            runs.append(fly(course))
-    found |= {Path(course).stem: median(runs) for course, runs in zip(courses, turns, strict=True)}
+        for course in courses:
+            if asked.cold:
+                with tempfile.TemporaryDirectory() as cache:
+                    cold = fly(course, {**os.environ, "AIRRACE_CACHE_DIR": cache})
+                runs.setdefault(f"{Path(course).stem}, empty cache", []).append(cold)
+            runs.setdefault(Path(course).stem, []).append(fly(course))
+    found = {name: median(several) for name, several in runs.items()}
     for course in courses if asked.what_if else ():
         stored, new = (str(folder / f"{name}.h5") for name in (Path(course).stem, "changed"))
         sets = [part for change in asked.what_if for part in ("--set", change)]

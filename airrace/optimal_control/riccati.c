@@ -27,7 +27,9 @@ static inline double dot(int n, const double *a, const double *b)
 
 static inline void add(int n, double factor, const double *a, double *restrict to)
 {
-    for (int i = 0; i < n; i++) to[i] += factor * a[i];
+    int i = 0;
+    for (; i + 4 <= n; i += 4) *(column *)(to + i) += factor * *(const column *)(a + i);
+    for (; i < n; i++) to[i] += factor * a[i];
 }
 
 /* the lower triangle of A = L L' in the place of A, column by column; returns how many pivots are not positive */

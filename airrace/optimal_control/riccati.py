@@ -24,7 +24,7 @@ from airrace.trajectory import Array
 logger = logging.getLogger(__name__)
 
 FILE = Path(__file__).with_name("riccati.c")
-_FLAGS = ("-O3",)
+_FLAGS = ("-O1",)  # vectors are written out, so that -O3 is no faster, and takes four times as long to compile
 MOST_UNKNOWNS = 64
 """The largest number of unknowns of a stage, for which `riccati.c` has room."""
 

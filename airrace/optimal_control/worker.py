@@ -37,7 +37,7 @@ from airrace.optimal_control.messages import (
     WorkerFailure,
 )
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers import NEAR_BARRIER, SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
 PREPARED_INTERVALS = 600
@@ -99,6 +99,8 @@ class Workshop:
     def __init__(self, notify: Callable[[str], None]) -> None:
         self._own_code = threading.Thread(target=_install, daemon=True)
         self._own_code.start()
+        self._needed_later = threading.Thread(target=self._install_later, daemon=True)
+        self._needed_later.start()
         self._notify = notify
         self._known: list[System | Observation] = []
         self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
@@ -114,12 +116,19 @@ class Workshop:
         if prepared is None:
             self._make_room(layout.intervals)
             solver, problem = SOLVERS[request.solver], request.problem
+            if request.compiled and request.options.barrier <= NEAR_BARRIER:
+                self._needed_later.join()
             kernels = self._ready_kernels(problem.system, problem.scheme) if request.compiled else None
             if kernels is None or solver.needs_functions:
                 kernels = self._kernels_of(problem.system, problem.scheme, compiled=request.compiled)
             prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
+
+    def _install_later(self) -> None:
+        """Compile what no first solve needs after what the first solve needs."""
+        self._own_code.join()
+        riccati.install()
 
     def expect(self, announced: Announcement) -> None:
         """Make the kernels of a system ready, unless they have to be compiled first."""
@@ -178,7 +187,7 @@ class Workshop:
 
 def _install() -> None:
     """Compile what has yet to be compiled, side by side, and load it."""
-    installations = (machine, products.install, arena.install, summation.install, riccati.install)
+    installations = (machine, products.install, arena.install, summation.install)
     with ThreadPoolExecutor(len(installations)) as beside:
         for done in [beside.submit(install) for install in installations]:
             done.result()
@@ -193,6 +202,7 @@ def die_with_parent() -> None:
 def main() -> None:
     """Serve requests from standard input until it closes."""
     die_with_parent()
+    memory.keep()
     replies: Connection = Connection(int(sys.argv[1]), readable=False)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     receiver = Receiver(sys.stdin.buffer)
