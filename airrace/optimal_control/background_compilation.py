@@ -11,10 +11,17 @@ import queue
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.system import System
+
+HEAD_START = 1.0
+"""The time for which nothing is compiled in the background after the first order, s.
+
+Meanwhile both processes of a run load, and compile what no run can do without.
+"""
 
 _orders: "queue.SimpleQueue[bytes]" = queue.SimpleQueue()
 _ordered: set[Path] = set()
@@ -37,6 +44,7 @@ def _deliver() -> None:
 
     One that has ended is followed by another. Where the system has none to give, later runs will compile.
     """
+    time.sleep(HEAD_START)
     with contextlib.suppress(OSError):
         process = _started()
         while True:
