@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine_code import installed_for_now
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.errors import KernelError
-from airrace.optimal_control import kernel_library, predictor_corrector, riccati
+from airrace.optimal_control import predictor_corrector, riccati
 from airrace.optimal_control.carried import carried
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
@@ -28,13 +28,7 @@ LIMITS_KEPT = 1e-5  # fatrop relaxes limits by 1e-8 after their factors of 1e-2 
 
 @pytest.fixture(autouse=True)
 def by_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    try:
-        kernel_library.find_compiler()
-    except KernelError:
-        pytest.skip("no C compiler")
-    monkeypatch.setattr(riccati, "_installed", [])
-    riccati.install.cache_clear()
-    assert riccati.install()
+    installed_for_now(riccati, monkeypatch)
 
 
 def solved(

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from machine_code import installed_for_now
 from small_problems import PROBLEMS, random_point
 
-from airrace.errors import KernelError
-from airrace.optimal_control import kernel_library, riccati
+from airrace.optimal_control import riccati
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
@@ -15,13 +15,7 @@ from airrace.optimal_control.riccati import StageSystem
 
 @pytest.fixture(autouse=True)
 def by_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    try:
-        kernel_library.find_compiler()
-    except KernelError:
-        pytest.skip("no C compiler")
-    monkeypatch.setattr(riccati, "_installed", [])
-    riccati.install.cache_clear()
-    assert riccati.install()
+    installed_for_now(riccati, monkeypatch)
 
 
 def evaluated(name: str) -> tuple[Evaluation, np.ndarray, np.ndarray]:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from machine_code import installed_for_now
 
-from airrace.errors import KernelError
-from airrace.optimal_control import kernel_library, summation
+from airrace.optimal_control import summation
 from airrace.optimal_control.sums import Contributions, Sums
 
 
@@ -27,13 +27,7 @@ def sums() -> Sums:
 
 @pytest.fixture
 def by_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    try:
-        kernel_library.find_compiler()
-    except KernelError:
-        pytest.skip("no C compiler")
-    monkeypatch.setattr(summation, "_installed", [])
-    summation.install.cache_clear()
-    assert summation.install()
+    installed_for_now(summation, monkeypatch)
     assert summation.add_up() is not None
 
 
