@@ -14,14 +14,18 @@ import threading
 import time
 from pathlib import Path
 
+from airrace.optimal_control.kernel_library import cache_folder
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.system import System
 
-HEAD_START = 1.0
-"""The time for which nothing is compiled in the background after the first order, s.
+HEAD_START = 3.0
+"""The time for which the first run on a machine is left alone, s.
 
-Meanwhile both processes of a run load, and compile what no run can do without.
+It has to compile what no run can do without, and flies on the machine for all models; a short race is over by then.
+Later runs have their models compiled from the beginning.
 """
+FIRST_RUN = 60.0
+"""The age of the oldest library in the cache up to which a run is taken for the first, s."""
 
 _orders: "queue.SimpleQueue[bytes]" = queue.SimpleQueue()
 _ordered: set[Path] = set()
@@ -44,7 +48,7 @@ def _deliver() -> None:
 
     One that has ended is followed by another. Where the system has none to give, later runs will compile.
     """
-    time.sleep(HEAD_START)
+    time.sleep(HEAD_START if is_first_run() else 0.0)
     with contextlib.suppress(OSError):
         process = _started()
         while True:
@@ -55,6 +59,14 @@ def _deliver() -> None:
                 process.wait()
                 process = _started()
                 _write(text, process)
+
+
+def is_first_run() -> bool:
+    """Return whether the cache has only just begun to be filled."""
+    now = time.time()
+    with contextlib.suppress(OSError):  # a library was removed meanwhile: it is no new cache
+        return now - min((one.stat().st_mtime for one in cache_folder().glob("*.so")), default=now) < FIRST_RUN
+    return False
 
 
 def _write(text: bytes, process: "subprocess.Popen[bytes]") -> None:

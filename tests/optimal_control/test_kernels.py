@@ -21,6 +21,7 @@ from kernel_comparison import needs_compiler
 from small_problems import rich_system
 
 from airrace.optimal_control import kernel_library
+from airrace.optimal_control.background_compilation import FIRST_RUN, is_first_run
 from airrace.optimal_control.compiler_process import AUTOGROUP, PRIORITY
 from airrace.optimal_control.kernel_library import cache_folder, find_compiler
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, compile_kernels, needs_compiling, prepare
@@ -194,6 +195,17 @@ def test_kernels_prepared_in_the_background_need_no_compiler_later(
     while len(list(cache.iterdir())) > 4:  # the last lock is given back
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def test_the_first_run_is_told_from_later_ones_by_the_age_of_the_cache(cache: Path) -> None:
+    assert is_first_run()
+    cache.mkdir()
+    library = cache / "some.so"
+    library.touch()
+    assert is_first_run()
+    os.utime(library, times=(time.time() - 2.0 * FIRST_RUN,) * 2)
+    (cache / "newer.so").touch()
+    assert not is_first_run()
 
 
 @needs_compiler
