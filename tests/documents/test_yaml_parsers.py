@@ -76,21 +76,29 @@ def test_both_parsers_agree_on_spoilt_files() -> None:
     assert compared > 190
 
 
+def timed(text: str, loader: Loader) -> tuple[object, float]:
+    """What a text is read as, and the processor time that it takes at its best of three: machines have slow moments."""
+    taken: list[float] = []
+    found: object = None
+    for _ in range(3):
+        started = time.process_time()
+        found = read(text, loader)
+        taken.append(time.process_time() - started)
+    return found, min(taken)
+
+
 @pytest.mark.parametrize(("loader", "seconds"), [(FAST, 0.2), (PURE, 1.0)])
 @pytest.mark.parametrize("opening", ["[", "{", "{a: ", "- ", "? ", "[{"])
 def test_sixty_thousand_brackets_are_refused_at_once(opening: str, loader: Loader, seconds: float) -> None:
-    text = opening * 60_000
-    started = time.process_time()
-    found = read(text, loader)
-    assert time.process_time() - started < seconds
+    found, taken = timed(opening * 60_000, loader)
+    assert taken < seconds
     assert isinstance(found, list)
 
 
 def test_a_long_text_that_is_no_yaml_is_not_read_twice() -> None:
     text = "a: 1\n" + "# comment\n" * (PLAIN_WORDS_MAX // 8) + "b: [1\n"
-    started = time.process_time()
-    found = read(text, FAST)
-    assert time.process_time() - started < 0.2
+    found, taken = timed(text, FAST)
+    assert taken < 0.2
     assert isinstance(found, list)
     assert "not valid YAML" in found[-1]
 
