@@ -24,6 +24,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from compiled_models import compile_models
+
+from airrace.procedure.stage import Stage
+
 ROOT = Path(__file__).resolve().parent.parent
 TRACKS = ("rovinj_2014", "sixteen_phases", "half_cuban_eight")
 COMMAND = (sys.executable, "-m", "airrace")
@@ -209,8 +213,7 @@ def main() -> None:
     parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
     arguments = parser.parse_args()
     fly = partial(measure, explore=arguments.explore)
-    for track in arguments.tracks:  # fill the cache: kernels are compiled once per model and machine
-        fly(track, "plan")
+    compile_models(arguments.tracks, Stage.POINT_MASS)
     (warm_markdown if arguments.markdown else warm_table)(fly, arguments.tracks, arguments.repeats)
     cold_line(fly, arguments.tracks[0])
     if arguments.laps:
