@@ -1,7 +1,8 @@
-"""The settings of a process of airrace, made before it loads a library."""
+"""The settings of a process of airrace, made before it loads a library, and the command that starts another one."""
 
 import gc
 import os
+import sys
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -26,3 +27,11 @@ def settle() -> None:
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
     gc.set_threshold(CREATED)
+
+
+def python_command(module: str, *arguments: str) -> tuple[str, ...]:
+    """Return the command that runs a module in another process of this Python.
+
+    It never looks for modules in the current folder (`-P`): files there may come from anybody.
+    """
+    return (sys.executable, "-P", "-m", module, *arguments)

@@ -35,7 +35,7 @@ from airrace.batch.sources import Manner, find_sources, parse_sweeps  # noqa: E4
 from airrace.documents import load_inputs  # noqa: E402
 from airrace.runs.stored import library_versions  # noqa: E402
 
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 SMALL = 8  # passings of a course of the battery, at most
 STAGES = ("homotopy", "point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
 ITEM = {

@@ -38,7 +38,7 @@ from ladder_shares import BETWEEN
 from airrace.procedure.stage import Stage as Stages
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 ACCURACY = ("replay_defect", "race_time_change", "hamiltonian_drift")
 """The items of the certificate that tell how accurate a stage is."""
 

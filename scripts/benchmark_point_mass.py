@@ -30,7 +30,7 @@ from airrace.procedure.stage import Stage
 
 ROOT = Path(__file__).resolve().parent.parent
 TRACKS = ("rovinj_2014", "sixteen_phases", "half_cuban_eight")
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 GOALS = {"plan": 1 / 20, "homotopy": 1 / 10}
 
 

@@ -39,7 +39,7 @@ from airrace.track.limits import SafetyLine  # noqa: E402
 from airrace.trajectory import Trajectory  # noqa: E402
 
 FOLDER = ROOT / "docs" / "figures"
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 RATE = 25  # rows per second
 DOTS_PER_INCH = 110
 LABEL_POINTS = 17.0  # from a gate to its name

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 from airrace.cli.main import app
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 SMALL = ("half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--explore", "off")
 Record = dict[str, Any]  # Any: JSON
 Part = tuple[int, int]  # number, of how many

@@ -20,7 +20,7 @@ from airrace.checkpoint import read_checkpoint
 from airrace.procedure.result import Stage
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 STARTS = ("settled", "free")
 BEGIN, END = "<!-- begin of the table of scripts/study_ends.py -->", "<!-- end of the table -->"
 DEGREES = 57.29577951308232

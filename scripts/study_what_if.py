@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 CLOSE = 0.005  # s, by which the start from the last optimum may be behind
 SHARE = 0.25  # of the wall seconds from scratch
 MOVED = {"rovinj_2014": "gates.g5.north_m=719.0", "abu_dhabi_2016": "gates.g5.north_m=-423.2"}

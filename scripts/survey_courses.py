@@ -32,7 +32,7 @@ from airrace.checkpoint import read_checkpoint  # noqa: E402
 from airrace.documents import load_inputs  # noqa: E402
 from airrace.errors import AirraceError  # noqa: E402
 
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 GUESSES = {"plan": ("plan",), "homotopy": ("homotopy",), "both": ("plan", "homotopy")}
 CERTIFIED = "certified"
 GRACE = 20.0  # s, that a run which is told to stop may take

@@ -24,7 +24,7 @@ from typing import Any
 from airrace.documents import load_inputs
 
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-m", "airrace")
+COMMAND = (sys.executable, "-P", "-m", "airrace")
 STAGES = ("point-mass", "transfer-function", "state-space-inversion", "state-space", "six-dof")
 REAL = ("rovinj_2014", "gdynia_2014", "chiba_2015", "abu_dhabi_2016", "san_diego_2017", "air_race_x_2024")
 COURSES = (*REAL, "sixteen_phases", "half_cuban_eight")

@@ -54,7 +54,7 @@ class Cluster:
     def _started(self, module: str, *options: str) -> "subprocess.Popen[bytes]":
         with (self._folder / "log").open("ab") as log:
             return subprocess.Popen(
-                [sys.executable, "-m", f"distributed.cli.{module}", *options],
+                [sys.executable, "-P", "-m", f"distributed.cli.{module}", *options],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

@@ -16,7 +16,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -25,7 +24,7 @@ from typing import IO, Any
 
 from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted
 from airrace.errors import Finding
-from airrace.process import ONE_THREAD
+from airrace.process import ONE_THREAD, python_command
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
@@ -35,7 +34,7 @@ SAID_MAX = 2000
 """The size of the end of a crashed process's output in which its last words are looked for, bytes."""
 ANSWER_MAX = 64 * 1024 * 1024
 """The size up to which an answer is read, bytes; a larger one counts as none."""
-JOB_COMMAND = (sys.executable, "-m", "airrace.batch.job_process")
+JOB_COMMAND = python_command("airrace.batch.job_process")
 """The command that runs a job in a process of its own, without the number of the file descriptor."""
 
 

@@ -9,13 +9,13 @@ import os
 import pickle
 import queue
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 
 from airrace.optimal_control.kernel_library import cache_folder
 from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.process import python_command
 from airrace.system import System
 
 HEAD_START = 3.0
@@ -77,7 +77,7 @@ def _write(text: bytes, process: "subprocess.Popen[bytes]") -> None:
 
 def _started() -> "subprocess.Popen[bytes]":
     return subprocess.Popen(
-        [sys.executable, "-m", "airrace.optimal_control.compiler_process"],
+        python_command("airrace.optimal_control.compiler_process"),
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

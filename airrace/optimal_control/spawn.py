@@ -9,6 +9,7 @@ import subprocess
 import sys
 from multiprocessing.connection import Connection
 
+from airrace.process import python_command
 from airrace.records import record
 
 _spares: "list[WorkerProcess]" = []
@@ -29,7 +30,7 @@ def start() -> WorkerProcess:
     """
     reading, writing = os.pipe()
     process = subprocess.Popen(
-        [sys.executable, "-m", "airrace.memory", "airrace.optimal_control.worker", str(writing)],
+        python_command("airrace.memory", "airrace.optimal_control.worker", str(writing)),
         stdin=subprocess.PIPE,
         pass_fds=(writing,),
         start_new_session=True,
