@@ -21,6 +21,10 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from airrace.optimal_control.compiled_rates import compiled_rows, interpreted
+from airrace.optimal_control.kernel_library import compile_library, generated_source
+from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set
+from airrace.optimal_control.machine_kernels import machine_kernels
 
 from airrace.documents.inputs import load_inputs
 from airrace.dynamics.flight_model import FlightModel
@@ -30,11 +34,7 @@ from airrace.dynamics.state_space import build_state_space
 from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.optimal_control.compiled_rates import compiled_rows, interpreted
-from airrace.optimal_control.kernel_library import compile_library, generated_source
 from airrace.optimal_control.kernels import Kernel, Kernels, build_kernels, cached_rows, symbolic_kernels
-from airrace.optimal_control.lanes import SINGLE, InstructionSet, instruction_set
-from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.mapping import Callee, Part
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 

@@ -41,7 +41,7 @@ def solve(race: Race, segments: int, scheme: RungeKutta, tolerance: float) -> An
     began, spent = time.perf_counter(), time.process_time()
     stated = problem(race, segments, scheme)
     layout = Layout(stated)
-    kernels = build_kernels(stated.system, scheme, compiled=True)
+    kernels = build_kernels(stated.system, scheme)
     options = SolverOptions(tolerance=tolerance)
     prepared = PreparedProblem(layout, kernels, SOLVERS["fatrop"], options, 1)
     ready, ready_spent = time.perf_counter(), time.process_time()
@@ -70,7 +70,7 @@ def warm(race: Race, scheme: RungeKutta) -> None:
     """Compile what is not in the cache yet, once per machine, and load what the solver process loads."""
     products.install()
     summation.install()
-    build_kernels(race.model.system, scheme, compiled=True)
+    build_kernels(race.model.system, scheme)
 
 
 def _crossing(race: Race) -> Observation:
