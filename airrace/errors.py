@@ -65,10 +65,7 @@ class SolverCrash(AirraceError):
 
 
 class KernelError(AirraceError):
-    """An error of a compiled kernel that could not be built or loaded.
-
-    The caller falls back to casadi's own evaluation.
-    """
+    """An error of a function or a variant that the native library cannot evaluate on this processor."""
 
 
 def is_lack_of_memory(error: BaseException) -> bool:

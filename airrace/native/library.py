@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import airrace.native
 from airrace.errors import KernelError
 from airrace.records import record
 
@@ -104,8 +103,8 @@ def is_missing() -> bool:
 def library_path() -> Path | None:
     """Return the library's file; None where there is none."""
     name = "airrace_native.dll" if os.name == "nt" else "airrace_native.so"
-    folders = (Path(folder) for folder in airrace.native.__path__)  # two of them in an editable installation
-    return next((folder / name for folder in folders if (folder / name).is_file()), None)
+    path = Path(__file__).with_name(name)
+    return path if path.is_file() else None
 
 
 def open_library(path: Path, variant: str | None = None) -> Library:

@@ -16,9 +16,9 @@ from airrace.trajectory import Array
 MAP_IN_THREADS = 64
 """The number of calls of a kernel from which they are spread over threads; twice as many if it has lanes.
 
-Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
-a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
-step, or 128 intervals in lanes. For fewer calls little of the gain would be left.
+Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop, a
+fifth of what 128 intervals of the cheapest derivative take in lanes, the Jacobian of a point mass's step. For fewer
+calls little of the gain would be left.
 """
 
 
