@@ -1,25 +1,23 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, and answers on the file
-descriptor whose number is its argument. The solvers print their progress to standard output only; here it is read line
-by line and turned into reports. Solvers are kept ready per problem structure, so that a homotopy pays for its set-up
-once.
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
+to Python's `sys.stdout` only; here it is read line by line and turned into reports. Solvers are kept ready per problem
+structure, so that a homotopy pays for its set-up once.
 """
 
-import ctypes
 import io
 import logging
+import os
 import re
-import signal
 import sys
 import threading
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from multiprocessing.connection import Connection
+from functools import partial
 
-from airrace import memory
+from airrace import memory, process
 from airrace.errors import is_lack_of_memory
 from airrace.optimal_control import riccati, summation
 from airrace.optimal_control.fatrop import arena, products
@@ -30,8 +28,10 @@ from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.messages import (
     COMPILING,
     Announcement,
+    Inbox,
     IterationReport,
     Notice,
+    Outbox,
     Receiver,
     SolveRequest,
     WorkerFailure,
@@ -56,7 +56,6 @@ Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has 
 
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
 _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
-_PR_SET_PDEATHSIG = 1
 
 
 Structure = tuple[str, bytes]
@@ -66,7 +65,7 @@ Structure = tuple[str, bytes]
 class ProgressReader(io.TextIOBase):
     """A stand-in for standard output that turns iteration lines into reports and drops all else."""
 
-    def __init__(self, replies: Connection) -> None:
+    def __init__(self, replies: Outbox) -> None:
         self._replies = replies
         self._line = ""
 
@@ -82,7 +81,7 @@ class ProgressReader(io.TextIOBase):
 class NoticeHandler(logging.Handler):
     """A logging handler that sends records to the other process, whose business it is to show them."""
 
-    def __init__(self, replies: Connection) -> None:
+    def __init__(self, replies: Outbox) -> None:
         super().__init__(logging.WARNING)
         self._replies = replies
 
@@ -193,22 +192,18 @@ def _install() -> None:
             done.result()
 
 
-def die_with_parent() -> None:
-    """Ask the system to end this process when its parent ends (Linux; elsewhere the closed pipe does it later)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 def main() -> None:
-    """Serve requests from standard input until it closes."""
-    die_with_parent()
+    """Serve requests until there is nobody left who could ask for anything."""
+    process.die_with_starter()
     memory.keep()
-    replies: Connection = Connection(int(sys.argv[1]), readable=False)
+    asked, answers = process.taken_streams()
+    replies = Outbox(answers)
+    requests = Inbox(asked, partial(_received, Receiver(asked)))
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
-    receiver = Receiver(sys.stdin.buffer)
     sys.stdout = ProgressReader(replies)
     workshop = Workshop(lambda text: replies.send(Notice(text)))
-    while (request := receiver.receive()) is not None:
+    while True:
+        request = requests.next()
         try:
             if isinstance(request, Announcement):
                 workshop.expect(request)
@@ -221,6 +216,14 @@ def main() -> None:
                 raise
             if isinstance(request, SolveRequest):  # what is only announced is tried again when it is to be solved
                 replies.send(WorkerFailure(traceback.format_exc()))
+
+
+def _received(receiver: Receiver) -> SolveRequest | Announcement:
+    """Return the next request; after the last one end this process, whatever it is at."""
+    request = receiver.receive()
+    if request is None:
+        os._exit(0)
+    return request
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
 """The solver process: it answers, it can be stopped, it leaves nothing behind."""
 
+import contextlib
 import io
 import os
 import pickle
+import queue
 import signal
 import subprocess
 import sys
@@ -11,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from multiprocessing.connection import Connection
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +25,12 @@ from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control import background_compilation
 from airrace.optimal_control.kernels import Kernels, build_kernels, compile_kernels
 from airrace.optimal_control.lanes import instruction_set
-from airrace.optimal_control.messages import Announcement, IterationReport, SolveRequest
+from airrace.optimal_control.messages import Announcement, Inbox, IterationReport, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.service import SolverService, Stalled
 from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.spawn import start
 from airrace.optimal_control.worker import Workshop
 from airrace.system import System
 
@@ -156,15 +159,15 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
 
 def test_time_in_which_this_process_stands_still_is_no_stall(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever was stopped while waiting is told, when it goes on, that all of its time has passed."""
-    poll, stopped = Connection.poll, list[float | None]()
+    wait, stopped = Inbox.next, list[float | None]()
 
-    def first_stopped(replies: Connection, timeout: float | None = 0.0) -> bool:
+    def first_stopped(replies: Inbox, patience: float | None = None) -> Any:
         if not stopped:
-            stopped.append(timeout)
-            return False
-        return poll(replies, timeout)
+            stopped.append(patience)
+            raise queue.Empty
+        return wait(replies, patience)
 
-    monkeypatch.setattr(Connection, "poll", first_stopped)
+    monkeypatch.setattr(Inbox, "next", first_stopped)
     with SolverService(compiled=False, stall_seconds=20.0) as service:
         assert solve(service).success
     assert len(stopped) == 1
@@ -311,6 +314,23 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
         os.kill(worker, signal.SIGSTOP)  # as good as lost in a solve that never ends
         parent.kill()
     assert gone(worker)
+
+
+def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
+    """As it does on systems that end no process with another one."""
+    problem, guess = rest_to_rest(30000)
+    worker = start()
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    sender, replies = Sender(worker.stdin), Inbox(worker.stdout, partial(pickle.load, worker.stdout))
+    sender.send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), False, 1))
+    heard = [replies.next(LONGEST_SOLVE)]
+    sender.close()
+    assert worker.wait(LONGEST_SOLVE) == 0
+    with contextlib.suppress(EOFError):
+        while True:
+            heard.append(replies.next(LONGEST_SOLVE))
+    assert {type(reply) for reply in heard} == {IterationReport}
 
 
 @needs_compiler
