@@ -91,6 +91,37 @@ def die_with_starter() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def available_cores() -> int:
-    """Return the number of cores that this process may use, which can be fewer than the machine has."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def available_cores(membership: str = "/proc/self/cgroup", groups: str = "/sys/fs/cgroup") -> int:
+    """Return the number of cores that this process may use, which can be fewer than the machine has.
+
+    It may be bound to some of them, and a container may have a quota of their time (`docker run --cpus`).
+    """
+    count: Callable[[], int | None] = getattr(os, "process_cpu_count", _bound_cores)  # Python 3.13
+    return min([count() or 1, *_quotas(membership, groups)])
+
+
+def _bound_cores() -> int | None:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+def _quotas(membership: str, groups: str) -> "Iterator[int]":
+    """Yield the quotas of the control groups to which this process belongs, version 1 or 2, in whole cores."""
+    for _, controllers, path in (line.split(":", 2) for line in _text(membership).splitlines()):
+        if controllers and "cpu" not in controllers.split(","):
+            continue
+        folder = os.path.join(groups, controllers)  # version 2 names no controllers
+        for name in ("", *path.strip("/").split("/")):
+            folder = os.path.join(folder, name)
+            version_1 = f"{_text(folder, 'cpu.cfs_quota_us')} {_text(folder, 'cpu.cfs_period_us')}"
+            quota, _, period = (_text(folder, "cpu.max") or version_1).partition(" ")
+            if quota.isdecimal() and period.isdecimal():  # neither `max` nor -1
+                yield max(1, -(-int(quota) // int(period)))
+
+
+def _text(*path: str) -> str:
+    """Return the content of a file of the system, stripped; nothing where there is no such file."""
+    try:
+        with open(os.path.join(*path), encoding="utf-8") as file:
+            return file.read().strip()
+    except OSError:
+        return ""
