@@ -19,7 +19,7 @@ A command should end within two seconds, and casadi loses about one request in t
 """
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, name))
-"""What asks to stop; SIGBREAK is all that one process of Windows can send another."""
+"""The signals that ask to stop; SIGBREAK is all that one process of Windows can send another."""
 
 
 class _Request:

@@ -36,7 +36,7 @@ ANSWER_MAX = 64 * 1024 * 1024
 JOB_COMMAND = python_command("airrace.batch.job_process")
 """The command that runs a job in a process of its own."""
 STOP = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
-"""What asks a process to end; Windows lets a program hear nothing else."""
+"""The signal that asks a process to end; Windows lets a program hear nothing else."""
 
 
 @record

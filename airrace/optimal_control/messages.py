@@ -196,7 +196,7 @@ class Outbox:
 
 
 class Inbox:
-    """What arrives on a stream, read by a thread: on every system one can wait for it with patience.
+    """The messages of a stream, read by a thread: on every system one can wait for it with patience.
 
     Args:
         stream: is closed when it has ended.
