@@ -10,10 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-import pytest
 from filelock import FileLock
-
-from airrace.optimal_control import kernel_library, kernels
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -28,22 +25,6 @@ def open_folder() -> None:
 
 def remove_folder() -> None:
     shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
-
-
-def keep_kernels(patch: pytest.MonkeyPatch) -> None:
-    """Compile kernels into a cache that was empty when the command began, for tests that look at what is compiled."""
-    patch.setenv("AIRRACE_CACHE_DIR", str(Path(os.environ[FOLDER]) / "kernels"))
-
-
-def compile_quickly(patch: pytest.MonkeyPatch) -> None:
-    """Compile kernels without optimisation, in this process, where a test is not about what optimisation does.
-
-    Flags belong to the cache's key, so that no such kernel is taken for an optimised one.
-    """
-    patch.setattr(kernel_library, "GENERATED_FLAGS", ("-O0",))
-    patch.setattr(kernel_library, "HIDDEN_FLAGS", ("-O0", *kernel_library.HIDDEN_FLAGS[1:]))
-    for flags in ("DRIVER_FLAGS", "LANE_FLAGS"):
-        patch.setattr(kernels, flags, ("-O0",))
 
 
 def kept(function: Callable[P, T]) -> Callable[P, T]:

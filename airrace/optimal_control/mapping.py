@@ -1,6 +1,6 @@
 """The demands of a program's evaluation on a kernel: one of its functions for all of its calls at once.
 
-casadi's functions are mapped over the calls here; `machine.py` has kernels without functions of casadi.
+casadi's functions are mapped over the calls here.
 """
 
 from collections.abc import Callable, Sequence
@@ -68,14 +68,6 @@ class Callee(Protocol):
 
         Raises:
             SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
-        """
-        ...
-
-    def mapped(self, part: Part, calls: int, threads: int) -> ca.Function:
-        """Return all calls of a function at once as a function of casadi.
-
-        Raises:
-            KernelError: there is none.
         """
         ...
 

@@ -17,9 +17,6 @@ from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.records import record
 from airrace.system import Observation, System
 
-COMPILING = "compiling the equations (once per model and machine)"
-"""The notice that the equations are being compiled, which may take a while."""
-
 
 @record
 class SolveRequest:
@@ -30,13 +27,12 @@ class SolveRequest:
     multipliers: Multipliers | None
     solver: str
     options: SolverOptions
-    compiled: bool
     threads: int
 
 
 @record
 class Announcement:
-    """A system that will be flown, whose kernels are compiled: they can be loaded by now. It has no answer."""
+    """A system that will be flown, whose kernels can be made ready. It has no answer."""
 
     system: System
     scheme: RungeKutta

@@ -18,7 +18,6 @@ from typing import Self
 
 from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
-from airrace.optimal_control import kernels
 from airrace.optimal_control.messages import (
     Announcement,
     Inbox,
@@ -39,7 +38,7 @@ STALL_SECONDS = 120.0
 """The longest time that a solver may spend on one iteration before it is considered to hang, s.
 
 An iteration that hangs never ends. Of those that end, the slowest of the problems with known answers takes 0.5 s (that
-of the soaring glider on 800 intervals, without compiled kernels), and those of a whole six-dof race with compiled ones
+of the soaring glider on 800 intervals, evaluated by casadi), and those of a whole six-dof race with native kernels
 less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration.
 """
 
@@ -66,7 +65,6 @@ class SolverService:
 
     Args:
         threads: threads that evaluate derivatives.
-        compiled: whether kernels are compiled where possible.
         stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
         deadline: the time, by `time.monotonic`, after which nothing is solved any more.
         on_notice: told what the process does besides solving.
@@ -76,14 +74,12 @@ class SolverService:
         self,
         *,
         threads: int = 1,
-        compiled: bool = True,
         stall_seconds: float = STALL_SECONDS,
         deadline: float = math.inf,
         on_notice: Callable[[str], None] | None = None,
     ) -> None:
         self._on_notice = on_notice
         self._threads = threads
-        self._compiled = compiled
         self._stall_seconds = stall_seconds
         self._deadline = deadline
         self._process: subprocess.Popen[bytes] | None = None
@@ -102,22 +98,13 @@ class SolverService:
     ) -> None:
         self.stop()
 
-    def prepare(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Get the kernels of a system ready that will be flown later.
-
-        They are compiled in the background, at low priority, and the process makes ready what it can have at once.
-        """
-        if self._compiled:
-            kernels.prepare(system, scheme)
-            self.announce(system, scheme)
-
     def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Let the process make the kernels of a system ready that is flown next.
+        """Let the process make the kernels of a system ready that will be flown.
 
         While the process works on a problem, what is announced waits for the solution: the process reads nothing before
         it has written that, and a pipe holds so little that each would wait for the other to read.
         """
-        if self._process is not None and self._compiled:
+        if self._process is not None:
             self._sender.pack(Announcement(system, scheme))
             if not self._solving:
                 self._deliver()
@@ -160,15 +147,13 @@ class SolverService:
         """
         if self._process is None:
             self._start()
-        request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, threads or self._threads)
+        request = SolveRequest(problem, guess, multipliers, solver, options, threads or self._threads)
         try:
             with self._alive():
                 self._sender.send(request)
             with self._working():
                 while self._chores:
                     self._chores.pop(0)()
-                if self._compiled:  # for the next problem of this system, or the next run
-                    kernels.prepare(problem.system, problem.scheme)
                 return self._answered(stall_seconds or self._stall_seconds, on_iteration)
         except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
             self.stop()  # more use
@@ -190,7 +175,6 @@ class SolverService:
         while True:
             with self._alive():
                 reply = self._receive(patience)
-            # What is announced, such as compiling, takes the time it takes.
             patience = math.inf if isinstance(reply, Notice) else longest
             if isinstance(reply, Solution):
                 return reply

@@ -5,28 +5,23 @@ to Python's `sys.stdout` only; here it is read line by line and turned into repo
 structure, so that a homotopy pays for its set-up once.
 """
 
+import contextlib
 import io
 import logging
 import os
 import re
 import sys
-import threading
 import traceback
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
 from airrace import memory, process
-from airrace.errors import is_lack_of_memory
-from airrace.optimal_control import riccati, summation
-from airrace.optimal_control.fatrop import arena, products
-from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
+from airrace.errors import SolverCrash, is_lack_of_memory
+from airrace.optimal_control.fatrop import arena
+from airrace.optimal_control.fatrop.probe import require_known_interface
+from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.machine import machine
-from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.messages import (
-    COMPILING,
     Announcement,
     Inbox,
     IterationReport,
@@ -37,7 +32,7 @@ from airrace.optimal_control.messages import (
     WorkerFailure,
 )
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers import NEAR_BARRIER, SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
 PREPARED_INTERVALS = 600
@@ -90,20 +85,11 @@ class NoticeHandler(logging.Handler):
 
 
 class Workshop:
-    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure.
+    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
 
-    The C files of this package are compiled meanwhile if they have yet to be: that begins before anything is asked for.
-    """
-
-    def __init__(self, notify: Callable[[str], None]) -> None:
-        self._own_code = threading.Thread(target=_install, daemon=True)
-        self._own_code.start()
-        self._needed_later = threading.Thread(target=self._install_later, daemon=True)
-        self._needed_later.start()
-        self._notify = notify
+    def __init__(self) -> None:
         self._known: list[System | Observation] = []
-        self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
-        self._prompt: dict[tuple[int, RungeKutta], Kernels | None] = {}
+        self._kernels: dict[tuple[int, RungeKutta], Kernels] = {}
         self._prepared: dict[Structure, PreparedProblem] = {}
         self._sizes: dict[Structure, int] = {}
 
@@ -115,23 +101,14 @@ class Workshop:
         if prepared is None:
             self._make_room(layout.intervals)
             solver, problem = SOLVERS[request.solver], request.problem
-            if request.compiled and request.options.barrier <= NEAR_BARRIER:
-                self._needed_later.join()
-            kernels = self._ready_kernels(problem.system, problem.scheme) if request.compiled else None
-            if kernels is None or solver.needs_functions:
-                kernels = self._kernels_of(problem.system, problem.scheme, compiled=request.compiled)
+            kernels = self._kernels_of(problem.system, problem.scheme)
             prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
 
-    def _install_later(self) -> None:
-        """Compile what no first solve needs after what the first solve needs."""
-        self._own_code.join()
-        riccati.install()
-
     def expect(self, announced: Announcement) -> None:
-        """Make the kernels of a system ready, unless they have to be compiled first."""
-        self._ready_kernels(announced.system, announced.scheme)
+        """Make the kernels of a system ready."""
+        self._kernels_of(announced.system, announced.scheme)
 
     def _make_room(self, intervals: int) -> None:
         """Forget the problems that were not asked for longest."""
@@ -149,24 +126,10 @@ class Workshop:
         self._known.append(shared)
         return len(self._known) - 1
 
-    def _ready_kernels(self, system: System, scheme: RungeKutta) -> Kernels | None:
-        """Return the kernels that can be had at once: compiled if they are, else the machine's; None without one."""
-        self._own_code.join()
-        if not needs_compiling(system, scheme):
-            return self._kernels_of(system, scheme, compiled=True)
+    def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
         key = (self._number(system), scheme)
-        if key not in self._prompt:
-            self._prompt[key] = machine_kernels(system, scheme)
-        return self._prompt[key]
-
-    def _kernels_of(self, system: System, scheme: RungeKutta, *, compiled: bool) -> Kernels:
-        key = (self._number(system), scheme, compiled)
         if key not in self._kernels:
-            if compiled:
-                self._own_code.join()
-                if needs_compiling(system, scheme):
-                    self._notify(COMPILING)
-            self._kernels[key] = build_kernels(system, scheme, compiled=compiled)
+            self._kernels[key] = build_kernels(system, scheme)
         return self._kernels[key]
 
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
@@ -179,17 +142,9 @@ class Workshop:
             None if observed_last is None else self._number(observed_last),
         )
         parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
-        solving = (request.solver, request.options, request.compiled, request.threads)
+        solving = (request.solver, request.options, request.threads)
         told = repr((parts, layout.first_node.tolist(), len(layout.jump_at), observed, solving))
         return told, layout.rows.structure
-
-
-def _install() -> None:
-    """Compile what has yet to be compiled, side by side, and load it."""
-    installations = (machine, products.install, arena.install, summation.install)
-    with ThreadPoolExecutor(len(installations)) as beside:
-        for done in [beside.submit(install) for install in installations]:
-            done.result()
 
 
 def main() -> None:
@@ -198,10 +153,13 @@ def main() -> None:
     memory.keep()
     asked, answers = process.taken_streams()
     replies = Outbox(answers)
-    requests = Inbox(asked, partial(_received, Receiver(asked)))
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = ProgressReader(replies)
-    workshop = Workshop(lambda text: replies.send(Notice(text)))
+    arena.install()  # before fatrop is loaded
+    requests = Inbox(asked, partial(_received, Receiver(asked)))
+    with contextlib.suppress(SolverCrash):  # which the first solve tells
+        require_known_interface()  # while the other process prepares what is to be solved
+    workshop = Workshop()
     while True:
         request = requests.next()
         try:

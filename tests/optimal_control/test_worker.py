@@ -69,7 +69,7 @@ def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
     assert worker.stdin is not None
     assert worker.stdout is not None
     sender, replies = Sender(worker.stdin), Inbox(worker.stdout, partial(pickle.load, worker.stdout))
-    sender.send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), False, 1))
+    sender.send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1))
     heard = [replies.next(LONGEST)]
     sender.close()
     assert worker.wait(LONGEST) == 0

@@ -26,11 +26,6 @@ NAMES = {
     "time": "clock_gettime pthread_getcpuclockid tzset",
 }
 NAMES["_signal"] = NAMES["signal"]
-COMPILE_AT_RUN_TIME = {
-    f"airrace.optimal_control.{name}"
-    for name in ("fatrop.products", "kernel_library", "one_at_a_time", "own_code", "private_folder", "compiler_process")
-}
-"""Modules that are for POSIX alone."""
 
 
 class StandIn(ModuleType):
@@ -52,8 +47,6 @@ class StandIn(ModuleType):
 
 def others_of(module: ModuleType) -> dict[str, Any]:
     """What stands in the place of a module's own names."""
-    if module.__name__ == "os":
-        return {"name": "nt"}
     if module.__name__ == "ctypes":
 
         class CDLL(module.CDLL):  # type: ignore[name-defined]
@@ -90,7 +83,7 @@ def imported_by(
     by = globals if globals is not None else sys._getframe(1).f_globals
     importer = getattr(by.get("__spec__"), "name", None) or str(by.get("__name__"))
     module = imported(name, globals, locals, fromlist, level)
-    if importer.partition(".")[0] != "airrace" or importer in COMPILE_AT_RUN_TIME:
+    if importer.partition(".")[0] != "airrace":
         return module
     if module.__name__ in MODULES:
         raise ModuleNotFoundError(f"No module named {name!r} without POSIX", name=name)
