@@ -1,16 +1,16 @@
 """What one test has computed is kept for all others of the same `pytest` command, in whichever process they run."""
 
-import fcntl
 import functools
 import hashlib
 import os
 import pickle
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
+
+from filelock import FileLock
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -40,7 +40,7 @@ def kept(function: Callable[P, T]) -> Callable[P, T]:
             return function(*args, **kwargs)
         key = hashlib.sha256(repr((name, args, sorted(kwargs.items()))).encode()).hexdigest()[:32]
         path = Path(os.environ[FOLDER]) / f"{key}.pickle"
-        with _locked(path.with_suffix(".lock")):
+        with FileLock(path.with_suffix(".lock")):
             if not path.exists():
                 result = function(*args, **kwargs)
                 path.write_bytes(pickle.dumps(result))
@@ -48,11 +48,3 @@ def kept(function: Callable[P, T]) -> Callable[P, T]:
         return pickle.loads(path.read_bytes())
 
     return functools.wraps(function)(recalled)
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """A lock between processes; the system gives it back if its holder dies."""
-    with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

@@ -7,9 +7,13 @@ import contextlib
 import errno
 import os
 import secrets
+import time
 from pathlib import Path
 
 from airrace.errors import StorageError
+
+PAUSES = (0.01, 0.05, 0.2)
+"""The pauses after which a rename that is refused is tried again, s."""
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -35,7 +39,7 @@ def replace_file(path: Path, content: bytes) -> None:
         partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
         try:
             _write_durably(partial, content)
-            os.replace(partial, target)
+            _rename(partial, target)
         finally:
             with contextlib.suppress(OSError):  # after the rename there is nothing left to remove
                 partial.unlink()
@@ -49,6 +53,18 @@ def _write_durably(path: Path, content: bytes) -> None:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _rename(partial: Path, target: Path) -> None:
+    """Rename a file over another one; Windows refuses while somebody reads that, which takes a moment."""
+    for pause in PAUSES:
+        try:
+            os.replace(partial, target)
+        except PermissionError:
+            time.sleep(pause)
+        else:
+            return
+    os.replace(partial, target)
 
 
 def _flush_folder(folder: Path) -> None:

@@ -7,10 +7,12 @@ at any moment. One process serves a whole run.
 import contextlib
 import math
 import pickle
+import queue
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Generator
+from functools import partial
 from types import TracebackType
 from typing import Self
 
@@ -18,6 +20,7 @@ from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.messages import (
     Announcement,
+    Inbox,
     IterationReport,
     Notice,
     Reply,
@@ -168,11 +171,11 @@ class SolverService:
 
     def _answered(self, longest: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
         """Return the solution of the request that the process works on."""
-        patience: float | None = longest
+        patience = longest
         while True:
             with self._alive():
                 reply = self._receive(patience)
-            patience = None if isinstance(reply, Notice) else longest
+            patience = math.inf if isinstance(reply, Notice) else longest
             if isinstance(reply, Solution):
                 return reply
             if isinstance(reply, WorkerFailure):
@@ -210,8 +213,7 @@ class SolverService:
             if self._process is not None:
                 self._process.kill()
                 self._process.wait()
-                self._replies.close()
-                with contextlib.suppress(BrokenPipeError):
+                with contextlib.suppress(OSError):
                     self._sender.close()
                 self._process = None
 
@@ -229,35 +231,33 @@ class SolverService:
         if self._ended:
             raise SolverEnded
         worker = take()
+        assert worker.stdin is not None  # `start` asks for both
+        assert worker.stdout is not None
         with self._stopping:
-            self._process, self._replies = worker.process, worker.replies
-            assert self._process.stdin is not None  # `start` asks for it
-            self._sender = Sender(self._process.stdin)
+            self._process = worker
+            self._sender = Sender(worker.stdin)
+            self._replies = Inbox(worker.stdout, partial(pickle.load, worker.stdout))
             self._starter = threading.get_ident()
         if self._ended:  # meanwhile
             self.stop()
             raise SolverEnded
 
-    def _receive(self, patience: float | None) -> Reply:
-        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline."""
-        left = max(0.0, self._deadline - time.monotonic())
-        out_of_time = math.isfinite(left) and (patience is None or left < patience)
-        if not (self._replies.poll(left) if out_of_time else self._waited(patience)):
-            if out_of_time:
-                raise OutOfTime("there is no time left")
-            raise Stalled(f"no iteration finished within {patience:g} s")
-        reply: Reply = self._replies.recv()
-        return reply
-
-    def _waited(self, patience: float | None) -> bool:
-        """Wait for a reply, and tell whether there is one; without patience (None) for ever.
+    def _receive(self, patience: float) -> Reply:
+        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline.
 
         Time in which this process itself stood still is none in which the solver could have worked, so no part of the
         waiting counts for more than it was meant to take.
         """
-        while patience is not None and patience > 0.0:
-            part = min(patience, PART_OF_WAITING)
-            if self._replies.poll(part):
-                return True
-            patience -= part
-        return self._replies.poll(patience)
+        left = patience
+        while True:
+            part = max(0.0, min(left, PART_OF_WAITING, self._deadline - time.monotonic()))
+            try:
+                reply: Reply = self._replies.next(part)
+            except queue.Empty:
+                left -= part
+                if time.monotonic() >= self._deadline:
+                    raise OutOfTime("there is no time left") from None
+                if left <= 0.0:
+                    raise Stalled(f"no iteration finished within {patience:g} s") from None
+            else:
+                return reply

@@ -1,23 +1,21 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, and answers on the file
-descriptor whose number is its argument. The solvers print their progress to standard output only; here it is read line
-by line and turned into reports. Solvers are kept ready per problem structure, so that a homotopy pays for its set-up
-once.
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
+to Python's `sys.stdout` only; here it is read line by line and turned into reports. Solvers are kept ready per problem
+structure, so that a homotopy pays for its set-up once.
 """
 
 import contextlib
-import ctypes
 import io
 import logging
+import os
 import re
-import signal
 import sys
 import traceback
 from dataclasses import replace
-from multiprocessing.connection import Connection
+from functools import partial
 
-from airrace import memory
+from airrace import memory, process
 from airrace.errors import SolverCrash, is_lack_of_memory
 from airrace.optimal_control.fatrop import arena
 from airrace.optimal_control.fatrop.probe import require_known_interface
@@ -25,8 +23,10 @@ from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import (
     Announcement,
+    Inbox,
     IterationReport,
     Notice,
+    Outbox,
     Receiver,
     SolveRequest,
     WorkerFailure,
@@ -51,7 +51,6 @@ Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has 
 
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
 _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
-_PR_SET_PDEATHSIG = 1
 
 
 Structure = tuple[str, bytes]
@@ -61,7 +60,7 @@ Structure = tuple[str, bytes]
 class ProgressReader(io.TextIOBase):
     """A stand-in for standard output that turns iteration lines into reports and drops all else."""
 
-    def __init__(self, replies: Connection) -> None:
+    def __init__(self, replies: Outbox) -> None:
         self._replies = replies
         self._line = ""
 
@@ -77,7 +76,7 @@ class ProgressReader(io.TextIOBase):
 class NoticeHandler(logging.Handler):
     """A logging handler that sends records to the other process, whose business it is to show them."""
 
-    def __init__(self, replies: Connection) -> None:
+    def __init__(self, replies: Outbox) -> None:
         super().__init__(logging.WARNING)
         self._replies = replies
 
@@ -148,25 +147,21 @@ class Workshop:
         return told, layout.rows.structure
 
 
-def die_with_parent() -> None:
-    """Ask the system to end this process when its parent ends (Linux; elsewhere the closed pipe does it later)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 def main() -> None:
-    """Serve requests from standard input until it closes."""
-    die_with_parent()
+    """Serve requests until there is nobody left who could ask for anything."""
+    process.die_with_starter()
     memory.keep()
-    replies: Connection = Connection(int(sys.argv[1]), readable=False)
+    asked, answers = process.taken_streams()
+    replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
-    receiver = Receiver(sys.stdin.buffer)
     sys.stdout = ProgressReader(replies)
     arena.install()  # before fatrop is loaded
+    requests = Inbox(asked, partial(_received, Receiver(asked)))
     with contextlib.suppress(SolverCrash):  # which the first solve tells
         require_known_interface()  # while the other process prepares what is to be solved
     workshop = Workshop()
-    while (request := receiver.receive()) is not None:
+    while True:
+        request = requests.next()
         try:
             if isinstance(request, Announcement):
                 workshop.expect(request)
@@ -179,6 +174,14 @@ def main() -> None:
                 raise
             if isinstance(request, SolveRequest):  # what is only announced is tried again when it is to be solved
                 replies.send(WorkerFailure(traceback.format_exc()))
+
+
+def _received(receiver: Receiver) -> SolveRequest | Announcement:
+    """Return the next request; after the last one end this process, whatever it is at."""
+    request = receiver.receive()
+    if request is None:
+        os._exit(0)
+    return request
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Processes of this machine: whatever one of them does touches it alone, and none is left behind."""
 
+import json
 import os
 import signal
 import time
@@ -12,8 +13,11 @@ from airrace.batch.cache import Choice
 from airrace.batch.executor import Ended, Ending, Fault, Order
 from airrace.batch.local import LocalExecutor
 from airrace.batch.plan import Plan
+from airrace.batch.process import JOB_COMMAND
 from airrace.batch.record import read_record
 from airrace.batch.supervision import Policy
+from airrace.process import started_apart
+from airrace.runs.exit_codes import ExitCode
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 
@@ -123,6 +127,17 @@ def test_nothing_is_left_running_when_the_executor_is_left(tmp_path: Path) -> No
         family = [int(wait_for_file(tmp_path / f"{name}.child")) for name in ("a", "b")]
         family += [int(wait_for_file(tmp_path / f"{name}.starts").split()[0]) for name in ("a", "b")]
     assert all(is_gone(process) for process in family)
+
+
+def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None:
+    process = started_apart(JOB_COMMAND)
+    assert process.stdin is not None
+    plan = planned(write_course(tmp_path), folder=tmp_path)
+    order = {"job": plan.steps[0].job.as_object(), "checkpoint": str(tmp_path / "oval.h5")}
+    process.stdin.write(json.dumps(order).encode() + b"\n")
+    out, _ = process.communicate(timeout=30.0)  # which closes its standard input
+    assert process.returncode == ExitCode.INTERRUPTED
+    assert b"ended" not in out
 
 
 def test_jobs_that_are_stopped_say_so(tmp_path: Path) -> None:

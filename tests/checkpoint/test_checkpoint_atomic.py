@@ -133,3 +133,25 @@ def test_a_new_file_has_the_user_s_usual_permissions(tmp_path: Path) -> None:
 def test_the_longest_names_can_be_written(tmp_path: Path, name: str) -> None:
     replace_file(tmp_path / name, b"new")
     assert (tmp_path / name).read_bytes() == b"new"
+
+
+def test_a_file_that_somebody_is_reading_is_replaced_a_moment_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Windows refuses to replace a file that is open."""
+    replace, refused = os.replace, [True, True]
+
+    def replace_when_closed(partial: Path, target: Path) -> None:
+        if refused:
+            refused.pop()
+            raise PermissionError(13, "it is being used by another process")
+        replace(partial, target)
+
+    monkeypatch.setattr(os, "replace", replace_when_closed)
+    path = tmp_path / "run.h5"
+    replace_file(path, b"new")
+    assert path.read_bytes() == b"new"
+    refused += [True] * 10
+    with pytest.raises(StorageError, match="being used"):
+        replace_file(path, b"newer")
+    assert list(tmp_path.iterdir()) == [path]

@@ -3,6 +3,7 @@
 import io
 import os
 import pickle
+import queue
 import signal
 import subprocess
 import sys
@@ -11,15 +12,16 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
+import psutil
 import pytest
 from known_flights import rest_to_rest
 
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.kernels import Kernels, build_kernels
-from airrace.optimal_control.messages import Announcement, IterationReport, SolveRequest
+from airrace.optimal_control.messages import Announcement, Inbox, IterationReport, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.service import SolverService, Stalled
@@ -49,11 +51,7 @@ def solve(
 
 def children(of: int | None = None) -> set[int]:
     """Processes started by this one, or by another."""
-    parent = of or os.getpid()
-    found: set[int] = set()
-    for task in Path(f"/proc/{parent}/task").iterdir():
-        found |= {int(child) for child in (task / "children").read_text().split()}
-    return found
+    return {child.pid for child in psutil.Process(of).children()}
 
 
 def worker_of(service_started_after: set[int]) -> int:
@@ -152,15 +150,15 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
 
 def test_time_in_which_this_process_stands_still_is_no_stall(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever was stopped while waiting is told, when it goes on, that all of its time has passed."""
-    poll, stopped = Connection.poll, list[float | None]()
+    wait, stopped = Inbox.next, list[float | None]()
 
-    def first_stopped(replies: Connection, timeout: float | None = 0.0) -> bool:
+    def first_stopped(replies: Inbox, patience: float | None = None) -> Any:
         if not stopped:
-            stopped.append(timeout)
-            return False
-        return poll(replies, timeout)
+            stopped.append(patience)
+            raise queue.Empty
+        return wait(replies, patience)
 
-    monkeypatch.setattr(Connection, "poll", first_stopped)
+    monkeypatch.setattr(Inbox, "next", first_stopped)
     with SolverService(stall_seconds=20.0) as service:
         assert solve(service).success
     assert len(stopped) == 1
