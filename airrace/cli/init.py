@@ -33,7 +33,8 @@ def init(
 ) -> None:
     """Write a course to begin with.
 
-    NAME.yaml flies as it stands, and its comments say what every part of it is.
+    NAME.yaml flies as it stands, and its comments say what every part of it is. track.schema.json, which is written
+    beside it, lets editors complete its keys and mark mistakes.
     """
     with answering(as_json=False) as answer:
         from airrace.runs.init import init as written

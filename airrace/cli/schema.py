@@ -28,8 +28,6 @@ def schema(
     It is draft-07, for editors that complete keys and mark mistakes while you type.
     """
     with answering(as_json=False) as answer:
-        import json
+        from airrace.documents.json_schema import schema_text
 
-        from airrace.documents.json_schema import json_schema
-
-        answer.texts.append(json.dumps(json_schema(language.value), indent=2))
+        answer.texts.append(schema_text(language.value))

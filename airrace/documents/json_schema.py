@@ -4,6 +4,7 @@ Everything is derived from the models that read the documents. What a JSON Schem
 which keys exclude one another, that names refer to something, and that `1.0` is no whole number.
 """
 
+import json
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -54,6 +55,11 @@ def json_schema(language: str) -> JsonSchemaValue:
     schema = {**generated, "$schema": DIALECT, "title": _TITLES[language], "definitions": definitions}
     first = {key: schema[key] for key in _FIRST if key in schema}
     return cast(JsonSchemaValue, _lone_references({**first, **schema}))
+
+
+def schema_text(language: str) -> str:
+    """Return the JSON Schema of a language as the text of a file."""
+    return json.dumps(json_schema(language), indent=2) + "\n"
 
 
 class _Generator(GenerateJsonSchema):

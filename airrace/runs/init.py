@@ -3,6 +3,7 @@
 from importlib import resources
 from pathlib import Path
 
+from airrace.documents.json_schema import schema_text
 from airrace.documents.placemarks import read_placemarks
 from airrace.documents.shipped import SUFFIX, TRACKS
 from airrace.documents.sketched import sketched_course
@@ -10,6 +11,10 @@ from airrace.errors import Finding, InputError, UsageError
 from airrace.runs.output import ensure_free, write_text
 
 TEMPLATE = resources.files("airrace.documents") / "templates" / "course.yaml"
+SCHEMA_FILE = "track.schema.json"
+"""The name of the file that holds the JSON Schema of tracks."""
+EDITORS_LINE = "# yaml-language-server: $schema="
+"""What stands in front of the path of its schema in a file of YAML."""
 
 
 def init(
@@ -19,19 +24,19 @@ def init(
     from_: str | Path | None = None,
     force: bool = False,
 ) -> Path:
-    """Write a track file to begin with.
+    """Write a track file to begin with, and beside it the schema by which editors complete its keys.
 
     Args:
         name: the name of the new file; `.yaml` is added where it is missing.
         like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
         from_: a file of placemarks (KML, GPX or GeoJSON) from which the course is sketched; None for none.
-        force: whether an existing file is overwritten.
+        force: whether existing files are overwritten. A schema that is already what it should be is none of them.
 
     Returns:
         The path of the file.
 
     Raises:
-        UsageError: the file exists and `force` is not given, or a course is both to be copied and to be sketched.
+        UsageError: a file exists and `force` is not given, or a course is both to be copied and to be sketched.
         InputError: there is no such course to be copied, or the placemarks make none.
         StorageError: the folder does not exist or takes no files.
     """
@@ -39,13 +44,29 @@ def init(
     path = path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:
         raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
+    schema, schema_file = schema_text("track"), path.with_name(SCHEMA_FILE)
+    written = _holds(schema_file, schema)
     ensure_free(path, force=force)
+    if not written:
+        ensure_free(schema_file, force=force, remedy="it is not the schema of this version; ")
     if from_ is not None:
         text = sketched_course(str(from_), _title(path), read_placemarks(Path(from_)))
     else:
         text = _copied(Path(like)) if like is not None else _begun(path)
+    if EDITORS_LINE not in text:
+        text = f"{EDITORS_LINE}{SCHEMA_FILE}\n{text}"
+    if not written:
+        write_text(schema_file, schema)
     write_text(path, text)
     return path
+
+
+def _holds(path: Path, text: str) -> bool:
+    """Return whether there is a file of exactly this text."""
+    try:
+        return path.read_bytes() == text.encode()
+    except OSError:
+        return False
 
 
 def _title(path: Path) -> str:

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from airrace.documents import load_inputs
+from airrace.documents.json_schema import schema_text
 from airrace.documents.shipped import TRACKS
 from airrace.errors import InputError, UsageError
-from airrace.runs.init import init
+from airrace.runs.init import EDITORS_LINE, init
 from airrace.runs.shipped import shipped
 
 
@@ -38,6 +39,32 @@ def test_an_existing_file_is_only_overwritten_when_asked() -> None:
         init("sprint", like="rovinj_2014")
     assert init("sprint", like="rovinj_2014", force=True) == path
     assert "Rovinj" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("like", [None, "rovinj_2014"])
+def test_editors_find_the_schema_beside_the_course(like: str | None, folder: Path) -> None:
+    path = init("sprint", like=like)
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    assert first.startswith(EDITORS_LINE)
+    schema = folder / first.removeprefix(EDITORS_LINE)
+    assert schema.read_text(encoding="utf-8") == schema_text("track")
+
+
+def test_a_copy_keeps_the_schema_that_it_names(folder: Path) -> None:
+    init("first")
+    own = (folder / "first.yaml").read_text(encoding="utf-8")
+    assert init("second", like="first").read_text(encoding="utf-8") == own
+
+
+def test_another_schema_is_only_overwritten_when_asked(folder: Path) -> None:
+    schema = folder / "track.schema.json"
+    schema.write_text("{}", encoding="utf-8")
+    with pytest.raises(UsageError, match=r"track\.schema\.json exists; it is not the schema of this version"):
+        init("sprint")
+    assert [one.name for one in folder.iterdir()] == ["track.schema.json"]
+    assert schema.read_text(encoding="utf-8") == "{}"
+    init("sprint", force=True)
+    assert schema.read_text(encoding="utf-8") == schema_text("track")
 
 
 def test_what_does_not_exist_cannot_be_copied(folder: Path) -> None:

@@ -112,4 +112,5 @@ def test_a_course_is_flown_in_an_empty_folder_through_every_door(installed: Path
         "rovinj_2014.h5",
         "sprint.h5",
         "sprint.yaml",
+        "track.schema.json",
     ]
