@@ -73,12 +73,12 @@ class KernelError(AirraceError):
 
 def is_lack_of_memory(error: BaseException) -> bool:
     """Tell whether an error says that there is not enough memory: for an object, or for a library to be loaded."""
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return True
+    # A library that cannot be loaded is an ImportError, or an OSError without a number (ctypes).
+    told = isinstance(error, ImportError | RuntimeError) or (isinstance(error, OSError) and error.errno is None)
     lacking = ("failed to map segment", "cannot allocate memory", "bad_alloc", "can't start new thread")
-    if isinstance(error, OSError):
-        return error.errno == errno.ENOMEM
-    return isinstance(error, MemoryError) or (
-        isinstance(error, ImportError | RuntimeError) and any(text in str(error).lower() for text in lacking)
-    )
+    return told and any(text in str(error).lower() for text in lacking)
 
 
 def debugging() -> bool:
