@@ -29,10 +29,16 @@ class Finding:
 
 
 class InputError(AirraceError):
-    """An error in the user's input; it carries every finding, not only the first."""
+    """An error in the user's input; it carries every finding, or the first of each file where there are very many.
 
-    def __init__(self, findings: list[Finding]) -> None:
+    Attributes:
+        findings: sorted by file and place.
+        count: of all findings, also of those that are left out.
+    """
+
+    def __init__(self, findings: list[Finding], count: int | None = None) -> None:
         self.findings = sorted(findings)
+        self.count = len(findings) if count is None else count
         super().__init__("\n".join(str(finding) for finding in self.findings))
 
 

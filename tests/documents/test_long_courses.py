@@ -6,6 +6,8 @@ import pytest
 from language_texts import findings_of, understood
 from operations import assert_grows_no_faster_than_its_input
 
+from airrace.errors import InputError
+
 GATES = 5000
 FEW = 150
 """Gates of the courses whose work is counted, beside those with eight times as many."""
@@ -58,7 +60,11 @@ def test_the_work_to_tell_unknown_names_grows_with_their_number_and_no_faster() 
     assert_grows_no_faster_than_its_input(tell, FEW)
 
 
-def test_of_thousands_of_unknown_names_the_first_are_told() -> None:
-    found = findings_of(long_course(unknown=4000))
+def test_of_thousands_of_unknown_names_the_first_are_told_and_all_are_counted() -> None:
+    with pytest.raises(InputError) as raised:
+        understood(long_course(unknown=4000))
+    found = raised.value.findings
+    assert raised.value.count == 4000
+    assert len(found) == 101
     assert found[0].message.startswith("unknown gate `g1x`; did you mean `g1")
     assert found[-1].message == "and 3900 more findings from here on"
