@@ -113,14 +113,14 @@ def main() -> None:
             end(8, run_object(job, None), "the solver process died (status -9)")
             return
         case "hang":
-            time.sleep(60.0)
+            time.sleep(600.0)
         case "hang-once" if not resumed:
-            time.sleep(60.0)
+            time.sleep(600.0)
         case "deaf":  # to being told to stop, with a process of its own
             signal.signal(signal.SIGTERM, signal.SIG_IGN)
             sleeper = subprocess.Popen(["sleep", "600"], start_new_session=True)
             path.with_suffix(".child").write_text(str(sleeper.pid))
-            time.sleep(60.0)
+            time.sleep(600.0)
         case "astray":
             replies.write(
                 'nonsense\n{"stage_finished": 7}\n[]\n{"ended": {"code": "x"}}\n{"ended": {"code": 0, "run": NaN}}\n'
