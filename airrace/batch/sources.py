@@ -49,10 +49,11 @@ class Group:
 
 @record
 class Sources:
-    """The groups of courses that were meant, and what is wrong with the way they were named."""
+    """The groups of courses that were meant, what is wrong with the way they were named, and the batch files."""
 
     groups: tuple[Group, ...]
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
+    files: tuple[Path, ...] = ()
 
 
 def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
@@ -87,11 +88,13 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
     findings: list[Finding] = []
     courses: list[Path] = []
     groups: list[Group] = []
+    files: list[Path] = []
     for path in _files(named, Path(), None, findings):
         document = _batch_document(path)
         if document is None:
             courses.append(path)
             continue
+        files.append(path)
         try:
             entry, reporter = read_batch(document)
             groups.append(_group_of(entry, reporter, path.parent, manner))
@@ -100,7 +103,7 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
             findings += error.findings
     if courses:
         groups.insert(0, Group(tuple(courses), manner))
-    return Sources(tuple(groups), tuple(findings))
+    return Sources(tuple(groups), tuple(findings), tuple(files))
 
 
 def _batch_document(path: Path) -> Document | None:

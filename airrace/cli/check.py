@@ -23,12 +23,13 @@ def check(
 ) -> None:
     """Validate inputs, review and show the course."""
     with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
+        from airrace.runs.output import documents_of, ensure_free, ensure_unread
+
         if plot is not None:
-            from airrace.runs.output import ensure_free
             from airrace.views.drawing import ensure_drawable
 
             ensure_drawable(plot)
-            ensure_free(plot, force=force)
+            ensure_free(plot, force=force, sources=[track, aircraft, settings])
         from airrace.cli.clearance_tables import planned_table
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
@@ -38,6 +39,7 @@ def check(
         course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course.as_object())
         if plot is not None:
+            ensure_unread([plot], documents_of(course.inputs))
             course.draw(plot)
         if not as_json:
             race, remarks = course.race, course.warnings

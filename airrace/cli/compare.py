@@ -30,7 +30,7 @@ def compare(
             raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
         if plot is not None:
             ensure_drawable(plot)
-            ensure_free(plot, force=force)
+            ensure_free(plot, force=force, sources=names)
         from airrace.cli.compare_tables import comparison_texts
         from airrace.flights.comparison import compared
         from airrace.runs.compared import compared_object

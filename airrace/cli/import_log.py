@@ -52,10 +52,10 @@ def import_log(
     show, report, compare, plot and export take the file that is written.
     """
     with answering({"flown": True, "log": str(log)}, as_json=as_json) as answer:
-        from airrace.runs.output import beside, ensure_free
+        from airrace.runs.output import beside, documents_of, ensure_free, ensure_unread
 
         path = output or beside(log, "h5")
-        ensure_free(path, force=force, sources=[log])
+        ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
         from airrace.cli.flown_tables import flown_texts
         from airrace.runs.flown_object import flown_object
         from airrace.runs.imported import import_log as imported
@@ -72,6 +72,7 @@ def import_log(
             run=run,
             name=name,
         )
+        ensure_unread([path], documents_of(flown.inputs))
         flown.save(path)
         answer.fields.update(flown_object(flown))
         if not as_json and not quiet:

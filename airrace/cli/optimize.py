@@ -74,7 +74,8 @@ def optimize(
 
         signer = None if sign is None else signer_of(sign)
         path = out or Path(f"{track.stem}.h5")
-        ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
+        read = [track, aircraft, settings, start, sign]
+        ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ", sources=read)
         entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)]
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start

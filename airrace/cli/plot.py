@@ -32,7 +32,7 @@ def plot(
 
         path = output or beside(name, "kneeboard.png" if kneeboard else "png")
         ensure_drawable(path)
-        ensure_free(path, force=force)
+        ensure_free(path, force=force, sources=[name])
         flight = opened_flight(name, stage=stage)
         if kneeboard:
             from airrace.views.kneeboard import draw_kneeboard

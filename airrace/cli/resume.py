@@ -86,7 +86,7 @@ def resume(
 
         signer = None if sign is None else signer_of(sign)
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
-        _ensure_sensible(changes, run_file, out, force=force, from_stage=from_stage)
+        _ensure_sensible(changes, run_file, out, sign, force=force, from_stage=from_stage)
         if out is not None:
             changes = changes.with_overrides(settings_texts(proof=proof))
             task = changed_task(other_run(run_file), changes, until=until, out=out)
@@ -99,17 +99,18 @@ def resume(
         fly(answer, task.signed(signer), threads=threads, timeout=timeout, quiet=quiet)
 
 
-def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: bool, from_stage: str | None) -> None:
+def _ensure_sensible(
+    changes: "Changes", run: Path, out: Path | None, sign: Path | None, *, force: bool, from_stage: str | None
+) -> None:
     """Refuse options that do not go together.
 
     Raises:
         UsageError: changes without a file for the changed run, or such a file without changes; a stage to compute
-            again in a run that is started from another one; a file that exists or is the run itself.
+            again in a run that is started from another one; a file that exists or is read.
         StorageError: the folder of the new file does not exist or takes no files.
     """
     from airrace.errors import UsageError
     from airrace.runs.output import ensure_free
-    from airrace.runs.starting import ensure_other_file
 
     if not changes:
         if out is not None or force:
@@ -119,8 +120,7 @@ def _ensure_sensible(changes: "Changes", run: Path, out: Path | None, *, force: 
         raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --out NEW.h5")
     if from_stage is not None:
         raise UsageError("--from goes on in the same run; a changed run starts from the highest stage up to --until")
-    ensure_other_file(run, out)
-    ensure_free(out, force=force)
+    ensure_free(out, force=force, sources=[run, changes.track, changes.aircraft, changes.settings, sign])
 
 
 def _tell(answer: Answer, track: str, steps: "Sequence[Step]", *, quiet: bool) -> None:

@@ -30,7 +30,7 @@ from airrace.runs.output import ensure_free
 from airrace.runs.resuming import changed_task, continued_task
 from airrace.runs.run import Run
 from airrace.runs.shipped import ShippedTrack, shipped
-from airrace.runs.starting import Changes, ensure_other_file, other_run
+from airrace.runs.starting import Changes, other_run
 from airrace.runs.stored import opened_run
 from airrace.runs.task import Task
 from airrace.views.watching import watching
@@ -182,8 +182,6 @@ def resume(
     if from_ is not None:
         raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
     before = run if isinstance(run, Run) else other_run(Path(run))
-    if path is not None and before.path is not None:
-        ensure_other_file(before.path, path)
     return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
 
 

@@ -31,7 +31,8 @@ def init(
         The path of the file.
 
     Raises:
-        UsageError: the file exists and `force` is not given, or a course is both to be copied and to be sketched.
+        UsageError: the file exists and `force` is not given, or is read; or a course is both to be copied and to be
+            sketched.
         InputError: there is no such course to be copied, or the placemarks make none.
         StorageError: the folder does not exist or takes no files.
     """
@@ -39,7 +40,7 @@ def init(
     path = path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:
         raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
-    ensure_free(path, force=force)
+    ensure_free(path, force=force, sources=[like, from_])
     if from_ is not None:
         text = sketched_course(str(from_), _title(path), read_placemarks(Path(from_)))
     else:

@@ -100,7 +100,7 @@ CHANGE = ("--set", "rules.n_z_max=8")
     ("options", "said"),
     [
         pytest.param(CHANGE, "--out NEW.h5", id="no file for the new run"),
-        pytest.param((*CHANGE, "--out", "RUN.h5", "--force"), "stays as it is", id="the same file"),
+        pytest.param((*CHANGE, "--out", "RUN.h5", "--force"), "is read by this command", id="the same file"),
         pytest.param((*CHANGE, "--out", "taken.h5"), "overwrite it with --force", id="an existing file"),
         pytest.param(("--out", "NEW.h5"), "say with --set", id="no change"),
         pytest.param((*CHANGE, "--out", "NEW.h5", "--from", "point-mass"), "--from", id="a stage again"),

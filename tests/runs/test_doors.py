@@ -175,7 +175,7 @@ def test_a_changed_run_is_another_one(run: Run) -> None:
 
 def test_a_changed_run_does_not_overwrite_the_one_it_starts_from(run: Run) -> None:
     run.save("first.h5")
-    with pytest.raises(UsageError, match="stays as it is"):
+    with pytest.raises(UsageError, match="is read by this command"):
         airrace.resume("first.h5", set={"rules.n_z_max": 9}, out="first.h5", force=True)
 
 
