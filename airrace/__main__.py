@@ -75,11 +75,12 @@ def _ended_by(error: BaseException) -> int:
     if interrupts.caused(error):
         return INTERRUPTED
     if isinstance(error, OSError):
-        from airrace.views.streams import abandon_stdout
+        from airrace.standard_streams import abandon_stdout
 
-        if not isinstance(error, BrokenPipeError):  # a reader that has seen enough needs no telling
-            sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
         abandon_stdout()
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+            return 0
+        sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
         return 8
     from airrace.errors import is_lack_of_memory
 

@@ -217,7 +217,7 @@ def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> 
     def fly(course: str, environment: Mapping[str, str] | None = None) -> Measurement:
         out = str(folder / f"{Path(course).stem}.h5")
         chosen = (*options, "--explore", asked.explore)
-        return measured("optimize", course, "--out", out, "--force", *chosen, environment=environment)
+        return measured("optimize", course, "--output", out, "--force", *chosen, environment=environment)
 
     compile_models(courses, Stages(asked.until))
     runs: dict[str, list[Measurement]] = {}
@@ -233,7 +233,7 @@ def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> 
         stored, new = (str(folder / f"{name}.h5") for name in (Path(course).stem, "changed"))
         sets = [part for change in asked.what_if for part in ("--set", change)]
         chosen = ("--until", asked.until, "--threads", str(asked.threads))
-        changed = measured("resume", stored, *sets, "--out", new, "--force", *chosen)
+        changed = measured("resume", stored, *sets, "--output", new, "--force", *chosen)
         found[f"{Path(course).stem}, {', '.join(asked.what_if)}"] = changed
     return found
 
@@ -243,7 +243,7 @@ def shares_of(course: str, asked: argparse.Namespace, folder: Path) -> dict[str,
     told, out = folder / "shares.json", str(folder / "shares.h5")
     timed = (sys.executable, str(ROOT / "scripts" / "ladder_shares.py"), str(told), "optimize", course)
     chosen = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
-    command = (*timed, "--out", out, "--force", "--explore", "off", "--quiet", *chosen)
+    command = (*timed, "--output", out, "--force", "--explore", "off", "--quiet", *chosen)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
     found: dict[str, Any] = json.loads(told.read_text())
     return found

@@ -95,7 +95,7 @@ def sound() -> tuple[bytes, float]:
     """A checkpoint of the small course, and the seconds that it takes to verify it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.h5"
-        ran = inside("optimize", *SMALL, "--out", path, "--quiet")
+        ran = inside("optimize", *SMALL, "--output", path, "--quiet")
         assert ran.code == 0, ran.err
         return path.read_bytes(), max(inside("verify", path).seconds for _ in range(2))
 
@@ -109,7 +109,7 @@ def document(rng: random.Random, folder: Path) -> tuple[str, Ran]:
     target = {"track": track, "aircraft": aircraft}.get(kind, folder / f"{kind}.yaml")
     text = {"settings": SETTINGS, "batch": BATCH}.get(kind) or target.read_text(encoding="utf-8")
     target.write_bytes(mutate(rng, text).encode("utf-8", "surrogateescape"))
-    dry = ("--dry-run", "--out-dir", folder / "batch")
+    dry = ("--dry-run", "--output", folder / "batch")
     commands = {
         "track": ("check", track),
         "aircraft": ("batch", track, "--aircraft", aircraft, *dry),
@@ -179,14 +179,14 @@ def checkpoint(rng: random.Random, folder: Path, verified_every: int) -> tuple[s
 def cached(rng: random.Random, folder: Path) -> tuple[str, Ran]:
     """A file of the cache of kernels is spoilt between two runs; the second one may not care."""
     cache = str(folder / "cache")
-    apart("optimize", *SMALL, "--out", folder / "a.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
+    apart("optimize", *SMALL, "--output", folder / "a.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
     for file in (one for one in (folder / "cache").rglob("*") if one.is_file()):
         content = bytearray(file.read_bytes())
         for _ in range(20):
             content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
         with contextlib.suppress(PermissionError):
             file.write_bytes(bytes(content[: rng.choice((len(content), len(content) // 2, 1))]))
-    return "kernel cache", apart("optimize", *SMALL, "--out", folder / "b.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
+    return "kernel cache", apart("optimize", *SMALL, "--output", folder / "b.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
 
 
 def trial(rng: random.Random, number: int, only: str | None, verified_every: int) -> Record:

@@ -23,14 +23,14 @@ def locked(folder: Path) -> Generator[None, None, None]:
         folder.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(folder / NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"{folder} is not a folder; name one with --out-dir") from error
+        raise UsageError(f"{folder} is not a folder; name one with --output") from error
     except OSError as error:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --out-dir") from None
+            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --output") from None
         except OSError:  # a file system without locks: nothing to hold
             pass
         yield

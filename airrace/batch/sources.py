@@ -14,6 +14,7 @@ from airrace.documents.nodes import MappingNode, Place, Reporter
 from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError
 from airrace.records import record
+from airrace.standard_streams import STANDARD, name_of
 
 SWEEP_OPTION = "--sweep"
 
@@ -91,6 +92,9 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
     files: list[Path] = []
     for path in _files(named, Path(), None, findings):
         document = _batch_document(path)
+        if document is None and path == STANDARD:
+            findings.append(Finding(name_of(path), 0, 0, "", "is no batch file, and courses are named"))
+            continue
         if document is None:
             courses.append(path)
             continue
@@ -111,7 +115,7 @@ def _batch_document(path: Path) -> Document | None:
 
     Whatever else is wrong with the file is reported when it is read as a course.
     """
-    document = read_document(path, []) if os.path.isfile(path) else None
+    document = read_document(path, []) if path == STANDARD or os.path.isfile(path) else None
     return document if document is not None and is_batch(document) else None
 
 

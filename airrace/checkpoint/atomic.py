@@ -5,11 +5,15 @@ Whatever happens, the name leads to the old content or to the new, never to a mi
 
 import contextlib
 import errno
+import logging
 import os
 import secrets
 from pathlib import Path
 
 from airrace.errors import StorageError
+from airrace.standard_streams import STANDARD, write_stdout
+
+logger = logging.getLogger(__name__)
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -18,13 +22,15 @@ def replace_file(path: Path, content: bytes) -> None:
     A process killed in between leaves the old file and, beside it, `.NAME.XXXXXXXX.partial`, which nothing reads.
 
     Args:
-        path: a regular file or a free name; a symbolic link is followed.
+        path: a regular file or a free name; a symbolic link is followed. `-` is stdout, which is only written to.
         content: the new content.
 
     Raises:
         StorageError: the system refused (disk full, no permission, not a regular file, ...). The old file is
             untouched and nothing is left beside it.
     """
+    if path == STANDARD:
+        return write_stdout(content)
     try:
         target = Path(os.path.realpath(path))  # resolve() raises an error of its own for a loop of links
         if target.is_symlink():
@@ -40,6 +46,7 @@ def replace_file(path: Path, content: bytes) -> None:
             with contextlib.suppress(OSError):  # after the rename there is nothing left to remove
                 partial.unlink()
         _flush_folder(target.parent)
+        logger.info("%s is written, %d bytes", path, len(content))
     except OSError as error:
         raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
 

@@ -21,6 +21,7 @@ from airrace.records import record
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 from airrace.runs.output import ensure_free, identity, write_text
+from airrace.standard_streams import STANDARD
 
 FINDINGS_MAX = 500
 """The largest number of findings that are printed for a batch."""
@@ -109,7 +110,7 @@ def answer_with(
         "jobs": [_job_object(row, plan.folder) for row in rows],
         "winds": [summary.as_object() for summary in summaries],
     }
-    if not quiet:
+    if not quiet and STANDARD not in (reports.csv, reports.junit, reports.markdown):
         columns = terminal_columns()
         tables = (*ranking_tables(rows, columns), *wind_tables(summaries, columns))
         answer.texts.extend(rendered(table) for table in tables)

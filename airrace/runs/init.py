@@ -8,6 +8,7 @@ from airrace.documents.shipped import SUFFIX, TRACKS
 from airrace.documents.sketched import sketched_course
 from airrace.errors import Finding, InputError, UsageError
 from airrace.runs.output import ensure_free, write_text
+from airrace.standard_streams import STANDARD, name_of
 
 TEMPLATE = resources.files("airrace.documents") / "templates" / "course.yaml"
 
@@ -37,12 +38,12 @@ def init(
         StorageError: the folder does not exist or takes no files.
     """
     path = Path(name)
-    path = path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)
+    path = path if path.suffix == SUFFIX or path == STANDARD else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:
         raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
     ensure_free(path, force=force, sources=[like, from_])
     if from_ is not None:
-        text = sketched_course(str(from_), _title(path), read_placemarks(Path(from_)))
+        text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
     else:
         text = _copied(Path(like)) if like is not None else _begun(path)
     write_text(path, text)
@@ -50,7 +51,7 @@ def init(
 
 
 def _title(path: Path) -> str:
-    return path.stem.replace("_", " ").capitalize()
+    return ("course" if path == STANDARD else path.stem).replace("_", " ").capitalize()
 
 
 def _begun(path: Path) -> str:

@@ -117,7 +117,7 @@ def test_the_reports_are_written_and_replaced_by_the_next_call(airrace: Shell) -
         (("--csv", "batch/oval.h5"), 2, "another file that this batch writes"),
         (("--csv", "nowhere/a.csv"), 8, "cannot write"),
         (("--junit", "."), 2, "is a folder"),
-        (("--out-dir", "oval.yaml"), 2, "is not a folder"),
+        (("--output", "oval.yaml"), 2, "is not a folder"),
         (("--sweep", "environment.wind.speed_kt=1:2:-1"), 3, "never arrives"),
         (("--sweep", "nonsense"), 3, "key=values"),
         (("--settings", "nowhere.yaml"), 3, "no such file"),

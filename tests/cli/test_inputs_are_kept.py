@@ -1,6 +1,8 @@
 """No command writes over a file that it reads, with `--force` or without, by whatever path or link it is named."""
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,14 +23,14 @@ LOG = "import log.csv --course course.yaml --mapping mapping.yaml"
 KML = "kml run.h5 log.csv --origin 45,13"
 
 COMMANDS: dict[str, str] = {
-    f"optimize course.yaml {INPUTS} --start run.h5 --sign key --out OUT": (
+    f"optimize course.yaml {INPUTS} --start run.h5 --sign key --output OUT": (
         "course.yaml other.yaml settings.yaml run.h5 key"
     ),
-    "optimize course --out OUT": "course.yaml plane.yaml extension.py",
-    f"resume run.h5 --track course.yaml {INPUTS} --sign key --out OUT": (
+    "optimize course --output OUT": "course.yaml plane.yaml extension.py",
+    f"resume run.h5 --track course.yaml {INPUTS} --sign key --output OUT": (
         "run.h5 course.yaml other.yaml settings.yaml key extension.py"
     ),
-    "resume run.h5 --track course.yaml --aircraft plane --out OUT": "plane.yaml",
+    "resume run.h5 --track course.yaml --aircraft plane --output OUT": "plane.yaml",
     f"check course.yaml {INPUTS} --plot OUT.png": "course.yaml other.yaml settings.yaml extension.py",
     "check course --plot OUT.png": "course.yaml plane.yaml",
     "compare run.h5 run.h5:homotopy log.csv --plot OUT.png": "run.h5 log.csv",
@@ -47,11 +49,11 @@ COMMANDS: dict[str, str] = {
         for report in ("--csv", "--junit", "--markdown")
     },
     "batch batch.yaml --csv OUT": "second.yaml plane.yaml",
-    "batch course.yaml --until homotopy --out-dir OUT/": "course.yaml plane.yaml",
+    "batch course.yaml --until homotopy --output OUT/": "course.yaml plane.yaml",
 }
 """Commands, and the files that each of them reads."""
 PAIRS = [(command, name) for command, names in COMMANDS.items() for name in names.split()]
-WRITES = {"out", "output", "plot", "out_dir", "like"}
+WRITES = {"output", "plot", "like"}
 """Parameters that only commands with an output have."""
 READ = {"FILE", "TRACK", "KEY", "OTHER.h5", "FILE.yaml"}
 """What options call the files that they read; those that name reports of a batch are called so, too."""
@@ -78,7 +80,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         can_procedure(patch)
         patch.chdir(folder)
-        assert CliRunner().invoke(app, ["optimize", "course.yaml", "--quiet", "--out", RUN]).exit_code == 0
+        assert CliRunner().invoke(app, ["optimize", "course.yaml", "--quiet", "--output", RUN]).exit_code == 0
     return folder
 
 
@@ -126,6 +128,16 @@ def test_a_file_that_is_read_is_not_written(
     assert not Path("batch").exists() or list(Path("batch").glob("*.h5")) == []
 
 
+def test_a_file_behind_stdin_is_not_written(tmp_path: Path) -> None:
+    course = tmp_path / "course.png"
+    shutil.copy(ROOT / "tracks" / "rovinj_2014.yaml", course)
+    command = [sys.executable, "-m", "airrace", "check", "-", "--plot", "course.png", "--force"]
+    with course.open() as file:
+        refused = subprocess.run(command, stdin=file, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (refused.returncode, refused.stderr.count("is read by this command")) == (2, 1)
+    assert course.read_text().startswith("#")
+
+
 def commands(group: object, before: str = "") -> Iterator[tuple[str, list[Any]]]:  # Any: typer carries its own click
     """Yield the words of every command with its parameters."""
     for name, child in group.commands.items():
@@ -137,10 +149,14 @@ def commands(group: object, before: str = "") -> Iterator[tuple[str, list[Any]]]
 
 def test_every_option_that_names_an_input_of_a_command_that_writes_is_tried() -> None:
     writing = {
-        words: [one.opts[-1] for one in parameters if one.opts[-1].startswith("-") and one.metavar in READ]
+        words: [
+            max(one.opts, key=len)
+            for one in parameters
+            if one.opts[0].startswith("-") and one.metavar in READ and one.name not in WRITES
+        ]
         for words, parameters in commands(typer.main.get_command(app))
         if words.partition(" ")[2] in ("", "csv", "kml")  # which stands for all formats of several flights
-        and any(one.name in WRITES or one.name == "out" for one in parameters)
+        and any(one.name in WRITES for one in parameters)
     }
     assert len(writing) == 11
     for words, options in writing.items():

@@ -183,7 +183,7 @@ def test_run_can_be_flown_again_from_a_stage_on(run_file: Path, optimised: Ran) 
 def test_existing_output_is_refused_and_kept(run_file: Path) -> None:
     before = run_file.read_bytes()
     ran = airrace(
-        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--out", run_file, "--json", cwd=run_file.parent
+        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--output", run_file, "--json", cwd=run_file.parent
     )
     assert ran.code == 2
     assert "--force" in str(ran.answer["error"])

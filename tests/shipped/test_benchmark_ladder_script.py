@@ -21,7 +21,9 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], dic
     options = ("--until", "transfer-function", "--explore", "off", "--guess", "plan", "--threads", "1")
     command = [sys.executable, str(SCRIPTS / "ladder_shares.py"), str(told), "optimize", "half_cuban_eight"]
     begun = time.perf_counter()
-    run = subprocess.run([*command, "--out", str(out), *options, "--json"], check=True, capture_output=True, text=True)
+    run = subprocess.run(
+        [*command, "--output", str(out), *options, "--json"], check=True, capture_output=True, text=True
+    )
     return json.loads(told.read_text()), json.loads(run.stdout), time.perf_counter() - begun
 
 
