@@ -13,6 +13,7 @@ from airrace.cli.batch import batch
 from airrace.cli.check import check
 from airrace.cli.command import Command
 from airrace.cli.compare import compare
+from airrace.cli.doctor import doctor
 from airrace.cli.export import export
 from airrace.cli.import_log import import_log
 from airrace.cli.init import init
@@ -51,6 +52,7 @@ for _name, _command in {
     "tracks": tracks,
     "init": init,
     "schema": schema,
+    "doctor": doctor,
 }.items():
     app.command(_name, cls=Command)(_command)
 
