@@ -247,7 +247,7 @@ def test_exported_rate_meets_the_exported_mesh(run_file: Path) -> None:
 
 def test_exported_file_has_its_gate_splits_beside_it(optimised: Ran, run_file: Path) -> None:
     output = run_file.with_name("flight.csv")
-    ran = inside("export", "csv", run_file, "--output", output, cwd=run_file.parent)
+    ran = inside("export", "csv", run_file, "--output", output, "-q", cwd=run_file.parent)
     assert (ran.code, ran.out) == (0, "")
     _, rows = table(output.read_text(encoding="utf-8"))
     _, splits = table(output.with_name("flight.splits.csv").read_text(encoding="utf-8"))
