@@ -80,11 +80,12 @@ def _ended_by(error: BaseException) -> int:
         sys.stderr.write("airrace: out of memory\n")
         return 8
     if isinstance(error, OSError):
-        from airrace.views.streams import abandon_stdout
+        from airrace.standard_streams import abandon_stdout
 
-        if not isinstance(error, BrokenPipeError):  # a reader that has seen enough needs no telling
-            sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
         abandon_stdout()
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+            return 0
+        sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
         return 8
     raise error
 

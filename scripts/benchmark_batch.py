@@ -78,7 +78,7 @@ def plan(jobs: int, files: int) -> None:
 
 def dry_run(arguments: list[str], out: Path, what: str) -> None:
     started = time.perf_counter()
-    command = [*COMMAND, "batch", *arguments, "--out-dir", str(out), "--dry-run", "--json"]
+    command = [*COMMAND, "batch", *arguments, "--output", str(out), "--dry-run", "--json"]
     answer = json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True).stdout)
     print(f"{what}: {answer['counts']} in {time.perf_counter() - started:.1f} s", flush=True)
 
@@ -90,13 +90,13 @@ def speed(tracks: list[Path], slots: int, until: str) -> None:
         alone = 0.0
         for track in tracks:
             started = time.perf_counter()
-            out = ["--threads", "1", "--out", f"{folder}/{track.stem}.h5"]
+            out = ["--threads", "1", "--output", f"{folder}/{track.stem}.h5"]
             subprocess.run([*COMMAND, "optimize", str(track), *options, *out], check=False)
             alone += time.perf_counter() - started
             print(f"{track.stem}: {time.perf_counter() - started:.1f} s", flush=True)
         started = time.perf_counter()
         names = [str(track) for track in tracks]
-        command = [*COMMAND, "batch", *names, *options, "--jobs", str(slots), "--out-dir", f"{folder}/batch"]
+        command = [*COMMAND, "batch", *names, *options, "--jobs", str(slots), "--output", f"{folder}/batch"]
         code = subprocess.run(command, check=False).returncode
         together = time.perf_counter() - started
     print(f"one after another {alone:.1f} s, {slots} at a time {together:.1f} s: {together / alone:.2f} (code {code})")
@@ -110,7 +110,7 @@ def battery(jobs: int, killed: float, slots: int) -> bool:
         courses.mkdir()
         write_small_courses(courses, jobs)
         options = ["--until", "point-mass", "--set", "settings.guess=plan", "--timeout", "300", "--jobs", str(slots)]
-        command = [*COMMAND, "batch", f"{courses}/*.yaml", *options, "--out-dir", str(out), "--json"]
+        command = [*COMMAND, "batch", f"{courses}/*.yaml", *options, "--output", str(out), "--json"]
         ended: Counter[str] = Counter()
         good = True
         for call in range(1, 10):

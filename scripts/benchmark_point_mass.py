@@ -49,7 +49,7 @@ def measure(track: Path, guess: str, *, explore: str, overrides: tuple[str, ...]
     """Run `airrace optimize` once in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         command = [*COMMAND, "optimize", str(track), "--guess", guess, "--json", "--quiet"]
-        command += ["--until", "point-mass", "--explore", explore, "--out", f"{folder}/run.h5"]
+        command += ["--until", "point-mass", "--explore", explore, "--output", f"{folder}/run.h5"]
         command += [part for one in overrides for part in ("--set", one)]
         started = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)

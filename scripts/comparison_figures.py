@@ -81,7 +81,7 @@ def flown(one: Flown, runs: Path) -> Flight:
     """
     run = one.file(runs)
     if not run.exists():
-        options = (*one.options, "--guess", "plan", "--until", one.stage, "--quiet", "--out", str(run))
+        options = (*one.options, "--guess", "plan", "--until", one.stage, "--quiet", "--output", str(run))
         ended = subprocess.run([*COMMAND, "optimize", one.track, *options], check=False)
         if ended.returncode != 0:
             raise RuntimeError(f"{one.label}: no certified flight")

@@ -93,7 +93,7 @@ def flown(runs: Path, name: str, track: Path, *, until: str, overrides: Sequence
     run, table = runs / f"{name}.h5", runs / f"{name}.csv"
     if not run.exists():
         changes = [part for one in overrides for part in ("--set", one)]
-        options = [*changes, "--guess", "plan", "--until", until, "--quiet", "--out", str(run)]
+        options = [*changes, "--guess", "plan", "--until", until, "--quiet", "--output", str(run)]
         subprocess.run([*COMMAND, "optimize", str(track), *options], check=False)
     shown = subprocess.run([*COMMAND, "show", str(run), "--json"], capture_output=True, text=True, check=True)
     last = json.loads(shown.stdout)["stages"][-1]

@@ -21,14 +21,14 @@ from robustness import COMMAND, SMALL, Ran, Record, choice_of, environment, outc
 LONGEST = 60.0  # s
 ORIGIN = ("--origin", "45,15,0")
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "checkpoint": ("optimize", *SMALL, "--out", "old.h5", "--force"),
+    "checkpoint": ("optimize", *SMALL, "--output", "old.h5", "--force"),
     "resume": ("resume", "old.h5", "--until", "transfer-function"),
     "csv": ("export", "csv", "old.h5", "--output", "old.out", "--force"),
     "kml": ("export", "kml", "old.h5", *ORIGIN, "--output", "old.out", "--force"),
     "acmi": ("export", "acmi", "old.h5", *ORIGIN, "--output", "old.out", "--force"),
     "report": ("report", "old.h5", "--output", "old.out", "--force"),
-    "new": ("optimize", *SMALL, "--out", "new.h5"),
-    "batch": ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--out-dir", "b"),
+    "new": ("optimize", *SMALL, "--output", "new.h5"),
+    "batch": ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--output", "b"),
     "stdout": ("show", "old.h5"),
 }
 OLD = b"what was written before\n"
@@ -37,7 +37,7 @@ OLD = b"what was written before\n"
 @cache
 def checkpoint() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        command = [*COMMAND, "optimize", *SMALL, "--out", "run.h5", "--quiet"]
+        command = [*COMMAND, "optimize", *SMALL, "--output", "run.h5", "--quiet"]
         subprocess.run(command, cwd=folder, env=environment(), check=True)
         return (Path(folder) / "run.h5").read_bytes()
 

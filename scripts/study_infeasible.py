@@ -206,7 +206,7 @@ def fly(folder: Path, track: str, settings: Sequence[str]) -> tuple[Ran, list[Co
     changed = [text for one in settings for text in ("--set", one)]
     began = processor_time()
     ended = subprocess.run(
-        [*COMMAND, "optimize", named, *FLY, *changed, "--out", "run.h5", "--force"],
+        [*COMMAND, "optimize", named, *FLY, *changed, "--output", "run.h5", "--force"],
         cwd=folder,
         env=environment(),
         capture_output=True,

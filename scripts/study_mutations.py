@@ -93,7 +93,7 @@ def sound() -> tuple[bytes, float]:
     """A checkpoint of the small course, and the seconds that it takes to verify it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.h5"
-        ran = inside("optimize", *SMALL, "--out", path, "--quiet")
+        ran = inside("optimize", *SMALL, "--output", path, "--quiet")
         assert ran.code == 0, ran.err
         return path.read_bytes(), max(inside("verify", path).seconds for _ in range(2))
 
@@ -107,7 +107,7 @@ def document(rng: random.Random, folder: Path) -> tuple[str, Ran]:
     target = {"track": track, "aircraft": aircraft}.get(kind, folder / f"{kind}.yaml")
     text = {"settings": SETTINGS, "batch": BATCH}.get(kind) or target.read_text(encoding="utf-8")
     target.write_bytes(mutate(rng, text).encode("utf-8", "surrogateescape"))
-    dry = ("--dry-run", "--out-dir", folder / "batch")
+    dry = ("--dry-run", "--output", folder / "batch")
     commands = {
         "track": ("check", track),
         "aircraft": ("batch", track, "--aircraft", aircraft, *dry),

@@ -27,12 +27,12 @@ CODES = {signal.SIGKILL: -9, signal.SIGTERM: 130, signal.SIGINT: 130}
 WITHIN = 2.5  # s, the latest moment of a signal
 LADDER = ("half_cuban_eight", "--guess", "plan", "--explore", "off", "--proof", "all")
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "optimize": ("optimize", *SMALL, "--out", "run.h5"),
-    "optimize, ladder": ("optimize", *LADDER, "--out", "run.h5"),
+    "optimize": ("optimize", *SMALL, "--output", "run.h5"),
+    "optimize, ladder": ("optimize", *LADDER, "--output", "run.h5"),
     "resume": ("resume", "old.h5"),
     "verify": ("verify", "old.h5"),
     "export": ("export", "csv", "old.h5", "--output", "out.csv"),
-    "batch": ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--out-dir", "b"),
+    "batch": ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--output", "b"),
 }
 ANNOUNCED = re.compile(r"([a-z-]+): (?:solved|certified)")
 
@@ -84,7 +84,7 @@ def played(rng: random.Random, folder: Path, mark: str, signals: Sequence[signal
     kind, command = choice_of(rng, COMMANDS)
     sent, moment = rng.choice(signals), rng.uniform(0.0, WITHIN)
     if "old.h5" in command:
-        assert run("optimize", *SMALL, "--out", "old.h5", folder=folder).code == 0
+        assert run("optimize", *SMALL, "--output", "old.h5", folder=folder).code == 0
     with (folder / "out").open("w") as out, (folder / "err").open("w") as err:
         process = subprocess.Popen(
             [*COMMAND, *command], cwd=folder, env=environment(AIRRACE_STUDY=mark), stdout=out, stderr=err

@@ -16,7 +16,7 @@
 
 COURSE is the name of a shipped course or a track file; without one, all shipped courses are flown (by `--limits` also
 the generated ones of seeds 0-9). Every flight is a process of its own, `--jobs` of them at a time, and a line of
-`--out FILE`: what is there is not flown again, so that an interrupted study goes on where it was. A file belongs to
+`--output FILE`: what is there is not flown again, so that an interrupted study goes on where it was. A file belongs to
 one version of the program: begin another one after a change. Ends with 1 if a claim does not hold.
 """
 
@@ -75,7 +75,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="flights at the same time; by default 1")
     parser.add_argument("--threads", type=int, default=1, help="of each flight; by default 1")
     parser.add_argument("--timeout", type=float, default=900.0, metavar="SECONDS", help="for each flight")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="results as JSON lines, taken up again")
+    parser.add_argument("--output", type=Path, metavar="FILE", help="results as JSON lines, taken up again")
     chosen = parser.parse_args(arguments)
     least = {"points": 2, "random": 1, "seeds": 1, "jobs": 1, "threads": 1}
     for name, smallest in least.items():
@@ -135,7 +135,7 @@ def studied(chosen: argparse.Namespace, study: Study) -> list[Claim]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fly, print, judge; the exit code."""
     chosen = parsed(arguments)
-    study = Study(Log(chosen.out), chosen.jobs, chosen.timeout)
+    study = Study(Log(chosen.output), chosen.jobs, chosen.timeout)
     try:
         return verdict(studied(chosen, study))
     except InputError as error:

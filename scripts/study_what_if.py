@@ -3,7 +3,7 @@
     python scripts/study_what_if.py [--courses rovinj_2014 abu_dhabi_2016] [--until six-dof] [--threads 2]
                                     [--cases NAME ...] [--rounds 3] [--without-scratch]
 
-Flies each course once as it is, then each case in turn with `airrace resume RUN.h5 --set ... --out NEW.h5` and with
+Flies each course once as it is, then each case in turn with `airrace resume RUN.h5 --set ... --output NEW.h5` and with
 `airrace optimize --set ...` from the plan, several times, so that a machine that becomes slower or faster meanwhile
 does so for both; medians are told, and all rounds have to end alike. Prints a Markdown table, row by row as it is
 finished. Wall seconds are of the whole command with all its loading; processor seconds, of all cores together, tell
@@ -107,13 +107,13 @@ def main() -> int:
         for course in asked.courses:
             track, run = str(ROOT / "tracks" / f"{course}.yaml"), folder / f"{course}.h5"
             if not run.exists():
-                fly("optimize", track, "--guess", "plan", "--out", str(run), *common)
+                fly("optimize", track, "--guess", "plan", "--output", str(run), *common)
             for case in asked.cases:
                 changes = CASES[case] or (MOVED[course],)
                 sets = [part for change in changes for part in ("--set", change)]
                 new, again = (str(folder / f"{kind}.h5") for kind in ("what_if", "scratch"))
-                resumed = ("resume", str(run), *sets, "--out", new, "--force", *common)
-                anew = ("optimize", track, "--guess", "plan", *sets, "--out", again, "--force", *common)
+                resumed = ("resume", str(run), *sets, "--output", new, "--force", *common)
+                anew = ("optimize", track, "--guess", "plan", *sets, "--output", again, "--force", *common)
                 quick, slow = list[Flown](), list[Flown]()
                 for _ in range(asked.rounds):
                     quick.append(fly(*resumed))

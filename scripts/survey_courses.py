@@ -82,7 +82,7 @@ def fly(track: Path, guess: str, until: str, overrides: Sequence[str], *, thread
     with tempfile.TemporaryDirectory() as folder:
         checkpoint = Path(folder) / "run.h5"
         command = [*COMMAND, "optimize", str(track), "--guess", guess, "--until", until]
-        command += ["--json", "--quiet", "--out", str(checkpoint)]
+        command += ["--json", "--quiet", "--output", str(checkpoint)]
         command += [part for one in overrides for part in ("--set", one)]
         command += [] if threads is None else ["--threads", str(threads)]
         started = time.perf_counter()

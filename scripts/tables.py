@@ -1,6 +1,6 @@
 """Print the tables of the documents as Markdown from runs of the command, or write them where they stand.
 
-    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.proof=all --out-dir RUNS
+    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.proof=all --output RUNS
     python scripts/tables.py ladder RUNS [--write]              docs/ladder.md: what every stage found
     python scripts/tables.py courses RUNS [--write]             docs/courses.md: optima and winners
     python scripts/tables.py evidence RUNS                      the worst of every item, by stage, for docs/evidence.md
@@ -166,7 +166,7 @@ def abu_dhabi(runs: Path) -> Rows:
 def fly(run: Path, course: Path, overrides: Sequence[str]) -> None:
     """The point mass, from the plan; whether a flight was found is seen by whoever reads the run."""
     options = [part for one in overrides for part in ("--set", one)]
-    options += ["--guess", "plan", "--until", "point-mass", "--quiet", "--out", str(run)]
+    options += ["--guess", "plan", "--until", "point-mass", "--quiet", "--output", str(run)]
     run.parent.mkdir(parents=True, exist_ok=True)
     subprocess.run([*COMMAND, "optimize", str(course), *options], check=False)
 

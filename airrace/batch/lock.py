@@ -22,12 +22,12 @@ def locked(folder: Path) -> Generator[None, None, None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"{folder} is not a folder; name one with --out-dir") from error
+        raise UsageError(f"{folder} is not a folder; name one with --output") from error
     except OSError as error:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
     if not os.access(folder, os.W_OK):
         raise StorageError(f"cannot write to the folder {folder}: permission denied")
     with held(folder / NAME) as refused:
         if refused:
-            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --out-dir")
+            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --output")
         yield

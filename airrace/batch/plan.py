@@ -1,11 +1,11 @@
 """The plan of a batch: its jobs, which of them are done already, and why the others are flown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from airrace.batch.job import Job
-from airrace.batch.record import Record
+from airrace.batch.record import Record, checkpoint_path, record_path
 from airrace.batch.sweep import Combination
 from airrace.batch.ways import Ways, ways_of
 from airrace.errors import Finding
@@ -113,8 +113,16 @@ class Plan:
     Attributes:
         folder: where checkpoints and records lie.
         findings: what is wrong besides the jobs' own inputs.
+        read: the files that it was made of, by their paths or names.
     """
 
     folder: Path
     steps: tuple[Step, ...]
     findings: tuple[Finding, ...] = ()
+    read: tuple[str, ...] = ()
+
+    def files(self) -> Iterator[Path]:
+        """Yield the checkpoint and the record of every job."""
+        for step in self.steps:
+            yield checkpoint_path(self.folder, step.name)
+            yield record_path(self.folder, step.name)

@@ -15,6 +15,7 @@ from airrace.documents import Document, read_documents
 from airrace.documents.document import read_document
 from airrace.errors import Finding, InputError, UsageError
 from airrace.records import record
+from airrace.runs.output import ensure_unread
 
 JOBS_MAX = 100_000
 """The largest number of jobs of a batch."""
@@ -41,7 +42,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
 
     Raises:
         InputError: a settings file cannot be read, or a value is both set and swept.
-        UsageError: two jobs would write the same file, or there are too many.
+        UsageError: two jobs would write the same file or one that is read, or there are too many.
     """
     total = sum(_jobs_of(group) for group in sources.groups)
     if total > JOBS_MAX:
@@ -60,7 +61,11 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
         [Family(one.manner.sweeps, one.manner.places, jobs) for one in decided if (jobs := _to_fly(one))]
     )
     steps = tuple(_checked(step, refused.get(step.name)) for family in decided for step in family.steps)
-    return Plan(folder, steps, sources.findings)
+    read = [file for step in steps for file in (step.track, step.aircraft) if file is not None]
+    read += [str(file) for file in (*sources.files, *(one.manner.settings for one in sources.groups)) if file]
+    plan = Plan(folder, steps, sources.findings, tuple(dict.fromkeys(read)))
+    ensure_unread(plan.files(), plan.read)
+    return plan
 
 
 class _Reader:

@@ -14,6 +14,7 @@ from airrace.documents.nodes import MappingNode, Place, Reporter
 from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError
 from airrace.records import record
+from airrace.standard_streams import STANDARD, name_of
 
 SWEEP_OPTION = "--sweep"
 
@@ -49,10 +50,11 @@ class Group:
 
 @record
 class Sources:
-    """The groups of courses that were meant, and what is wrong with the way they were named."""
+    """The groups of courses that were meant, what is wrong with the way they were named, and the batch files."""
 
     groups: tuple[Group, ...]
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[Finding, ...] = ()
+    files: tuple[Path, ...] = ()
 
 
 def parse_sweeps(texts: Sequence[str]) -> tuple[Sweep, ...]:
@@ -87,11 +89,16 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
     findings: list[Finding] = []
     courses: list[Path] = []
     groups: list[Group] = []
+    files: list[Path] = []
     for path in _files(named, Path(), None, findings):
         document = _batch_document(path)
+        if document is None and path == STANDARD:
+            findings.append(Finding(name_of(path), 0, 0, "", "is no batch file, and courses are named"))
+            continue
         if document is None:
             courses.append(path)
             continue
+        files.append(path)
         try:
             entry, reporter = read_batch(document)
             groups.append(_group_of(entry, reporter, path.parent, manner))
@@ -100,7 +107,7 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
             findings += error.findings
     if courses:
         groups.insert(0, Group(tuple(courses), manner))
-    return Sources(tuple(groups), tuple(findings))
+    return Sources(tuple(groups), tuple(findings), tuple(files))
 
 
 def _batch_document(path: Path) -> Document | None:
@@ -108,7 +115,7 @@ def _batch_document(path: Path) -> Document | None:
 
     Whatever else is wrong with the file is reported when it is read as a course.
     """
-    document = read_document(path, []) if os.path.isfile(path) else None
+    document = read_document(path, []) if path == STANDARD or os.path.isfile(path) else None
     return document if document is not None and is_batch(document) else None
 
 

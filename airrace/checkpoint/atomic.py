@@ -7,6 +7,7 @@ the file is next replaced.
 
 import contextlib
 import errno
+import logging
 import os
 import re
 import secrets
@@ -16,6 +17,9 @@ from pathlib import Path
 from typing import IO, BinaryIO
 
 from airrace.errors import StorageError
+from airrace.standard_streams import STANDARD, write_stdout
+
+logger = logging.getLogger(__name__)
 
 PAUSES = (0.01, 0.05, 0.2)
 """The pauses after which a rename that is refused is tried again, s."""
@@ -26,7 +30,10 @@ except ModuleNotFoundError:  # Windows, which removes no file that a writer has 
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write `content` beside `path`, bring it to the disk, and rename it over `path`; errors as of `replacing`."""
+    """Replace a file as a whole, see `replacing`; `-` is stdout."""
+    if path == STANDARD:
+        write_stdout(content)
+        return
     with replacing(path) as file:
         file.write(content)
 
@@ -64,6 +71,7 @@ def replacing(path: Path) -> Generator[BinaryIO]:
             with contextlib.suppress(OSError):  # after the rename there is nothing left to remove
                 partial.unlink()
         _flush_folder(target.parent)
+        logger.info("%s is written, %d bytes", path, target.stat().st_size)
     except OSError as error:
         raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
 

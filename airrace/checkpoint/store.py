@@ -1,5 +1,6 @@
 """Checkpoints and flown logs on the disk: the only functions that read and write them."""
 
+import logging
 import os
 import stat
 from collections.abc import Callable, Collection
@@ -18,6 +19,9 @@ from airrace.checkpoint.recorded_tree import decode_recorded, encode_recorded, i
 from airrace.checkpoint.tree import Group
 from airrace.errors import CheckpointError
 from airrace.procedure.stage import Stage
+from airrace.standard_streams import STANDARD, name_of, read_bytes
+
+logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 SIZE_MAX = 256 * 1024 * 1024
@@ -86,6 +90,7 @@ def _write(
 def _read(path: Path, understood: Callable[[Group], T]) -> tuple[T, Signature | None]:
     try:
         image, signature = unsealed(_content(path))
+        logger.info("%s is read", name_of(path))
         return understood(tree_of(image)), signature
     except FileNotFoundError as error:
         raise CheckpointError(f"there is no checkpoint {path}") from error
@@ -93,10 +98,12 @@ def _read(path: Path, understood: Callable[[Group], T]) -> tuple[T, Signature | 
         reason = error.strerror or str(error)
         raise CheckpointError(f"the checkpoint {path} cannot be read: {reason[:1].lower()}{reason[1:]}") from error
     except CheckpointError as error:
-        raise CheckpointError(f"{path}: {error}") from error
+        raise CheckpointError(f"{name_of(path)}: {error}") from error
 
 
 def _content(path: Path) -> bytes:
+    if path == STANDARD:
+        return read_bytes(path, SIZE_MAX)
     # A named pipe without a writer would block a plain open.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with open(descriptor, "rb") as file:

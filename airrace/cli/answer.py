@@ -3,48 +3,80 @@
 import json
 import logging
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from pathlib import Path
 
 import typer
 
 from airrace import interrupts
+from airrace.errors import UsageError
 from airrace.runs.answer import Answer, record_failure
-from airrace.runs.exit_codes import ExitCode, of_error, worst
+from airrace.runs.exit_codes import ExitCode, of_error
+from airrace.standard_streams import STANDARD, abandon_stdout
 from airrace.views.plain_text import one_line, styled
-from airrace.views.streams import abandon_stdout
 
 FINDINGS_SHOWN = 20
 """The largest number of findings that are printed for people."""
 
 
 @contextmanager
-def answering(fields: Mapping[str, object] | None = None, *, as_json: bool) -> Generator[Answer, None, None]:
+def answering(
+    fields: Mapping[str, object] | None = None, *, as_json: bool, verbose: bool = False
+) -> Generator[Answer, None, None]:
     """Run a command's body; turn whatever it raises into its answer, print it, and leave with its exit code.
 
     Args:
         fields: what the object holds from the start, so that its shape does not depend on how far the command came.
         as_json: print the object on stdout.
+        verbose: print the library's own log on stderr.
 
     Raises:
         typer.Exit: with the code, unless it is 0.
     """
     answer = Answer(dict(fields or {}))
-    warnings = _Warnings(logging.WARNING)
-    logging.getLogger().addHandler(warnings)
+    log = _Log()
+    logging.getLogger().addHandler(log)
+    logging.getLogger("airrace").setLevel(logging.INFO if verbose else logging.NOTSET)
     try:
         yield answer
     except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
         record_failure(answer, error)
     finally:
-        logging.getLogger().removeHandler(warnings)
+        logging.getLogger().removeHandler(log)
     _say(answer, as_json=as_json)
     if answer.code is not ExitCode.DONE:
         raise typer.Exit(int(answer.code))
 
 
-class _Warnings(logging.Handler):
+def ensure_room(*outputs: Path | None, as_json: bool) -> None:
+    """Refuse to write more than one thing to stdout.
+
+    Raises:
+        UsageError: there would be two.
+    """
+    if [*outputs, STANDARD if as_json else None].count(STANDARD) > 1:
+        raise UsageError("only one result can go to stdout: name a file for the others, and leave --json out")
+
+
+def answer_written(
+    answer: Answer, paths: Sequence[Path], *, quiet: bool = False, remark: str = "", **fields: object
+) -> None:
+    """Fill in the answer of a command that has written files; one that was written to stdout is not told.
+
+    Args:
+        paths: the files.
+        quiet: whether they are not told in words.
+        remark: what there is to be said of them, a clause.
+        fields: what else the object holds.
+    """
+    files = [path for path in paths if path != STANDARD]
+    answer.fields.update(fields, written=[{"path": str(path), "bytes": path.stat().st_size} for path in files])
+    answer.texts.extend(() if quiet else (f"{path} is written{remark}" for path in files))
+
+
+class _Log(logging.Handler):
     """A handler that prints what libraries and airrace itself log, unless a view of the run under way shows it."""
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -64,8 +96,7 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         if texts:
             print("\n\n".join(styled(text).removesuffix("\n") for text in texts))
         sys.stdout.flush()
-    except BrokenPipeError:  # the reader has closed the pipe and needs no message
-        answer.code = worst((answer.code, ExitCode.SYSTEM))
+    except BrokenPipeError:  # the reader has seen enough
         abandon_stdout()
     except OSError as error:
         answer.fail(of_error(error), f"cannot write to stdout: {error.strerror}")

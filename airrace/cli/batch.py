@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from airrace import interrupts
-from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, LastStage, Overrides, Quiet, SettingsFile
+from airrace.cli.answer import answering, ensure_room
+from airrace.cli.options import AsJson, DryRun, LastStage, Overrides, Quiet, SettingsFile, Verbose, output_option
 from airrace.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def batch(
         int | None,
         typer.Option(min=1, metavar="N", help="Jobs at a time; by default all cores, or threads of workers."),
     ] = None,
-    out_dir: Annotated[Path, typer.Option(metavar="DIR", help="Where checkpoints and records lie.")] = Path("batch"),
+    output: Annotated[Path, output_option("DIR", "Where checkpoints and records lie.")] = Path("batch"),
     cluster: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on a dask.distributed cluster (tcp://scheduler:8786).")
     ] = None,
@@ -54,17 +54,18 @@ def batch(
     retries: Annotated[
         int, typer.Option(min=0, metavar="N", help="How often a job whose process crashed is tried again.")
     ] = 1,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run, and why.")] = False,
+    dry_run: DryRun = False,
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Fly jobs again that ended without a certified flight.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Fly all jobs again, from their beginning.")] = False,
+    force: Annotated[bool, typer.Option("--force", "-f", help="Fly all jobs again, from their beginning.")] = False,
     csv_file: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Write the table as CSV.")] = None,
     junit_file: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="Write a JUnit report.")] = None,
     markdown_file: Annotated[
         Path | None, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
     ] = None,
     as_json: AsJson = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
     """Fly many courses.
@@ -72,7 +73,7 @@ def batch(
     Every combination of course, aircraft and swept values is a job with a checkpoint of its own. A second call flies
     only what is not finished, or has changed.
     """
-    with answering({"certified": False, "jobs": []}, as_json=as_json) as answer:
+    with answering({"certified": False, "jobs": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.batch.cache import Choice
         from airrace.batch.lock import locked
         from airrace.batch.planning import make_plan
@@ -83,6 +84,7 @@ def batch(
         from airrace.runs.stage_names import stage_named
         from airrace.runs.stored import library_versions
 
+        ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
         started = time.perf_counter()
         choice = Choice.ALL if force else Choice.FAILED if retry_failed else Choice.NONE
         manner = Manner(tuple(aircraft or ()), settings, tuple(overrides or ()), parse_sweeps(sweep or ()), until)
@@ -92,12 +94,12 @@ def batch(
         versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
         last = stage_named(None).value
         if dry_run:
-            plan = make_plan(sources, out_dir, until=last, versions=versions, choice=choice)
+            plan = make_plan(sources, output, until=last, versions=versions, choice=choice)
             describe_plan(answer, plan, quiet=quiet)
             return
         reports = Reports(csv_file, junit_file, markdown_file)
-        with _executor(cluster, jobs, timeout) as executor, locked(out_dir):
-            plan = make_plan(sources, out_dir, until=last, versions=versions, choice=choice)
+        with _executor(cluster, jobs, timeout) as executor, locked(output):
+            plan = make_plan(sources, output, until=last, versions=versions, choice=choice)
             reports.ensure_writable(plan)
             policy = Policy(timeout, retries, choice)
             with stopping() as stop_asked, watching_batch(quiet=quiet) as watcher:

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -20,7 +20,8 @@ from airrace.errors import Finding, UsageError
 from airrace.records import record
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
-from airrace.runs.output import ensure_free, write_text
+from airrace.runs.output import ensure_free, identity, write_text
+from airrace.standard_streams import STANDARD
 
 FINDINGS_MAX = 500
 """The largest number of findings that are printed for a batch."""
@@ -38,20 +39,16 @@ class Reports:
         """Make sure, before anything is flown, that the reports can be written and would spoil nothing.
 
         Raises:
-            UsageError: one is a folder, an input of the batch, or two are one.
+            UsageError: one is a folder or read by the batch, or is another file that the batch writes.
             StorageError: a folder does not exist or takes no files.
         """
         paths = [path for path in (self.csv, self.junit, self.markdown) if path is not None]
-        if len({path.resolve() for path in paths}) < len(paths):
-            raise UsageError("two reports cannot be the same file")
-        inputs = {name for step in plan.steps for name in (step.track, step.aircraft) if name is not None}
-        spoilt = (
-            {Path(name).resolve() for name in inputs} & {path.resolve() for path in paths} if paths else set[Path]()
-        )
-        if spoilt:
-            raise UsageError(f"{min(spoilt)} is an input of this batch; name another file for the report")
+        written = {identity(path) for path in plan.files()} if paths else set[Hashable]()
         for path in paths:
-            ensure_free(path, force=True)
+            ensure_free(path, force=True, sources=plan.read)
+            if identity(path) in written:
+                raise UsageError(f"{path} is another file that this batch writes; name another one for the report")
+            written.add(identity(path))
 
     def write(self, rows: Sequence[Row], summaries: Sequence[WindSummary], folder: Path) -> None:
         """Write all reports that are wanted.
@@ -113,7 +110,7 @@ def answer_with(
         "jobs": [_job_object(row, plan.folder) for row in rows],
         "winds": [summary.as_object() for summary in summaries],
     }
-    if not quiet:
+    if not quiet and STANDARD not in (reports.csv, reports.junit, reports.markdown):
         columns = terminal_columns()
         tables = (*ranking_tables(rows, columns), *wind_tables(summaries, columns))
         answer.texts.extend(rendered(table) for table in tables)

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answering
-from airrace.cli.options import AircraftFile, AsJson, Overrides, SettingsFile, TrackFile
+from airrace.cli.answer import answering, ensure_room
+from airrace.cli.options import AircraftFile, AsJson, Force, Overrides, SettingsFile, TrackFile, Verbose
+from airrace.standard_streams import STANDARD, stem_of
 
 
 def check(
@@ -18,17 +19,20 @@ def check(
         Path | None,
         typer.Option(metavar="FILE.png", help="Draw the course into this file (needs matplotlib); also .svg or .pdf."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing drawing.")] = False,
+    force: Force = False,
     as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Validate inputs, review and show the course."""
-    with answering({"track": track.stem, "valid": False}, as_json=as_json) as answer:
+    with answering({"track": stem_of(track), "valid": False}, as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.output import documents_of, ensure_free, ensure_unread
+
         if plot is not None:
-            from airrace.runs.output import ensure_free
             from airrace.views.drawing import ensure_drawable
 
+            ensure_room(plot, as_json=as_json)
             ensure_drawable(plot)
-            ensure_free(plot, force=force)
+            ensure_free(plot, force=force, sources=[track, aircraft, settings])
         from airrace.cli.clearance_tables import planned_table
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
@@ -38,8 +42,9 @@ def check(
         course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course.as_object())
         if plot is not None:
+            ensure_unread([plot], documents_of(course.inputs))
             course.draw(plot)
-        if not as_json:
+        if not as_json and plot != STANDARD:
             race, remarks = course.race, course.warnings
             columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
             view = plan_view(course.scenery, race.air.wind, columns=columns, plain=plain)

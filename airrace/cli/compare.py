@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, FlightNames, StageOfFlights
+from airrace.cli.answer import answering, ensure_room
+from airrace.cli.options import AsJson, FlightNames, Force, StageOfFlights, Verbose
+from airrace.standard_streams import STANDARD
 
 
 def compare(
@@ -17,11 +18,12 @@ def compare(
         typer.Option(metavar="FILE.png", help="Draw the comparison into this file (needs matplotlib); or .svg, .pdf."),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="List the legs that are ties as well.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing drawing.")] = False,
+    force: Force = False,
     as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Hold flights against the first one: where time is lost, leg by leg, and what is flown otherwise there."""
-    with answering(as_json=as_json) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
         from airrace.runs.output import ensure_free
         from airrace.views.drawing import ensure_drawable
@@ -29,8 +31,9 @@ def compare(
         if len(names) < 2:
             raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
         if plot is not None:
+            ensure_room(plot, as_json=as_json)
             ensure_drawable(plot)
-            ensure_free(plot, force=force)
+            ensure_free(plot, force=force, sources=names)
         from airrace.cli.compare_tables import comparison_texts
         from airrace.flights.comparison import compared
         from airrace.runs.compared import compared_object
@@ -43,5 +46,5 @@ def compare(
             from airrace.views.comparison_figure import draw_comparison
 
             draw_comparison(comparisons, plot)
-        if not as_json:
+        if not as_json and plot != STANDARD:
             answer.texts += [text for one in comparisons for text in comparison_texts(one, every=every)]

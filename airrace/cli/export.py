@@ -7,8 +7,10 @@ from typing import Annotated, TextIO, cast
 
 import typer
 
-from airrace.cli.answer import answering
-from airrace.cli.options import FlightNames, StageOfFlights
+from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.command import Command
+from airrace.cli.options import AsJson, FlightNames, Force, Quiet, StageOfFlights, Verbose, output_option
+from airrace.standard_streams import STANDARD, abandon_stdout
 
 export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True)
 
@@ -33,7 +35,7 @@ def formats() -> None:
     """Write a flight for other programs."""
 
 
-@export.command("csv")
+@export.command("csv", cls=Command)
 def csv_table(
     name: Annotated[
         str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flown log.")
@@ -43,47 +45,48 @@ def csv_table(
         float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write here instead of to stdout, and the gate splits beside it."),
-    ] = None,
+        Path, output_option("FILE", "Write here instead of to stdout, and the gate splits beside it.")
+    ] = STANDARD,
     splits: Annotated[bool, typer.Option("--splits", help="Write the gate splits instead of the flight.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write comma-separated values: the flight as one table, the gate splits as another.
 
-    Headers name the units.
+    Headers name the units. To stdout goes one table alone: the flight, or the gate splits with --splits.
     """
-    with answering(as_json=False) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
-        from airrace.runs.exit_codes import ExitCode
         from airrace.runs.flight_sources import opened_file, source_of
         from airrace.runs.flown_log import FlownLog
         from airrace.runs.named import Named
         from airrace.runs.output import ensure_free
         from airrace.runs.splits import Splits
-        from airrace.views.streams import Shown, abandon_stdout
+        from airrace.views.streams import Shown
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
-        beside = [] if splits or output is None else [output.with_suffix(f".splits{output.suffix}")]
-        for path in [*([] if output is None else [output]), *beside]:
+        ensure_room(output, as_json=as_json)
+        beside = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
+        for path in (output, *beside):
             ensure_free(path, force=force, sources=[name])
         named = Named.of(name)
         flown = source_of(opened_file(named.path), named.stage or stage)
         passings = flown.splits if isinstance(flown, FlownLog) else Splits(flown.result.splits)
-        if splits:
-            text = passings.to_csv(output)
-            answer.texts.extend([text] if output is None else [])
-        elif output is None:
+        if output != STANDARD:
+            _ = passings.to_csv(output) if splits else flown.to_csv(output, rate)
+        elif splits:
+            answer.texts.append(passings.to_csv())
+        else:
             try:
                 flown.write_csv(cast(TextIO, Shown(sys.stdout)), rate)
-            except BrokenPipeError:  # the reader has seen enough and needs no message
-                answer.code = ExitCode.SYSTEM
+            except BrokenPipeError:  # the reader has seen enough
                 abandon_stdout()
-        else:
-            flown.to_csv(output, rate)
         for path in beside:
             passings.to_csv(path)
+        answer_written(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
 
 
 def _subcommand(name: str) -> Callable[..., None]:
@@ -92,7 +95,7 @@ def _subcommand(name: str) -> Callable[..., None]:
     def write(
         names: FlightNames,
         output: Annotated[
-            Path | None, typer.Option(metavar="FILE", help="The file; by default beside the first run, as RUN.FORMAT.")
+            Path | None, output_option("FILE", "The file; by default beside the first run, as RUN.FORMAT.")
         ] = None,
         stage: StageOfFlights = None,
         rate: Annotated[
@@ -106,15 +109,21 @@ def _subcommand(name: str) -> Callable[..., None]:
             str | None,
             typer.Option(metavar="TIME", help="When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000."),
         ] = None,
-        force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+        force: Force = False,
+        as_json: AsJson = False,
+        quiet: Quiet = False,
+        verbose: Verbose = False,
     ) -> None:
-        with answering(as_json=False):
-            from airrace.runs.exported import write_flights
+        with answering(as_json=as_json, verbose=verbose) as answer:
+            from airrace.runs.exported import output_of, write_flights
 
-            write_flights(name, names, output, stage=stage, rate=rate, origin=origin, start=start, force=force)
+            path = output or output_of(name, names)
+            ensure_room(path, as_json=as_json)
+            write_flights(name, names, path, stage=stage, rate=rate, origin=origin, start=start, force=force)
+            answer_written(answer, [path], quiet=quiet, format=name, flights=names)
 
     return write
 
 
 for _name, _help in FORMATS.items():
-    export.command(_name, help=_help)(_subcommand(_name))
+    export.command(_name, help=_help, cls=Command)(_subcommand(_name))

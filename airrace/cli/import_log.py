@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from airrace.cli import completion
-from airrace.cli.answer import answering
-from airrace.cli.options import AircraftFile, AsJson, Overrides, Quiet
+from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.options import AircraftFile, AsJson, Force, Overrides, Quiet, Verbose, output_option
+from airrace.standard_streams import STANDARD, name_of
 
 
 def import_log(
@@ -22,7 +23,7 @@ def import_log(
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option(metavar="FILE.h5", help="The flight; by default beside the log, as LOG.h5.")
+        Path | None, output_option("FILE.h5", "The flight; by default beside the log, as LOG.h5.")
     ] = None,
     mapping: Annotated[
         Path | None, typer.Option(metavar="FILE.yaml", readable=False, help="What the columns of a CSV file mean.")
@@ -43,19 +44,21 @@ def import_log(
     name: Annotated[str | None, typer.Option(metavar="NAME", help="Which aircraft of an ACMI recording.")] = None,
     aircraft: AircraftFile = None,
     overrides: Overrides = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: Force = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Import a flown log: find its run through a course, smooth it, and tell which rules it would break.
 
     show, report, compare, plot and export take the file that is written.
     """
-    with answering({"flown": True, "log": str(log)}, as_json=as_json) as answer:
-        from airrace.runs.output import beside, ensure_free
+    with answering({"flown": True, "log": name_of(log)}, as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.output import beside, documents_of, ensure_free, ensure_unread
 
         path = output or beside(log, "h5")
-        ensure_free(path, force=force, sources=[log])
+        ensure_room(path, as_json=as_json)
+        ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
         from airrace.cli.flown_tables import flown_texts
         from airrace.runs.flown_object import flown_object
         from airrace.runs.imported import import_log as imported
@@ -72,7 +75,9 @@ def import_log(
             run=run,
             name=name,
         )
+        ensure_unread([path], documents_of(flown.inputs))
         flown.save(path)
         answer.fields.update(flown_object(flown))
-        if not as_json and not quiet:
-            answer.texts.extend([*flown_texts(flown), f"{path} is written"])
+        if not quiet and path != STANDARD:
+            answer.texts.extend(flown_texts(flown))
+        answer_written(answer, [path], quiet=quiet)

@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from airrace.cli import completion
-from airrace.cli.answer import answering
+from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.options import AsJson, Force, Quiet, Verbose
 
 
 def init(
@@ -29,18 +30,22 @@ def init(
             help="Sketch the course from placemarks: KML, GPX or GeoJSON, in the order flown.",
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write a course to begin with.
 
     NAME.yaml flies as it stands, and its comments say what every part of it is. track.schema.json, which is written
-    beside it, lets editors complete its keys and mark mistakes.
+    beside it, lets editors complete its keys and mark mistakes. - is stdout.
     """
-    with answering(as_json=False) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.runs.init import init as written
 
+        ensure_room(name, as_json=as_json)
         path = written(name, like=like, from_=from_, force=force)
+        remark = f"; fly it with `airrace optimize {path} --until point-mass`"
         if from_ is not None:
-            answer.texts.append(f"{path} is written; look at it with `airrace check {path}`, for placemarks say little")
-            return
-        answer.texts.append(f"{path} is written; fly it with `airrace optimize {path} --until point-mass`")
+            remark = f"; look at it with `airrace check {path}`, for placemarks say little"
+        answer_written(answer, [path], quiet=quiet, remark=remark)

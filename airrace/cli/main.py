@@ -11,7 +11,9 @@ import typer
 
 from airrace.cli.batch import batch
 from airrace.cli.check import check
+from airrace.cli.command import Command
 from airrace.cli.compare import compare
+from airrace.cli.doctor import doctor
 from airrace.cli.export import export
 from airrace.cli.import_log import import_log
 from airrace.cli.init import init
@@ -34,21 +36,25 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command()(optimize)
-app.command()(resume)
 app.add_typer(export)
-app.command("import")(import_log)
-app.command()(report)
-app.command()(show)
-app.command()(compare)
-app.command()(plot)
-app.command()(verify)
-app.command()(prices)
-app.command()(check)
-app.command()(batch)
-app.command()(tracks)
-app.command()(init)
-app.command()(schema)
+for _name, _command in {
+    "optimize": optimize,
+    "resume": resume,
+    "import": import_log,
+    "report": report,
+    "show": show,
+    "compare": compare,
+    "plot": plot,
+    "verify": verify,
+    "prices": prices,
+    "check": check,
+    "batch": batch,
+    "tracks": tracks,
+    "init": init,
+    "schema": schema,
+    "doctor": doctor,
+}.items():
+    app.command(_name, cls=Command)(_command)
 
 # The base of all errors in a command's arguments. It belongs to click, whose place depends on typer's version.
 _CallError = cast(type[typer.BadParameter], typer.BadParameter.__base__)

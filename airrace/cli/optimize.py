@@ -9,6 +9,8 @@ from airrace.cli.answer import answering
 from airrace.cli.options import (
     AircraftFile,
     AsJson,
+    DryRun,
+    Force,
     LastStage,
     Overrides,
     Quiet,
@@ -17,10 +19,13 @@ from airrace.cli.options import (
     Threads,
     Timeout,
     TrackFile,
+    Verbose,
     WhatIsProved,
+    output_option,
 )
 from airrace.procedure.settings import Explore, GuessKind
 from airrace.runs.answer import unflown
+from airrace.standard_streams import STANDARD, stem_of
 
 
 def optimize(
@@ -39,11 +44,10 @@ def optimize(
     ] = None,
     proof: WhatIsProved = None,
     until: LastStage = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="RUN.h5", help="Checkpoint to write; by default TRACK.h5 in the current folder."),
+    output: Annotated[
+        Path | None, output_option("RUN.h5", "Checkpoint to write; by default TRACK.h5 in the current folder.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing checkpoint.")] = False,
+    force: Force = False,
     start: Annotated[
         Path | None,
         typer.Option(
@@ -52,9 +56,11 @@ def optimize(
     ] = None,
     overrides: Overrides = None,
     sign: SigningKey = None,
+    dry_run: DryRun = False,
     threads: Threads = None,
     timeout: Timeout = None,
     as_json: AsJson = False,
+    verbose: Verbose = False,
     quiet: Quiet = False,
 ) -> None:
     """Fly a course as fast as can be.
@@ -62,22 +68,30 @@ def optimize(
     The flight is optimised stage by stage, and each stage is kept in a checkpoint as soon as it is finished. The last
     one is certified; those before it are solved and checked on one mesh, or certified as well with --proof all.
     """
-    with answering(unflown(track.stem), as_json=as_json) as answer:
+    with answering(unflown(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
         from airrace.optimal_control.spawn import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()
-        start_early(1 if explore is Explore.OFF else min(2, threads))  # the other one is for what is tried beside
-        from airrace.cli.running import fly
+        if not dry_run:
+            start_early(1 if explore is Explore.OFF else min(2, threads))  # the other is for what is tried
+        from airrace.cli.running import describe_task, fly
+        from airrace.errors import UsageError
         from airrace.runs.beginning import new_task, settings_texts
-        from airrace.runs.output import ensure_free
+        from airrace.runs.output import NO_PIPE, ensure_free
         from airrace.runs.signing import signer_of
 
         signer = None if sign is None else signer_of(sign)
-        path = out or Path(f"{track.stem}.h5")
-        ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ")
+        path = output or Path(f"{stem_of(track)}.h5")
+        if path == STANDARD:
+            raise UsageError(NO_PIPE)
+        read = [track, aircraft, settings, start, sign]
+        ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ", sources=read)
         entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)]
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )
+        if dry_run:
+            describe_task(answer, task, quiet=quiet)
+            return
         fly(answer, task.signed(signer), threads=threads, timeout=timeout, quiet=quiet)

@@ -1,12 +1,18 @@
 """Arguments and options that several commands share."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from airrace.cli import completion
 from airrace.procedure.settings import Proof
+
+
+def output_option(metavar: str, help: str) -> Any:  # Any: as of `typer.Option`
+    """Return the option that says where a command writes."""
+    return typer.Option("--output", "-o", metavar=metavar, help=help)
+
 
 TrackFile = Annotated[
     Path,
@@ -27,6 +33,10 @@ StageOfFlights = Annotated[
     typer.Option(
         metavar="STAGE", autocompletion=completion.stages, help="The stage of runs that name none; the last by default."
     ),
+]
+StageOfRun = Annotated[
+    str | None,
+    typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
 ]
 AircraftFile = Annotated[
     Path | None,
@@ -80,5 +90,8 @@ TrustedKey = Annotated[
         help="Only take a file that is signed with this public key of Ed25519 (extra: sign).",
     ),
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Tell on stderr what is read, written and begun.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress and no tables.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but what goes wrong.")]
+Force = Annotated[bool, typer.Option("--force", "-f", help="Overwrite an existing file.")]
+DryRun = Annotated[bool, typer.Option("--dry-run", "-n", help="Only say what would run, and why.")]

@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli import completion
 from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, RunFile
+from airrace.cli.options import AsJson, RunFile, StageOfRun, Verbose
 
 
 class GroupName(StrEnum):
@@ -24,19 +23,17 @@ class GroupName(StrEnum):
 
 def prices(
     run_file: RunFile,
-    stage: Annotated[
-        str | None,
-        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
-    ] = None,
+    stage: StageOfRun = None,
     by: Annotated[GroupName | None, typer.Option(help="Only the numbers of these.")] = None,
     as_json: AsJson = False,
+    verbose: Verbose = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print comma-separated values, free numbers included.")] = False,
 ) -> None:
     """Tell what every number costs.
 
     Costs are in seconds per unit, by the multipliers of an optimum; nothing is solved again.
     """
-    with answering(as_json=as_json) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.cli.price_tables import prices_csv, prices_text
         from airrace.cli.tables import terminal_columns
         from airrace.errors import UsageError

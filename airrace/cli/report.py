@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from airrace.cli import completion
-from airrace.cli.answer import answering
-from airrace.cli.options import RunFile
+from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.options import AsJson, Force, Quiet, RunFile, StageOfRun, Verbose, output_option
 
 
 def report(
@@ -20,24 +19,25 @@ def report(
         ),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="The page; by default beside the run, as RUN.html.")
+        Path | None, output_option("FILE.html", "The page; by default beside the run, as RUN.html.")
     ] = None,
-    stage: Annotated[
-        str | None,
-        typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
-    ] = None,
+    stage: StageOfRun = None,
     prices: Annotated[
         bool, typer.Option("--prices", help="Compute what every number costs, and tell it; takes some seconds.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
 ) -> None:
     """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
-    with answering(as_json=False) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.runs.output import beside, ensure_free, write_text
         from airrace.runs.reported import opened_report
 
         path = output or beside(run_file, "html")
         names = [str(run_file), *(flights or [])]
+        ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
         write_text(path, opened_report(names, stage=stage, priced=prices))
-        answer.texts.append(f"{path} is written; any browser opens it")
+        answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)

@@ -6,7 +6,7 @@ from airrace.procedure.result import StageResult
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.flying import fly_stages
-from airrace.runs.task import Task
+from airrace.runs.task import Step, Task, described
 from airrace.views.watching import watching
 
 
@@ -24,6 +24,13 @@ def fly(answer: Answer, task: Task, *, threads: int, timeout: float | None, quie
         results = fly_stages(answer, task, threads=threads, timeout=timeout, progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         _tell(answer, task, results)
+
+
+def describe_task(answer: Answer, task: Task, *, quiet: bool) -> None:
+    """Fill in the answer with what would run."""
+    steps = task.steps or [Step(stage, "it is not finished") for stage in task.stages]
+    answer.fields = {"track": task.run.name, "steps": [step.as_object() for step in steps]}
+    answer.texts.extend(() if quiet else ["\n".join(described(steps))])
 
 
 def _tell(answer: Answer, task: Task, results: Sequence[StageResult]) -> None:

@@ -6,7 +6,7 @@ import typer
 
 from airrace.cli import completion
 from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, RunFile, TrustedKey
+from airrace.cli.options import AsJson, RunFile, TrustedKey, Verbose
 
 if TYPE_CHECKING:
     from airrace.checkpoint import Recorded
@@ -25,9 +25,10 @@ def show(
     certificate: Annotated[bool, typer.Option("--certificate", help="List every item of the certificates.")] = False,
     trust: TrustedKey = None,
     as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Show stages, times, legs and certificates."""
-    with answering(as_json=as_json) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import Recorded, read_sealed, read_stored
         from airrace.cli.show_texts import shown_texts
         from airrace.runs.shown import shown_object, shown_of

@@ -1,15 +1,15 @@
 """The command `airrace tracks`: the courses and aircraft that come along."""
 
 from airrace.cli.answer import answering
-from airrace.cli.options import AsJson
+from airrace.cli.options import AsJson, Verbose
 
 
-def tracks(as_json: AsJson = False) -> None:
+def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
     """List the courses, aircraft and rule books that come along.
 
     Their names stand for files in every command, and in track files.
     """
-    with answering(as_json=as_json) as answer:
+    with answering(as_json=as_json, verbose=verbose) as answer:
         from textwrap import fill
 
         from airrace.cli.tables import plain_table, rendered

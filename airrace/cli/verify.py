@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from airrace.cli.answer import answering
-from airrace.cli.options import AsJson, RunFile, SigningKey, TrustedKey
+from airrace.cli.options import AsJson, RunFile, SigningKey, TrustedKey, Verbose
 
 
 def verify(
@@ -20,6 +20,7 @@ def verify(
     trust: TrustedKey = None,
     sign: SigningKey = None,
     as_json: AsJson = False,
+    verbose: Verbose = False,
 ) -> None:
     """Verify all that a run tells.
 
@@ -27,15 +28,19 @@ def verify(
     run is verified if nothing differs, the stage that it ends with is certified, and all others hold in what they
     claim.
     """
-    with answering({"track": None, "verified": False, "stages": []}, as_json=as_json) as answer:
+    with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import read_sealed
         from airrace.cli.tables import certificate_table, rendered
+        from airrace.errors import UsageError
         from airrace.procedure.result import HEARSAY
         from airrace.runs.exit_codes import ExitCode
         from airrace.runs.signing import ensure_signed, signer_of
         from airrace.runs.stored import readable, stored_run
         from airrace.runs.verification import verified
+        from airrace.standard_streams import STANDARD
 
+        if sign is not None and run_file == STANDARD:
+            raise UsageError("what is piped in cannot be signed: name a file")
         signer = None if sign is None else signer_of(sign)
         checkpoint, signature = read_sealed(run_file)
         signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)

@@ -1,11 +1,15 @@
 """Documents: the text of an input file together with the path under which messages name it."""
 
 import difflib
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
 from airrace.errors import Finding
 from airrace.records import record
+from airrace.standard_streams import STANDARD, name_of, read_bytes
+
+logger = logging.getLogger(__name__)
 
 SIZE_MAX = 2 * 1024 * 1024
 """The size of the largest input file that is read, bytes; the largest real course needs a hundredth of it."""
@@ -23,28 +27,28 @@ def read_document(path: Path, findings: list[Finding], names: Sequence[str] = ()
     """Read a file as UTF-8 text; what is wrong with it becomes one finding, and the result None.
 
     Args:
-        path: the path of the file.
+        path: the path of the file; `-` for stdin.
         findings: receives what is wrong.
         names: names that could have been meant by a path that leads nowhere.
     """
 
     def refuse(message: str) -> None:
-        findings.append(Finding(str(path), 0, 0, "", message))
+        findings.append(Finding(name_of(path), 0, 0, "", message))
 
     try:
-        if not path.exists():
+        if path != STANDARD and not path.exists():
             return refuse(missing_file(path, names))
-        if not path.is_file():
+        if path != STANDARD and not path.is_file():
             return refuse("is not a file")
-        with path.open("rb") as stream:
-            content = stream.read(SIZE_MAX + 1)
+        content = read_bytes(path, SIZE_MAX + 1)
+        logger.info("%s is read", name_of(path))
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = error.strerror if isinstance(error, OSError) else str(error)
         return refuse(f"cannot be read: {reason}")
     if len(content) > SIZE_MAX:
         return refuse(f"is too large: at most {SIZE_MAX} bytes are read")
     try:
-        return Document(str(path), content.decode("utf-8-sig"))
+        return Document(name_of(path), content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         return refuse(f"is not UTF-8 text (byte {error.start}); save it as UTF-8")
 

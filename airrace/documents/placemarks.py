@@ -12,6 +12,7 @@ from airrace.documents.document import SIZE_MAX
 from airrace.logs.recording import refuse
 from airrace.logs.safe_xml import xml_tree
 from airrace.records import record
+from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 PLACEMARKS_MAX = 1000
 """The largest number of placemarks that are read."""
@@ -46,7 +47,7 @@ def read_placemarks(path: Path) -> list[Placemark]:
     Raises:
         InputError: there is no such file, it is damaged or too large, or it holds no placemarks.
     """
-    name = str(path)
+    name = name_of(path)
     content = _content(path)
     if content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         root = xml_tree(name, content)
@@ -62,14 +63,13 @@ def read_placemarks(path: Path) -> list[Placemark]:
 
 def _content(path: Path) -> bytes:
     try:
-        if not path.is_file():
+        if path != STANDARD and not path.is_file():
             refuse(str(path), 0, "is not a file" if path.exists() else "no such file")
-        with path.open("rb") as file:
-            content = file.read(SIZE_MAX + 1)
+        content = read_bytes(path, SIZE_MAX + 1)
     except OSError as error:
-        refuse(str(path), 0, f"cannot be read: {error.strerror or error}")
+        refuse(name_of(path), 0, f"cannot be read: {error.strerror or error}")
     if len(content) > SIZE_MAX:
-        refuse(str(path), 0, f"is too large: at most {SIZE_MAX} bytes are read")
+        refuse(name_of(path), 0, f"is too large: at most {SIZE_MAX} bytes are read")
     return content
 
 

@@ -7,6 +7,7 @@ from airrace.documents.document import Document, missing_file, read_document
 from airrace.errors import Finding
 from airrace.records import record
 from airrace.resources import shipped_folder
+from airrace.standard_streams import STANDARD
 
 SUFFIX = ".yaml"
 
@@ -55,8 +56,10 @@ class Collection:
     def read(self, named: Path, findings: list[Finding], beside: Path = Path()) -> Document | None:
         """Read what a path or a name stands for; what is wrong with it becomes one finding, and the result None.
 
-        What comes along is called by its name, everything else by the path of its file.
+        What comes along is called by its name, everything else by the path of its file; `-` is stdin.
         """
+        if named == STANDARD:
+            return read_document(named, findings)
         document = read_document(self.file(named, beside), findings, self.names)
         return None if document is None else Document(str(self.meant(named, beside)), document.text)
 

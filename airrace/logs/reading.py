@@ -1,5 +1,7 @@
 """The reader of logs: which format a file has, and how much of it is believed."""
 
+import io
+import logging
 import os
 import stat
 import zipfile
@@ -12,6 +14,9 @@ from airrace.logs.csv_log import read_csv
 from airrace.logs.gpx_log import read_gpx
 from airrace.logs.igc_log import read_igc
 from airrace.logs.recording import Layout, Recording, refuse
+from airrace.standard_streams import STANDARD, name_of, read_bytes
+
+logger = logging.getLogger(__name__)
 
 SIZE_MAX = 1024**3
 """The size of the largest log that is read, bytes, unpacked."""
@@ -27,16 +32,17 @@ def read_log(path: Path, layout: Layout | None = None, *, aircraft: str | None =
     """Return the recording in a file: CSV, GPX, IGC, or ACMI as text or zipped; its first bytes say which.
 
     Args:
-        path: the file.
+        path: the file; `-` for stdin.
         layout: how it is to be understood where it does not say so itself.
         aircraft: which one of an ACMI recording; None for the first.
 
     Raises:
         InputError: there is no such file, it is too large, or it is damaged; it names the line.
     """
-    known, name = layout or Layout(), str(path)
+    known, name = layout or Layout(), name_of(path)
     try:
         with _opened(path) as file:
+            logger.info("%s is read", name)
             first = file.read(512)
             file.seek(0)
             if first.startswith(b"PK"):
@@ -46,7 +52,7 @@ def read_log(path: Path, layout: Layout | None = None, *, aircraft: str | None =
                 return read_gpx(name, _limited(name, file, GPX_SIZE_MAX), known)
             if plain.startswith(b"FileType=text/acmi"):
                 return read_acmi(name, _lines(name, file), aircraft)
-            if plain.startswith(b"A") and path.suffix.lower() == ".igc":
+            if plain.startswith(b"A") and (path.suffix.lower() == ".igc" or (path == STANDARD and b"\nHF" in plain)):
                 return read_igc(name, _lines(name, file))
             if b"\0" in first:
                 refuse(name, 0, "is no log: expected CSV, GPX, IGC or ACMI")
@@ -63,14 +69,19 @@ def is_log(path: Path) -> bool:
 
 
 def _opened(path: Path) -> BinaryIO:
+    large = f"is larger than {SIZE_MAX // 1024**3} GiB; cut the log to the flight"
+    if path == STANDARD:
+        content = read_bytes(path, SIZE_MAX + 1)
+        if len(content) > SIZE_MAX:
+            refuse(name_of(path), 0, large)
+        return io.BytesIO(content)
     # A named pipe without a writer would block a plain open.
     descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     status = os.fstat(descriptor)
-    regular, large = stat.S_ISREG(status.st_mode), status.st_size > SIZE_MAX
-    if not regular or large:
+    regular = stat.S_ISREG(status.st_mode)
+    if not regular or status.st_size > SIZE_MAX:
         os.close(descriptor)
-        size = f"is larger than {SIZE_MAX // 1024**3} GiB; cut the log to the flight"
-        refuse(str(path), 0, size if regular else "is not a file")
+        refuse(str(path), 0, large if regular else "is not a file")
     return open(descriptor, "rb")
 
 

@@ -5,9 +5,10 @@ from enum import Enum
 from pathlib import Path
 
 from airrace.documents import Document, load_inputs
+from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.run import Run
 from airrace.runs.stage_names import stage_named
-from airrace.runs.starting import another, ensure_other_file, other_run
+from airrace.runs.starting import another, other_run
 from airrace.runs.stored import new_run
 from airrace.runs.task import Task
 
@@ -32,16 +33,17 @@ def new_task(
 
     Raises:
         InputError: with all findings.
-        UsageError: no such stage; the other run has other passings or no optimum, or is the file to be written.
+        UsageError: no such stage; the other run has other passings or no optimum, or the file to be written is
+            read.
         CheckpointError: the other run cannot be read.
     """
     last = stage_named(until)
     run = new_run(load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides), path)
+    before = start.path if isinstance(start, Run) else start
+    ensure_unread([] if path is None else [path], [*documents_of(run.inputs), before])
     if start is None:
         return Task(run, last)
     if not isinstance(start, Run):
-        if path is not None:
-            ensure_other_file(Path(start), path)
         start = other_run(Path(start))
     return Task(run, last, start=another(start, run, last))
 

@@ -30,7 +30,7 @@ from airrace.runs.output import ensure_free
 from airrace.runs.resuming import changed_task, continued_task
 from airrace.runs.run import Run
 from airrace.runs.shipped import ShippedTrack, shipped
-from airrace.runs.starting import Changes, ensure_other_file, other_run
+from airrace.runs.starting import Changes, other_run
 from airrace.runs.stored import opened_run
 from airrace.runs.task import Task
 from airrace.views.watching import watching
@@ -49,7 +49,7 @@ def optimize(
     climb: int | None = None,
     proof: str | Proof | None = None,
     until: str | Stage | None = None,
-    out: str | Path | None = None,
+    output: str | Path | None = None,
     force: bool = False,
     start: Run | str | Path | None = None,
     set: Values = (),
@@ -76,12 +76,12 @@ def optimize(
         proof: which stages are proved on a second mesh, `last` or `all`; None likewise. Those that are not are solved
             on one mesh, and all but their race time is certified.
         until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
-        out: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
+        output: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
         force: whether a file that exists may be overwritten.
         start: another run, or its file, to start from.
         set: single values by their keys, e.g. `{"rules.n_z_max": 9}`; or texts, e.g. `["rules.n_z_max=9"]`.
         threads: threads that evaluate derivatives; None for all cores. Results do not depend on it.
-        timeout: the longest wall time, s; None for none. What is finished by then is in `out`.
+        timeout: the longest wall time, s; None for none. What is finished by then is in `output`.
         progress: whether a view of the run under way is shown on stderr; or who watches.
 
     Returns:
@@ -95,7 +95,7 @@ def optimize(
         SolverCrash: the solver process died.
         StorageError: the system refused to write the file.
     """
-    path = None if out is None else Path(out)
+    path = None if output is None else Path(output)
     if path is not None:
         ensure_free(path, force=force)
     aircraft = aircraft_of(track, aircraft)
@@ -124,7 +124,7 @@ def resume(
     track: TrackGiven | None = None,
     aircraft: AircraftGiven | None = None,
     settings: SettingsGiven | None = None,
-    out: str | Path | None = None,
+    output: str | Path | None = None,
     force: bool = False,
     threads: int | None = None,
     timeout: float | None = None,
@@ -149,7 +149,7 @@ def resume(
             that were solved on one mesh. None for what the run was asked for.
         set: single values that are otherwise, see `optimize`.
         track, aircraft, settings: what is flown instead, see `optimize`.
-        out: the file to be written; None for the file of the run, of a changed run for none.
+        output: the file to be written; None for the file of the run, of a changed run for none.
         force: whether a file that exists may be overwritten.
         threads, timeout, progress: see `optimize`.
 
@@ -168,7 +168,7 @@ def resume(
         document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
     )
 
-    path = None if out is None else Path(out)
+    path = None if output is None else Path(output)
     if path is not None:
         ensure_free(path, force=force)
     if not changes:
@@ -182,8 +182,6 @@ def resume(
     if from_ is not None:
         raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
     before = run if isinstance(run, Run) else other_run(Path(run))
-    if path is not None and before.path is not None:
-        ensure_other_file(before.path, path)
     return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
 
 

@@ -46,7 +46,7 @@ def write_flights(
         StorageError: the system refused.
     """
     chosen, where = FORMATS[format_name], None if origin is None else origin_of(origin)
-    path = output or beside(names[0], chosen.suffix or format_name)
+    path = output or output_of(format_name, names)
     ensure_free(path, force=force, sources=names)
     begin = BEGIN if start is None else begin_of(start)
     if rate is not None and not RATES[0] <= rate <= RATES[1]:
@@ -58,6 +58,11 @@ def write_flights(
     if hertz is not None:
         flights = [flight.at_rate(hertz) for flight in flights]
     replace_file(path, chosen.write(flights, begin))
+
+
+def output_of(format_name: str, names: Sequence[str]) -> Path:
+    """Return the file into which flights are written unless another one is named."""
+    return beside(names[0], FORMATS[format_name].suffix or format_name)
 
 
 def origin_of(text: str) -> Origin:

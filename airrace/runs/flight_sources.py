@@ -15,6 +15,7 @@ from airrace.runs.flown_stage import FlownStage
 from airrace.runs.named import Named
 from airrace.runs.run import Run
 from airrace.runs.stored import readable, stored_run
+from airrace.standard_streams import stem_of
 
 
 def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
@@ -87,7 +88,7 @@ def _labels(names: Sequence[Named], sources: Sequence[FlownStage | FlownLog]) ->
     stages = [source.name if isinstance(source, FlownStage) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
     short = [
-        f"{name.path.stem}:{stage}" if stage and (several or name.stage) else name.path.stem
+        f"{stem_of(name.path)}:{stage}" if stage and (several or name.stage) else stem_of(name.path)
         for name, stage in zip(names, stages, strict=True)
     ]
     if len(set(short)) < len(short):

@@ -11,6 +11,7 @@ from airrace.logs.reading import read_log
 from airrace.logs.recording import Layout
 from airrace.runs.flown_log import FlownLog, new_flown_log
 from airrace.runs.given import AircraftGiven, TrackGiven, Values, aircraft_of, document_or_path, value_texts
+from airrace.standard_streams import stem_of
 
 
 def import_log(
@@ -70,5 +71,5 @@ def flown_through(
 ) -> FlownLog:
     """Return a log as a flight through a course that is at hand; arguments and errors are those of `import_log`."""
     recording = read_log(log, layout, aircraft=name)
-    flown = flown_flight(recording, inputs.race, label=log.stem, penalties=inputs.penalties, noise=noise, run=run)
+    flown = flown_flight(recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run)
     return new_flown_log(inputs, flown)

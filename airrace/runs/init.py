@@ -9,6 +9,7 @@ from airrace.documents.shipped import SUFFIX, TRACKS
 from airrace.documents.sketched import sketched_course
 from airrace.errors import Finding, InputError, UsageError
 from airrace.runs.output import ensure_free, write_text
+from airrace.standard_streams import STANDARD, name_of
 
 TEMPLATE = resources.files("airrace.documents") / "templates" / "course.yaml"
 SCHEMA_FILE = "track.schema.json"
@@ -36,24 +37,25 @@ def init(
         The path of the file.
 
     Raises:
-        UsageError: a file exists and `force` is not given, or a course is both to be copied and to be sketched.
+        UsageError: a file exists and `force` is not given, or is read; or a course is both to be copied and to be
+            sketched.
         InputError: there is no such course to be copied, or the placemarks make none.
         StorageError: the folder does not exist or takes no files.
     """
     path = Path(name)
-    path = path if path.suffix == SUFFIX else path.with_name(path.name + SUFFIX)
+    path = path if path.suffix == SUFFIX or path == STANDARD else path.with_name(path.name + SUFFIX)
     if like is not None and from_ is not None:
         raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
+    ensure_free(path, force=force, sources=[like, from_])
     schema, schema_file = schema_text("track"), path.with_name(SCHEMA_FILE)
-    written = _holds(schema_file, schema)
-    ensure_free(path, force=force)
+    written = path == STANDARD or _holds(schema_file, schema)
     if not written:
-        ensure_free(schema_file, force=force, remedy="it is not the schema of this version; ")
+        ensure_free(schema_file, force=force, remedy="it is not the schema of this version; ", sources=[like, from_])
     if from_ is not None:
-        text = sketched_course(str(from_), _title(path), read_placemarks(Path(from_)))
+        text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
     else:
         text = _copied(Path(like)) if like is not None else _begun(path)
-    if EDITORS_LINE not in text:
+    if EDITORS_LINE not in text and path != STANDARD:
         text = f"{EDITORS_LINE}{SCHEMA_FILE}\n{text}"
     if not written:
         write_text(schema_file, schema)
@@ -70,7 +72,7 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _title(path: Path) -> str:
-    return path.stem.replace("_", " ").capitalize()
+    return ("course" if path == STANDARD else path.stem).replace("_", " ").capitalize()
 
 
 def _begun(path: Path) -> str:

@@ -3,33 +3,44 @@
 import io
 import os
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 from typing import TextIO
 
 from airrace.checkpoint.atomic import replace_file, replacing
+from airrace.documents import Document, Inputs
+from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import StorageError, UsageError
+from airrace.extensions import extensions
 from airrace.runs.named import Named
+from airrace.standard_streams import STANDARD
+
+Source = str | Path | Document | None
+"""An input of a command: a file, the name of what comes along, a flight as `RUN.h5:STAGE`, a document, or None."""
 
 
-def ensure_free(path: Path, *, force: bool, remedy: str = "", sources: Sequence[str | Path] = ()) -> None:
-    """Refuse an output that exists, and find out now whether its folder can be written to.
+NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: name one with --output"
+"""The message that a run cannot be written to stdout."""
+
+
+def ensure_free(path: Path, *, force: bool, remedy: str = "", sources: Iterable[Source] = ()) -> None:
+    """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
 
     Args:
         remedy: what to do besides `--force`, a clause.
-        sources: files that the command reads, or flights as `RUN.h5:STAGE`; not even `--force` overwrites one of them.
+        sources: see `ensure_unread`.
 
     Raises:
         UsageError: the file exists and `force` is not given, or it is a folder or one of the sources.
         StorageError: the folder does not exist or takes no files, or the path is a loop of links.
     """
+    if path == STANDARD:
+        return
     if Path(os.path.realpath(path)).is_symlink():
         raise StorageError(f"cannot write {path}: it is a link that leads in a circle")
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name a file in it")
-    files = (Named.of(str(source)).path for source in sources)
-    if path.exists() and any(file.exists() and file.samefile(path) for file in files):
-        raise UsageError(f"{path} is read by this command; write into another file")
+    ensure_unread([path], sources)
     if path.exists() and not force:
         raise UsageError(f"{path} exists; {remedy}overwrite it with --force")
     try:
@@ -39,15 +50,59 @@ def ensure_free(path: Path, *, force: bool, remedy: str = "", sources: Sequence[
         raise StorageError(f"cannot write to the folder {path.parent}: {error.strerror}") from error
 
 
+def ensure_unread(paths: Iterable[Path], sources: Iterable[Source]) -> None:
+    """Refuse to write over a file that the command reads, whatever the path or link that leads to it.
+
+    Args:
+        paths: files to be written.
+        sources: what the command reads besides the extensions.
+
+    Raises:
+        UsageError: one of the paths leads to one of the sources.
+    """
+    meant = {file for source in dict.fromkeys([*sources, *extensions()]) for file in _files(source)}
+    read = {identity(file) for file in meant if not isinstance(file, Path) or file.exists()}
+    for path in paths:
+        if identity(path) in read:
+            raise UsageError(f"{path} is read by this command; write into another file")
+
+
+def identity(path: Path | int) -> Hashable:
+    """Return what all paths to a file have in common, and its descriptor; where it would be if it does not exist."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):  # ValueError: a path with a null character
+        return os.path.normcase(os.path.realpath(str(path)))
+    return status.st_dev, status.st_ino
+
+
+def documents_of(inputs: Inputs) -> list[Source]:
+    """Return the documents of a run, the aircraft that its track names among them."""
+    return [inputs.track, inputs.aircraft, inputs.settings_file]
+
+
+def _files(source: Source) -> set[Path | int]:
+    """Return the files that may be meant by what a command reads; stdin, which may be a file, by its descriptor."""
+    if source is None:
+        return set()
+    named = source.path if isinstance(source, Document) else str(source)
+    path = Path(named)
+    if Named.of(named).path == STANDARD:
+        return {0}
+    return {path, TRACKS.file(path), AIRCRAFT.file(path), Named.of(named).path}
+
+
 def beside(source: str | Path, suffix: str) -> Path:
     """Return where a command writes that makes a file of a file and is told no other name: beside it, with its stem.
+
+    What is made of stdin goes to stdout.
 
     Args:
         source: a file, or a flight as `RUN.h5:STAGE`.
         suffix: of the new file, without the dot before it, e.g. `png` or `kneeboard.png`.
     """
     path = Named.of(str(source)).path
-    return path.with_name(f"{path.stem}.{suffix}")
+    return path if path == STANDARD else path.with_name(f"{path.stem}.{suffix}")
 
 
 def write_text(path: Path, text: str) -> None:

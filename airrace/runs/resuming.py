@@ -4,6 +4,7 @@ from pathlib import Path
 
 from airrace.procedure.settings import Proof
 from airrace.runs.continuation import continuation, starting_steps
+from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.run import Run
 from airrace.runs.stage_names import stage_named
 from airrace.runs.starting import Changes, another, changed_run, last_stage, proved_otherwise
@@ -41,9 +42,10 @@ def changed_task(before: Run, changes: Changes, *, until: str | None = None, out
 
     Raises:
         InputError: the changed inputs are not valid; it carries all findings.
-        UsageError: there is nothing to start from.
+        UsageError: there is nothing to start from, or the file to be written is one that is read.
     """
     last = last_stage(before) if until is None else stage_named(until)
     run = changed_run(before, changes, out)
+    ensure_unread([] if out is None else [out], [*documents_of(run.inputs), before.path])
     start = another(before, run, last)
     return Task(run, last, steps=starting_steps(start, last), start=start)

@@ -120,16 +120,6 @@ def another(before: Run, run: Run, until: Stage) -> Another:
     return known
 
 
-def ensure_other_file(path: Path, out: Path) -> None:
-    """Refuse to write the new run over the one that it is started from.
-
-    Raises:
-        UsageError: both are the same file.
-    """
-    if out.exists() and path.exists() and out.samefile(path):
-        raise UsageError(f"{out} is the run to start from, which stays as it is; name another file with --out")
-
-
 def last_stage(run: Run) -> Stage:
     """Return the last stage that a run holds.
 

@@ -11,6 +11,7 @@ from typing import Any, Literal, ParamSpec
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
+from airrace.standard_streams import STANDARD
 
 # Any: the stubs of matplotlib leave keyword arguments untyped.
 Figure = Any
@@ -27,12 +28,12 @@ RED, AMBER, BLUE, GREY, BLACK = "#c0392b", "#b8860b", "#34568b", "#777777", "#22
 
 
 def ensure_drawable(path: Path) -> None:
-    """Find out now whether a drawing can be made in the format that the name of the file says.
+    """Find out now whether a drawing can be made in the format that the name of the file says; stdout takes PNG.
 
     Raises:
         UsageError: the name says no known format, or matplotlib is not installed.
     """
-    if path.suffix.lower() not in FORMATS:
+    if path != STANDARD and path.suffix.lower() not in FORMATS:
         raise UsageError(f"cannot draw into {path}; its name must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
     if find_spec("matplotlib") is None:
         raise UsageError("drawing needs matplotlib: pip install 'airrace[plot]'")
@@ -82,5 +83,5 @@ def save_figure(figure: Figure, path: Path) -> None:
     """
     content = io.BytesIO()
     with _boxes_for_unknown_signs():
-        figure.savefig(content, format=path.suffix.lower().removeprefix("."), dpi=DOTS_PER_INCH)
+        figure.savefig(content, format=path.suffix.lower().removeprefix(".") or "png", dpi=DOTS_PER_INCH)
     replace_file(path, content.getvalue())

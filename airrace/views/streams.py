@@ -94,11 +94,6 @@ def secure() -> None:
         sys.stderr = Watched(sys.stderr)
 
 
-def abandon_stdout() -> None:
-    """Give up what stdout has refused: let the interpreter's last flush go nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-
-
 def _stream(descriptor: int, mode: str) -> TextIO:
     """Open a stream that lives as long as the process."""
     return cast(TextIO, open(descriptor, mode, encoding="utf-8", closefd=False))

@@ -43,7 +43,7 @@ class _Lines(logging.Handler):
     """A handler that sends the library's log where the progress goes, so that neither spoils the other."""
 
     def __init__(self, write: Callable[[str], object]) -> None:
-        super().__init__(logging.DEBUG if debugging() else logging.WARNING)
+        super().__init__()
         self._write = write
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -55,7 +55,7 @@ def _logged_by(handler: logging.Handler) -> Generator[None, None, None]:
     logger = logging.getLogger("airrace")
     level, propagate = logger.level, logger.propagate
     logger.addHandler(handler)
-    logger.setLevel(handler.level or logging.WARNING)
+    logger.setLevel(logging.DEBUG if debugging() else level)
     logger.propagate = False
     try:
         yield

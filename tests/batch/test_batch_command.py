@@ -112,11 +112,12 @@ def test_the_reports_are_written_and_replaced_by_the_next_call(airrace: Shell) -
 @pytest.mark.parametrize(
     ("arguments", "code", "word"),
     [
-        (("--csv", "a", "--junit", "./a"), 2, "two reports"),
-        (("--csv", "oval.yaml"), 2, "is an input"),
+        (("--csv", "a", "--junit", "./a"), 2, "another file that this batch writes"),
+        (("--csv", "oval.yaml"), 2, "is read by this command"),
+        (("--csv", "batch/oval.h5"), 2, "another file that this batch writes"),
         (("--csv", "nowhere/a.csv"), 8, "cannot write"),
         (("--junit", "."), 2, "is a folder"),
-        (("--out-dir", "oval.yaml"), 2, "is not a folder"),
+        (("--output", "oval.yaml"), 2, "is not a folder"),
         (("--sweep", "environment.wind.speed_kt=1:2:-1"), 3, "never arrives"),
         (("--sweep", "nonsense"), 3, "key=values"),
         (("--settings", "nowhere.yaml"), 3, "no such file"),

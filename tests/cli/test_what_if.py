@@ -42,7 +42,7 @@ def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     for name, module in canned_procedure.REPLACED.items():
         monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
-    assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--out", "RUN.h5", "--quiet").code == 0
+    assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--output", "RUN.h5", "--quiet").code == 0
     return tmp_path / "RUN.h5"
 
 
@@ -54,14 +54,14 @@ def rules(path: Path) -> tuple[float, float]:
 
 def test_changes_come_on_top_of_what_was_stored_and_leave_the_run_as_it_is(run_file: Path) -> None:
     before = run_file.read_bytes()
-    ran = airrace("resume", run_file, "--set", "rules.floor_m=12", "--out", "NEW.h5", "--json")
+    ran = airrace("resume", run_file, "--set", "rules.floor_m=12", "--output", "NEW.h5", "--json")
     assert ran.code == 0
     assert run_file.read_bytes() == before
     assert rules(Path("NEW.h5")) == (9.0, 12.0)
 
 
 def test_difference_is_told_leg_by_leg(run_file: Path) -> None:
-    change = ("--set", "rules.n_z_max=8", "--out", "NEW.h5")
+    change = ("--set", "rules.n_z_max=8", "--output", "NEW.h5")
     compared = airrace("resume", run_file, *change, "--json").answer["compared"]
     assert isinstance(compared, dict)
     assert (compared["with"], compared["stage"]) == ("RUN.h5", "point-mass")
@@ -73,14 +73,14 @@ def test_difference_is_told_leg_by_leg(run_file: Path) -> None:
 
 
 def test_new_run_from_another_one_tells_the_difference_too(run_file: Path) -> None:
-    ran = airrace("optimize", TRACK, "--start", run_file, "--out", "NEW.h5", "--json")
+    ran = airrace("optimize", TRACK, "--start", run_file, "--output", "NEW.h5", "--json")
     assert ran.code == 0
     assert "compared" in ran.answer
 
 
 def test_file_with_changes_replaces_the_stored_text(run_file: Path) -> None:
     Path("moved.yaml").write_text(TRACK.read_text().replace("east_m: 434.3", "east_m: 444.3"))
-    assert airrace("resume", run_file, "--track", "moved.yaml", "--out", "NEW.h5", "--quiet").code == 0
+    assert airrace("resume", run_file, "--track", "moved.yaml", "--output", "NEW.h5", "--quiet").code == 0
     new = read_checkpoint(Path("NEW.h5")).inputs
     assert "444.3" in new.track.text
     assert new.aircraft == read_checkpoint(run_file).inputs.aircraft
@@ -88,7 +88,7 @@ def test_file_with_changes_replaces_the_stored_text(run_file: Path) -> None:
 
 
 def test_dry_run_says_what_would_be_started_from_what_and_writes_nothing(run_file: Path) -> None:
-    ran = airrace("resume", run_file, "--set", "rules.n_z_max=8", "--out", "NEW.h5", "--dry-run")
+    ran = airrace("resume", run_file, "--set", "rules.n_z_max=8", "--output", "NEW.h5", "--dry-run")
     assert (ran.code, ran.out.strip()) == (0, "point-mass: run (started from the one of RUN.h5)")
     assert not Path("NEW.h5").exists()
 
@@ -99,12 +99,14 @@ CHANGE = ("--set", "rules.n_z_max=8")
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        pytest.param(CHANGE, "--out NEW.h5", id="no file for the new run"),
-        pytest.param((*CHANGE, "--out", "RUN.h5", "--force"), "stays as it is", id="the same file"),
-        pytest.param((*CHANGE, "--out", "taken.h5"), "overwrite it with --force", id="an existing file"),
-        pytest.param(("--out", "NEW.h5"), "say with --set", id="no change"),
-        pytest.param((*CHANGE, "--out", "NEW.h5", "--from", "point-mass"), "--from", id="a stage again"),
-        pytest.param((*CHANGE, "--out", "NEW.h5", "--until", "homotopy"), "or solved stage up to", id="nothing so low"),
+        pytest.param(CHANGE, "--output NEW.h5", id="no file for the new run"),
+        pytest.param((*CHANGE, "--output", "RUN.h5", "--force"), "is read by this command", id="the same file"),
+        pytest.param((*CHANGE, "--output", "taken.h5"), "overwrite it with --force", id="an existing file"),
+        pytest.param(("--output", "NEW.h5"), "say with --set", id="no change"),
+        pytest.param((*CHANGE, "--output", "NEW.h5", "--from", "point-mass"), "--from", id="a stage again"),
+        pytest.param(
+            (*CHANGE, "--output", "NEW.h5", "--until", "homotopy"), "or solved stage up to", id="nothing so low"
+        ),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(run_file: Path, options: tuple[str, ...], said: str) -> None:
@@ -120,7 +122,7 @@ def test_options_that_do_not_go_together_are_refused(run_file: Path, options: tu
 
 
 def test_run_of_a_course_with_other_passings_is_refused_by_the_first_that_differs(run_file: Path) -> None:
-    ran = airrace("optimize", TRACKS / "abu_dhabi_2016.yaml", "--start", run_file, "--out", "NEW.h5")
+    ran = airrace("optimize", TRACKS / "abu_dhabi_2016.yaml", "--start", run_file, "--output", "NEW.h5")
     assert ran.code == 2
     assert "number 5 is 1:g4" in ran.err or "number 7 is 1:g6" in ran.err
     assert not Path("NEW.h5").exists()
@@ -130,8 +132,8 @@ def test_run_of_a_course_with_other_passings_is_refused_by_the_first_that_differ
 def test_damaged_file_is_no_start(run_file: Path, content: bytes) -> None:
     run_file.write_bytes(content)
     for ran in (
-        airrace("optimize", TRACK, "--start", run_file, "--out", "NEW.h5"),
-        airrace("resume", run_file, *CHANGE, "--out", "NEW.h5"),
+        airrace("optimize", TRACK, "--start", run_file, "--output", "NEW.h5"),
+        airrace("resume", run_file, *CHANGE, "--output", "NEW.h5"),
     ):
         assert ran.code == 7
         assert ran.err.count("\n") == 1
@@ -142,11 +144,11 @@ def test_run_without_a_certified_stage_is_no_start(run_file: Path) -> None:
     run = read_checkpoint(run_file)
     failed = canned_procedure.stage_result(Stage.POINT_MASS, Outcome.NOT_CERTIFIED)
     write_checkpoint(run_file, run.with_stage(failed))
-    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    ran = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5")
     assert ran.code == 2
     assert "RUN.h5 has no certified or solved stage up to point-mass to start from" in ran.err
     write_checkpoint(run_file, dataclasses.replace(run, stages=()))
-    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    ran = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5")
     assert ran.code == 2
     assert "no finished stage" in ran.err
 
@@ -154,14 +156,14 @@ def test_run_without_a_certified_stage_is_no_start(run_file: Path) -> None:
 def test_run_of_another_version_is_a_start_and_it_is_said(run_file: Path) -> None:
     run = read_checkpoint(run_file)
     write_checkpoint(run_file, dataclasses.replace(run, versions={**run.versions, "casadi": "0.0"}))
-    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5", "--quiet")
+    ran = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5", "--quiet")
     assert ran.code == 0
     assert "written with casadi 0.0" in ran.err
     assert "certified anew" in ran.err
 
 
 def test_change_that_contradicts_the_course_is_told_as_an_invalid_input(run_file: Path) -> None:
-    ran = airrace("resume", run_file, "--set", "rules.n_z_max=often", "--out", "NEW.h5")
+    ran = airrace("resume", run_file, "--set", "rules.n_z_max=often", "--output", "NEW.h5")
     assert ran.code == 3
     assert not Path("NEW.h5").exists()
 
@@ -196,6 +198,6 @@ def test_start_that_is_interrupted_before_its_first_stage_is_to_be_asked_again(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(procedure, "optimize", interrupted)
-    ran = airrace("resume", run_file, *CHANGE, "--out", "NEW.h5")
+    ran = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5")
     assert ran.code == 130
     assert "start from RUN.h5 again with --force" in ran.err

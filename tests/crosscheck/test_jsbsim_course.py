@@ -117,7 +117,7 @@ def test_the_optimum_of_half_a_cuban_eight_is_flown_by_jsbsim(tmp_path: Path) ->
     run = tmp_path / "run.h5"
     optimize = [sys.executable, "-m", "airrace", "optimize"]
     track = str(ROOT / "tracks/half_cuban_eight.yaml")
-    subprocess.run([*optimize, track, "--threads", "1", "--quiet", "--out", str(run)], check=True)
+    subprocess.run([*optimize, track, "--threads", "1", "--quiet", "--output", str(run)], check=True)
     script = [sys.executable, str(ROOT / "scripts/crosscheck.py"), str(run)]
     answer = subprocess.run(script, capture_output=True, text=True, check=False)
     assert answer.returncode == 0, answer.stdout + answer.stderr

@@ -54,6 +54,6 @@ def run_file() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         put_inputs(place)
-        ran = airrace(*OPTIMIZE, "--out", RUN, cwd=place)
+        ran = airrace(*OPTIMIZE, "--output", RUN, cwd=place)
         assert ran.code == 0, ran.err
         return (place / RUN).read_bytes()

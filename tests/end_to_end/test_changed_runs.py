@@ -11,10 +11,10 @@ FASTER = ("--set", "rules.n_z_max=9.5")
 @pytest.mark.slow
 def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Path) -> None:
     plan = ("--guess", "plan", "--explore", "off", "--quiet", "--json")
-    before = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, "--out", "RUN.h5", cwd=tmp_path)
-    scratch = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, *FASTER, "--out", "SCRATCH.h5", cwd=tmp_path)
+    before = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, "--output", "RUN.h5", cwd=tmp_path)
+    scratch = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, *FASTER, "--output", "SCRATCH.h5", cwd=tmp_path)
     stored = (tmp_path / "RUN.h5").read_bytes()
-    changed = airrace("resume", "RUN.h5", *FASTER, "--out", "NEW.h5", "--quiet", "--json", cwd=tmp_path)
+    changed = airrace("resume", "RUN.h5", *FASTER, "--output", "NEW.h5", "--quiet", "--json", cwd=tmp_path)
     assert (changed.code, changed.answer["certified"]) == (0, True)
     assert (tmp_path / "RUN.h5").read_bytes() == stored
     assert changed.race_time <= scratch.race_time + 5e-3

@@ -205,7 +205,7 @@ def test_run_can_be_flown_again_from_a_stage_on(run_file: Path, optimised: Ran) 
 def test_existing_output_is_refused_and_kept(run_file: Path) -> None:
     before = run_file.read_bytes()
     ran = airrace(
-        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--out", run_file, "--json", cwd=run_file.parent
+        "optimize", HALF_CUBAN, *POINT_MASS, "--guess", "plan", "--output", run_file, "--json", cwd=run_file.parent
     )
     assert ran.code == 2
     assert "--force" in str(ran.answer["error"])
@@ -269,7 +269,7 @@ def test_exported_rate_meets_the_exported_mesh(run_file: Path) -> None:
 
 def test_exported_file_has_its_gate_splits_beside_it(optimised: Ran, run_file: Path) -> None:
     output = run_file.with_name("flight.csv")
-    ran = inside("export", "csv", run_file, "--output", output, cwd=run_file.parent)
+    ran = inside("export", "csv", run_file, "--output", output, "-q", cwd=run_file.parent)
     assert (ran.code, ran.out) == (0, "")
     _, rows = table(output.read_text(encoding="utf-8"))
     _, splits = table(output.with_name("flight.splits.csv").read_text(encoding="utf-8"))

@@ -33,7 +33,7 @@ main()
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no such list")
 def test_user_without_a_home_and_without_a_name_can_fly(tmp_path: Path) -> None:
     ran = subprocess.run(
-        [sys.executable, "-c", UNKNOWN, "optimize", "half_cuban_eight", *POINT_MASS, "--out", "run.h5"],
+        [sys.executable, "-c", UNKNOWN, "optimize", "half_cuban_eight", *POINT_MASS, "--output", "run.h5"],
         capture_output=True,
         text=True,
         check=False,

@@ -33,7 +33,7 @@ def interrupted(
     Returns:
         Exit code, stdout, and the processes it had started.
     """
-    with start("optimize", SIXTEEN, *POINT_MASS, *how, "--json", "--out", "run.h5", cwd=folder) as running:
+    with start("optimize", SIXTEEN, *POINT_MASS, *how, "--json", "--output", "run.h5", cwd=folder) as running:
         wait_for(running, text)
         time.sleep(after)
         started = children(running.pid)
@@ -64,7 +64,7 @@ def test_run_stopped_in_the_joint_solve_keeps_its_homotopy_and_goes_on_to_the_sa
 def test_run_that_is_out_of_time_keeps_what_is_finished_and_goes_on_to_the_same_time(
     tmp_path: Path, uninterrupted: Ran
 ) -> None:
-    stopped = airrace("optimize", SIXTEEN, *ONE_LAP, "--out", "run.h5", "--timeout", "0.1", "--json", cwd=tmp_path)
+    stopped = airrace("optimize", SIXTEEN, *ONE_LAP, "--output", "run.h5", "--timeout", "0.1", "--json", cwd=tmp_path)
     assert stopped.code == 6
     assert (
         stopped.answer["error"]
@@ -78,7 +78,7 @@ def test_run_that_is_out_of_time_keeps_what_is_finished_and_goes_on_to_the_same_
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan"])
 def test_a_run_without_any_time_is_wrong_usage(seconds: str, tmp_path: Path) -> None:
-    refused = airrace("optimize", SIXTEEN, "--out", "run.h5", "--timeout", seconds, cwd=tmp_path)
+    refused = airrace("optimize", SIXTEEN, "--output", "run.h5", "--timeout", seconds, cwd=tmp_path)
     assert refused.code == 2
     assert "--timeout" in refused.err
     assert not (tmp_path / "run.h5").exists()
@@ -130,7 +130,7 @@ def test_run_stopped_while_it_explores_ends_at_once_with_all_its_solvers(
 
 @linux_only
 def test_worker_killed_in_mid_solve_is_a_failure_of_the_system(tmp_path: Path) -> None:
-    with start("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", "--out", "run.h5", cwd=tmp_path) as running:
+    with start("optimize", SIXTEEN, *POINT_MASS, *ONE_LAP, "--json", "--output", "run.h5", cwd=tmp_path) as running:
         wait_for(running, "phase 3 of 8")
         for worker in children(running.pid):  # the one that solves, and one that was started in case of need
             os.kill(worker, signal.SIGKILL)

@@ -15,7 +15,18 @@ TAU = 0.08  # s, of the roll in that file
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ran, Path]:
     """The course flown up to that fidelity, and its checkpoint."""
     run = tmp_path_factory.mktemp("own") / "rolling.h5"
-    options = ("--until", "first-order-roll", "--guess", "plan", "--explore", "off", "--out", run, "--json", "--quiet")
+    options = (
+        "--until",
+        "first-order-roll",
+        "--guess",
+        "plan",
+        "--explore",
+        "off",
+        "--output",
+        run,
+        "--json",
+        "--quiet",
+    )
     return airrace("optimize", HALF_CUBAN, *options, cwd=run.parent, environment=OWN), run
 
 

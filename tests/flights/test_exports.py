@@ -338,7 +338,7 @@ print(*sorted({{"scipy.integrate", "pandas"}} & set(sys.modules)))
 def test_exports_load_no_integrator_and_no_data_frames(kind: tuple[str, ...], tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     name, *how = kind
-    arguments = [name, str(half_cuban().save(tmp_path / "run.h5")), *how, "--output", str(tmp_path / "out")]
+    arguments = [name, str(half_cuban().save(tmp_path / "run.h5")), *how, "--output", str(tmp_path / "out"), "-q"]
     program = LIGHT.format(arguments=arguments)
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert (tmp_path / "out").stat().st_size > 10_000

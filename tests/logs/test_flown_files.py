@@ -124,7 +124,7 @@ def test_an_exported_flight_is_imported_again(folder: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize("name", ["kml", "acmi", "gpx", "fdr", "czml", "geojson", "mat"])
 def test_formats_of_other_programs_take_flown_logs(folder: Path, tmp_path: Path, name: str) -> None:
-    assert run("export", name, folder / "log.h5", "--output", tmp_path / f"flight.{name}") == (0, "", "")
+    assert run("export", name, folder / "log.h5", "--output", tmp_path / f"flight.{name}", "-q") == (0, "", "")
 
 
 def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:

@@ -135,16 +135,16 @@ def test_an_interrupted_study_goes_on_where_it_was(
 
     file, command = tmp_path / "study.jsonl", [COURSE, "--only", "n_z_max=8,9,10,11"]
     canned(interrupted)
-    assert modules["ways"].main([*command, "--out", str(file)]) == 130
+    assert modules["ways"].main([*command, "--output", str(file)]) == 130
     file.write_text(file.read_text(encoding="utf-8") + '{"job": "cut sho', encoding="utf-8")
     kept = len(modules["jobs"].Log(file).records)
     assert 1 <= kept <= 2  # 8, perhaps 11; what died is tried again
     asked = canned(lambda *_: record(8.0))
-    assert modules["ways"].main([*command, "--out", str(file)]) == 0
+    assert modules["ways"].main([*command, "--output", str(file)]) == 0
     assert {"9", "10"} <= {value(job, "rules.n_z_max") for job in asked}
     assert len(asked) == 4 - kept
     asked = canned(lambda *_: record(8.0))
-    assert modules["ways"].main([*command, "--out", str(file)]) == 0
+    assert modules["ways"].main([*command, "--output", str(file)]) == 0
     assert asked == []
 
 

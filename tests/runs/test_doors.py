@@ -63,7 +63,7 @@ def test_a_stage_is_in_the_file_before_it_is_announced(folder: Path) -> None:
         def stage_finished(self, result: StageResult) -> None:
             kept[result.stage] = result.stage in airrace.open(file)
 
-    airrace.optimize("rovinj_2014", out=file, progress=Reader())
+    airrace.optimize("rovinj_2014", output=file, progress=Reader())
     assert kept == {Stage.HOMOTOPY: True, Stage.POINT_MASS: True}
 
 
@@ -146,10 +146,10 @@ def test_a_run_with_objects_is_saved_and_opened_alike(run: Run) -> None:
 
 
 def test_a_file_is_kept_from_the_first_stage_on_and_never_overwritten_unasked() -> None:
-    run = airrace.optimize("rovinj_2014", until="homotopy", out="kept.h5")
+    run = airrace.optimize("rovinj_2014", until="homotopy", output="kept.h5")
     assert [stage.name for stage in airrace.open("kept.h5")] == ["homotopy"]
     with pytest.raises(UsageError, match="exists"):
-        airrace.optimize("rovinj_2014", out="kept.h5")
+        airrace.optimize("rovinj_2014", output="kept.h5")
     further = run.resume()
     assert [stage.name for stage in further] == ["homotopy", "point-mass"]
     assert [stage.name for stage in airrace.open("kept.h5")] == ["homotopy", "point-mass"]
@@ -160,7 +160,7 @@ def test_a_run_in_memory_is_resumed_in_memory(run: Run, folder: Path) -> None:
     begun = airrace.optimize("rovinj_2014", until=Stage.HOMOTOPY)
     assert [stage.name for stage in begun.resume(until="point-mass")] == ["homotopy", "point-mass"]
     assert list(folder.iterdir()) == []
-    assert airrace.resume(begun, out="now.h5").path == Path("now.h5")
+    assert airrace.resume(begun, output="now.h5").path == Path("now.h5")
     assert "point-mass" in airrace.open("now.h5")
 
 
@@ -175,8 +175,8 @@ def test_a_changed_run_is_another_one(run: Run) -> None:
 
 def test_a_changed_run_does_not_overwrite_the_one_it_starts_from(run: Run) -> None:
     run.save("first.h5")
-    with pytest.raises(UsageError, match="stays as it is"):
-        airrace.resume("first.h5", set={"rules.n_z_max": 9}, out="first.h5", force=True)
+    with pytest.raises(UsageError, match="is read by this command"):
+        airrace.resume("first.h5", set={"rules.n_z_max": 9}, output="first.h5", force=True)
 
 
 def test_certificates_are_measured_again(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

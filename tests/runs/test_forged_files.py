@@ -154,7 +154,7 @@ def test_start_from_a_run_of_other_equations_is_still_possible(path: Path) -> No
     """It takes what its model knows, and what it does not know is no start."""
     write_checkpoint(path, FOUND["a state missing"](genuine()))
     assert read_checkpoint(path).stage(Stage.POINT_MASS) is not None
-    dry = ran("resume", path, "--set", "rules.n_z_max=9", "--out", path.with_name("new.h5"), "--dry-run")
+    dry = ran("resume", path, "--set", "rules.n_z_max=9", "--output", path.with_name("new.h5"), "--dry-run")
     assert dry.exit_code == 0
 
 

@@ -25,7 +25,9 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Told:
     out, told = folder / "run.h5", folder / "shares.json"
     options = ("--until", "transfer-function", "--explore", "off", "--guess", "plan", "--threads", "1")
     command = [sys.executable, str(SCRIPTS / "ladder_shares.py"), str(told), "optimize", "half_cuban_eight"]
-    run = subprocess.run([*command, "--out", str(out), *options, "--json"], check=True, capture_output=True, text=True)
+    run = subprocess.run(
+        [*command, "--output", str(out), *options, "--json"], check=True, capture_output=True, text=True
+    )
     return json.loads(told.read_text()), json.loads(run.stdout)
 
 

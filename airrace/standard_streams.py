@@ -1,0 +1,57 @@
+"""The standard streams as files: `-` is read from stdin and written to stdout."""
+
+import os
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import TextIO
+
+STANDARD = Path("-")
+"""The path that stands for stdin or stdout."""
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Return at most so many bytes from the beginning of a file, or of what is piped in.
+
+    Raises:
+        OSError: the system refused.
+    """
+    if path == STANDARD:
+        return _piped_in(sys.stdin, most)
+    with path.open("rb") as file:
+        return file.read(most)
+
+
+def write_stdout(content: bytes) -> None:
+    """Write to stdout; a reader that closes the pipe has seen enough.
+
+    Raises:
+        OSError: the system refused.
+    """
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(content)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        abandon_stdout()
+
+
+def abandon_stdout() -> None:
+    """Give up what stdout has refused: let the interpreter's last flush go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def name_of(path: Path) -> str:
+    """Return what messages call a file that is read."""
+    return "stdin" if path == STANDARD else str(path)
+
+
+def stem_of(path: Path) -> str:
+    """Return the name under which a file that is read is known: without its folder and suffix."""
+    return Path(name_of(path)).stem
+
+
+@lru_cache(maxsize=1)
+def _piped_in(stream: TextIO, most: int) -> bytes:
+    """Return what a stream holds, also to whoever asks again."""
+    return stream.buffer.read(most)
