@@ -74,17 +74,17 @@ def _ended_by(error: BaseException) -> int:
     """
     if interrupts.caused(error):
         return INTERRUPTED
+    from airrace.errors import is_lack_of_memory
+
+    if is_lack_of_memory(error):
+        sys.stderr.write("airrace: out of memory\n")
+        return 8
     if isinstance(error, OSError):
         from airrace.views.streams import abandon_stdout
 
         if not isinstance(error, BrokenPipeError):  # a reader that has seen enough needs no telling
             sys.stderr.write(f"airrace: cannot write to stdout: {error.strerror}\n")
         abandon_stdout()
-        return 8
-    from airrace.errors import is_lack_of_memory
-
-    if is_lack_of_memory(error):
-        sys.stderr.write("airrace: out of memory\n")
         return 8
     raise error
 

@@ -29,10 +29,16 @@ class Finding:
 
 
 class InputError(AirraceError):
-    """An error in the user's input; it carries every finding, not only the first."""
+    """An error in the user's input; it carries every finding, or the first of each file where there are very many.
 
-    def __init__(self, findings: list[Finding]) -> None:
+    Attributes:
+        findings: sorted by file and place.
+        count: of all findings, also of those that are left out.
+    """
+
+    def __init__(self, findings: list[Finding], count: int | None = None) -> None:
         self.findings = sorted(findings)
+        self.count = len(findings) if count is None else count
         super().__init__("\n".join(str(finding) for finding in self.findings))
 
 
@@ -65,20 +71,17 @@ class SolverCrash(AirraceError):
 
 
 class KernelError(AirraceError):
-    """An error of a compiled kernel that could not be built or loaded.
-
-    The caller falls back to casadi's own evaluation.
-    """
+    """An error of a function or a variant that the native library cannot evaluate on this processor."""
 
 
 def is_lack_of_memory(error: BaseException) -> bool:
     """Tell whether an error says that there is not enough memory: for an object, or for a library to be loaded."""
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return True
+    # A library that cannot be loaded is an ImportError, or an OSError without a number (ctypes).
+    told = isinstance(error, ImportError | RuntimeError) or (isinstance(error, OSError) and error.errno is None)
     lacking = ("failed to map segment", "cannot allocate memory", "bad_alloc", "can't start new thread")
-    if isinstance(error, OSError):
-        return error.errno == errno.ENOMEM
-    return isinstance(error, MemoryError) or (
-        isinstance(error, ImportError | RuntimeError) and any(text in str(error).lower() for text in lacking)
-    )
+    return told and any(text in str(error).lower() for text in lacking)
 
 
 def debugging() -> bool:

@@ -9,9 +9,11 @@ import hashlib
 import importlib.util
 import os
 import sys
+import traceback
 from pathlib import Path
 
-from airrace.errors import AirraceError, UsageError
+from airrace import interrupts
+from airrace.errors import AirraceError, UsageError, is_lack_of_memory
 
 VARIABLE = "AIRRACE_EXTENSIONS"
 
@@ -45,9 +47,23 @@ def load_extensions() -> None:
             _run(path)
         except BaseException as error:
             _loaded.discard(path)
-            if isinstance(error, Exception) and not isinstance(error, AirraceError):
-                raise UsageError(f"{VARIABLE} names {path}, which fails: {type(error).__name__}: {error}") from error
-            raise
+            if isinstance(error, AirraceError) or interrupts.caused(error) or is_lack_of_memory(error):
+                raise
+            raise UsageError(f"{VARIABLE} names {path}, which fails{_place(error, path)}: {_told(error)}") from error
+
+
+def _place(error: BaseException, path: Path) -> str:
+    """Return the line of the file in which it failed, as ` in line 7`; empty where it is not known."""
+    if isinstance(error, SyntaxError):
+        return f" in line {error.lineno}" if error.lineno and error.filename == str(path) else ""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    return f" in line {lines[-1]}" if lines else ""
+
+
+def _told(error: BaseException) -> str:
+    if isinstance(error, SystemExit):
+        return "it ends the program, which an extension must not do"
+    return f"{type(error).__name__}: {error}"
 
 
 def _run(path: Path) -> None:

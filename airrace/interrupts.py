@@ -18,7 +18,8 @@ REMINDER = 0.3
 A command should end within two seconds, and casadi loses about one request in three.
 """
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGBREAK") if hasattr(signal, name))
+"""The signals that ask to stop; SIGBREAK is all that one process of Windows can send another."""
 
 
 class _Request:

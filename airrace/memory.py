@@ -27,6 +27,8 @@ KEPT = 256 * 2**20
 LARGEST_KEPT = 32 * 2**20
 """The largest piece that it keeps, bytes: as large as glibc allows."""
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's mallopt
+LACKING = (AttributeError, OSError, TypeError)
+"""Errors of a function that another C library than glibc lacks, or of a system (Windows) that has no one library."""
 
 
 def ensure_enough() -> None:
@@ -52,7 +54,7 @@ def keep() -> None:
     """
     import ctypes  # which not every command loads
 
-    with contextlib.suppress(AttributeError, OSError):  # only glibc has it
+    with contextlib.suppress(*LACKING):
         allocator = ctypes.CDLL(None)
         allocator.mallopt(_TRIM_THRESHOLD, KEPT)
         allocator.mallopt(_MMAP_THRESHOLD, LARGEST_KEPT)
@@ -62,7 +64,7 @@ def give_back() -> None:
     """Give memory back to the system that this process has used and does not need now, where the allocator can."""
     import ctypes  # which not every command loads
 
-    with contextlib.suppress(AttributeError, OSError):  # only glibc has it
+    with contextlib.suppress(*LACKING):
         ctypes.CDLL(None).malloc_trim(0)
 
 

@@ -1,8 +1,18 @@
-"""The settings of a process of airrace, made before it loads a library, and the command that starts another one."""
+"""The settings of a process of airrace, made before it loads a library, and how it starts others and ends with them.
+
+A process that only works for another one reads what it is asked from its standard input and answers on its standard
+output: every system has these two, and their end tells each side that the other one is gone.
+"""
 
 import gc
 import os
 import sys
+
+TYPE_CHECKING = False  # as type checkers take it: nothing is loaded here that a command might not need
+if TYPE_CHECKING:
+    import subprocess
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from typing import IO
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -12,6 +22,7 @@ ONE_THREAD = dict.fromkeys(
 What is computed with them here is small. Threads of theirs would wait for work on the cores that the solvers need,
 and the last bits of results would depend on their number.
 """
+_PR_SET_PDEATHSIG = 1  # of Linux's prctl
 CREATED = 200_000
 """The number of new objects after which Python looks for cycles among them that nobody refers to any more.
 
@@ -35,3 +46,82 @@ def python_command(module: str, *arguments: str) -> tuple[str, ...]:
     It never looks for modules in the current folder (`-P`): files there may come from anybody.
     """
     return (sys.executable, "-P", "-m", module, *arguments)
+
+
+def started_apart(
+    command: "Sequence[str]", stderr: "IO[bytes] | None" = None, environment: "Mapping[str, str] | None" = None
+) -> "subprocess.Popen[bytes]":
+    """Start a process to talk with, which a terminal's Ctrl-C does not reach: whoever has started it stops it."""
+    import subprocess
+
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        env=environment,
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # Windows has no sessions
+    )
+
+
+def taken_streams() -> "tuple[IO[bytes], IO[bytes]]":
+    """Take standard input and output for what the starter asks and is answered.
+
+    Whatever else this process reads is empty from now on, and whatever else it prints goes to stderr.
+    """
+    asked, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    return asked, answers
+
+
+def die_with_starter() -> None:
+    """Have the system end this process with the thread that started it, where it can (Linux).
+
+    Elsewhere, and if that thread has ended already, the end of standard input says so.
+    """
+    import contextlib
+    import ctypes
+    import signal
+
+    with contextlib.suppress(AttributeError, OSError, TypeError):  # Linux alone has it
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def available_cores(membership: str = "/proc/self/cgroup", groups: str = "/sys/fs/cgroup") -> int:
+    """Return the number of cores that this process may use, which can be fewer than the machine has.
+
+    It may be bound to some of them, and a container may have a quota of their time (`docker run --cpus`).
+    """
+    count: Callable[[], int | None] = getattr(os, "process_cpu_count", _bound_cores)  # Python 3.13
+    return min([count() or 1, *_quotas(membership, groups)])
+
+
+def _bound_cores() -> int | None:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+
+
+def _quotas(membership: str, groups: str) -> "Iterator[int]":
+    """Yield the quotas of the control groups to which this process belongs, version 1 or 2, in whole cores."""
+    for _, controllers, path in (line.split(":", 2) for line in _text(membership).splitlines()):
+        if controllers and "cpu" not in controllers.split(","):
+            continue
+        folder = os.path.join(groups, controllers)  # version 2 names no controllers
+        for name in ("", *path.strip("/").split("/")):
+            folder = os.path.join(folder, name)
+            version_1 = f"{_text(folder, 'cpu.cfs_quota_us')} {_text(folder, 'cpu.cfs_period_us')}"
+            quota, _, period = (_text(folder, "cpu.max") or version_1).partition(" ")
+            if quota.isdecimal() and period.isdecimal():  # neither `max` nor -1
+                yield max(1, -(-int(quota) // int(period)))
+
+
+def _text(*path: str) -> str:
+    """Return the content of a file of the system, stripped; nothing where there is no such file."""
+    try:
+        with open(os.path.join(*path), encoding="utf-8") as file:
+            return file.read().strip()
+    except OSError:
+        return ""

@@ -24,7 +24,7 @@ class System:
     """A controlled dynamical system `x_dot = f(x, u, p)` with quantities `c(x, u, p)` to be limited along the path.
 
     Attributes:
-        name: identifies the model in messages and in the names of compiled kernels.
+        name: identifies the model in messages.
         states: declarations of x; their bounds hold everywhere unless a phase narrows them.
         controls: declarations of u (constant over an interval); their bounds likewise.
         parameters: declarations of p, constant over the flight.

@@ -1,16 +1,17 @@
 """How long the whole ladder takes, from the point mass to six degrees of freedom, measured on the real command.
 
     python scripts/benchmark_ladder.py [COURSE ...] [--repeats 3] [--threads 2] [--proof last] [--explore off]
-                                       [--until STAGE] [--cold] [--shares] [--what-if KEY=VALUE] [--json FILE]
+                                       [--until STAGE] [--beside PYTHON] [--shares] [--what-if KEY=VALUE] [--json FILE]
                                        [--against FILE]
 
 COURSE is a shipped course or a track file; by default rovinj_2014. Every run is `airrace optimize` from the plan, in a
-process of its own, with a warm kernel cache; the runs of several courses take turns, so that a busy minute of the
+process of its own; the runs of several courses take turns, so that a busy minute of the
 machine meets all of them. Of each course the run with the median wall time is told: the headline with wall and
 processor time over race time, then per stage race time, iterations, intervals, seconds and accuracy. Processor seconds,
 of all cores together, tell how much of the wall time was waiting for other work on the machine.
 
-- `--cold` flies each course as often with an empty kernel cache, in turn: what the first run on a machine takes.
+- `--beside PYTHON` flies each course as often with the airrace that this Python has installed, in turn, and tells the
+  ratios: another version, or one without the native library.
 - `--shares` flies each course once more with clocks around its parts, see `ladder_shares.py`: which shares of each
   stage's seconds went into derivatives, linear algebra, putting together, replay, simulation, and input and output.
 - `--what-if KEY=VALUE` (again for more) changes the flown run, too, as `airrace resume --set` does.
@@ -32,13 +33,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from compiled_models import compile_models
 from ladder_shares import BETWEEN
 
-from airrace.procedure.stage import Stage as Stages
-
 ROOT = Path(__file__).resolve().parent.parent
-COMMAND = (sys.executable, "-P", "-m", "airrace")
+BESIDE = ", beside"
+"""What is added to the name of a course that the other version flew."""
 ACCURACY = ("replay_defect", "race_time_change", "hamiltonian_drift")
 """The items of the certificate that tell how accurate a stage is."""
 
@@ -78,17 +77,17 @@ class Uncertified(Exception):
     """A command that did not end with a certified flight."""
 
 
-def measured(*arguments: str, environment: Mapping[str, str] | None = None) -> Measurement:
-    """Run one command to its end.
+def measured(*arguments: str, folder: Path, python: str = sys.executable) -> Measurement:
+    """Run one command of an installed airrace to its end, in a folder.
 
     Raises:
         Uncertified: it ended otherwise.
     """
-    command, started = [*COMMAND, *arguments, "--json", "--quiet"], time.perf_counter()
-    environment = {**(os.environ if environment is None else environment)}
+    command, started = [python, "-P", "-m", "airrace", *arguments, "--json", "--quiet"], time.perf_counter()
+    environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its modules compiled
     with tempfile.TemporaryFile("w+") as told:
-        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=told, text=True, env=environment, cwd=ROOT)
+        running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=told, text=True, env=environment, cwd=folder)
         assert running.stdout is not None  # it is a pipe
         said = running.stdout.read()
         _, status, used = os.wait4(running.pid, 0)
@@ -185,6 +184,16 @@ def compared_rows(now: Measurement, before: Mapping[str, Any]) -> list[Row]:  # 
     return rows
 
 
+def ratio_rows(found: Mapping[str, Measurement]) -> list[Row]:
+    """One row per course that was flown by both versions: seconds of this one over those of the other."""
+    rows: list[Row] = [("course", "wall ratio", "processor ratio", "race time, ms")]
+    for name, run in found.items():
+        if (other := found.get(f"{name}{BESIDE}")) is not None:
+            ratios = f"{run.wall / other.wall:.3f}", f"{run.processor / other.processor:.3f}"
+            rows.append((name, *ratios, f"{1000.0 * (run.race - other.race):+.3f}"))
+    return rows
+
+
 def share_rows(told: Mapping[str, Any]) -> list[Row]:  # Any: as read from JSON
     """One row per stage and one for all, with the parts as shares of its wall time."""
     parts = next(iter(told.values()))["parts"]
@@ -211,29 +220,25 @@ def print_rows(rows: Sequence[Row]) -> None:
 
 
 def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> dict[str, Measurement]:
-    """Fly all courses, warm and as it is asked for cold and changed; the runs by what they are called."""
+    """Fly all courses, as it is asked for beside another version and changed; the runs by what they are called."""
     options = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
 
-    def fly(course: str, environment: Mapping[str, str] | None = None) -> Measurement:
-        out = str(folder / f"{Path(course).stem}.h5")
-        chosen = (*options, "--explore", asked.explore)
-        return measured("optimize", course, "--out", out, "--force", *chosen, environment=environment)
+    def fly(course: str, python: str) -> Measurement:
+        path = str(Path(course).resolve()) if Path(course).exists() else course
+        return measured("optimize", path, "--force", *options, "--explore", asked.explore, folder=folder, python=python)
 
-    compile_models(courses, Stages(asked.until))
     runs: dict[str, list[Measurement]] = {}
     for _ in range(asked.repeats):
         for course in courses:
-            if asked.cold:
-                with tempfile.TemporaryDirectory() as cache:
-                    cold = fly(course, {**os.environ, "AIRRACE_CACHE_DIR": cache})
-                runs.setdefault(f"{Path(course).stem}, empty cache", []).append(cold)
-            runs.setdefault(Path(course).stem, []).append(fly(course))
+            if asked.beside:
+                runs.setdefault(f"{Path(course).stem}{BESIDE}", []).append(fly(course, asked.beside))
+            runs.setdefault(Path(course).stem, []).append(fly(course, sys.executable))
     found = {name: median(several) for name, several in runs.items()}
     for course in courses if asked.what_if else ():
         stored, new = (str(folder / f"{name}.h5") for name in (Path(course).stem, "changed"))
         sets = [part for change in asked.what_if for part in ("--set", change)]
         chosen = ("--until", asked.until, "--threads", str(asked.threads))
-        changed = measured("resume", stored, *sets, "--out", new, "--force", *chosen)
+        changed = measured("resume", stored, *sets, "--output", new, "--force", *chosen, folder=folder)
         found[f"{Path(course).stem}, {', '.join(asked.what_if)}"] = changed
     return found
 
@@ -243,7 +248,7 @@ def shares_of(course: str, asked: argparse.Namespace, folder: Path) -> dict[str,
     told, out = folder / "shares.json", str(folder / "shares.h5")
     timed = (sys.executable, str(ROOT / "scripts" / "ladder_shares.py"), str(told), "optimize", course)
     chosen = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
-    command = (*timed, "--out", out, "--force", "--explore", "off", "--quiet", *chosen)
+    command = (*timed, "--output", out, "--force", "--explore", "off", "--quiet", *chosen)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
     found: dict[str, Any] = json.loads(told.read_text())
     return found
@@ -258,7 +263,7 @@ def main() -> int:
     parser.add_argument("--proof", choices=("last", "all"), default="last")
     parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
     parser.add_argument("--until", default="six-dof", metavar="STAGE")
-    parser.add_argument("--cold", action="store_true", help="once more with an empty kernel cache")
+    parser.add_argument("--beside", metavar="PYTHON", help="fly with the airrace of this Python, too, in turn")
     parser.add_argument("--shares", action="store_true", help="once more with clocks around its parts")
     parser.add_argument("--what-if", action="append", default=[], metavar="KEY=VALUE", help="change the run, too")
     parser.add_argument("--json", type=Path, metavar="FILE", help="keep all figures")
@@ -274,6 +279,8 @@ def main() -> int:
         return 1
     print(f"{asked.threads} threads, exploring {asked.explore}, proof {asked.proof}: medians of {asked.repeats} runs\n")
     print_rows([HEADLINES, *(headline(name, run) for name, run in found.items())])
+    if asked.beside:
+        print_rows(ratio_rows(found))
     for name, run in found.items():
         print(f"**{name}**\n")
         print_rows(stage_rows(run))

@@ -166,8 +166,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for tool in tools:
         if tool.missing:
             print(tool.missing, file=sys.stderr)
-    for scheme in SCHEMES:
-        engine.warm(race, scheme)
     compared = measure(race, Tool("reference", with_scheme(VERNER_7)), chosen.reference, 1, chosen.tolerance)
     print(f"compared with {compared.race_time:.4f} s on {chosen.reference} segments per phase", file=sys.stderr)
     for tool in tools:

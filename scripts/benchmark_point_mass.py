@@ -3,16 +3,14 @@
     python scripts/benchmark_point_mass.py [--repeats 5] [--tracks tracks/rovinj_2014.yaml ...] [--laps 1 2 4 8 16]
         [--explore off] [--markdown]
 
-For every track and both guesses: the median wall time of `airrace optimize` with a warm kernel cache as a share of the
-race time, the shares of derivatives, solver and everything else, the peak memory of all processes; then once with an
-empty cache. Last, the wall time over the number of laps and the exponent of its growth. Other ways round are not
-explored, unless `--explore` asks for it.
+For every track and both guesses: the median wall time of `airrace optimize` as a share of the race time, the shares of
+derivatives, solver and everything else, the peak memory of all processes. Last, the wall time over the number of laps
+and the exponent of its growth. Other ways round are not explored, unless `--explore` asks for it.
 """
 
 import argparse
 import json
 import math
-import os
 import statistics
 import subprocess
 import sys
@@ -23,10 +21,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-
-from compiled_models import compile_models
-
-from airrace.procedure.stage import Stage
 
 ROOT = Path(__file__).resolve().parent.parent
 TRACKS = ("rovinj_2014", "sixteen_phases", "half_cuban_eight")
@@ -51,19 +45,14 @@ class Measurement:
     iterations: int
 
 
-def measure(
-    track: Path, guess: str, *, explore: str, overrides: tuple[str, ...] = (), cache: Path | None = None
-) -> Measurement:
+def measure(track: Path, guess: str, *, explore: str, overrides: tuple[str, ...] = ()) -> Measurement:
     """Run `airrace optimize` once in a temporary folder."""
-    environment = dict(os.environ)
-    if cache is not None:
-        environment["AIRRACE_CACHE_DIR"] = str(cache)
     with tempfile.TemporaryDirectory() as folder:
         command = [*COMMAND, "optimize", str(track), "--guess", guess, "--json", "--quiet"]
         command += ["--until", "point-mass", "--explore", explore, "--out", f"{folder}/run.h5"]
         command += [part for one in overrides for part in ("--set", one)]
         started = time.perf_counter()
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         peak = PeakMemory(process.pid)
         output, errors = process.communicate()
         wall = time.perf_counter() - started
@@ -179,13 +168,6 @@ def fraction(share: float) -> str:
     return f"1/{1 / share:.1f}"
 
 
-def cold_line(fly: Fly, track: Path) -> None:
-    """One run with an empty kernel cache: the compiler runs, too."""
-    with tempfile.TemporaryDirectory() as cache:
-        run = fly(track, "plan", cache=Path(cache))
-    print(f"\ncold kernel cache, {track.stem}, plan: {run.wall:.1f} s")
-
-
 def laps_table(fly: Fly, track: Path, laps: list[int]) -> None:
     """Wall time over the number of laps, and the exponent between the fewest and the most."""
     for guess in GOALS:
@@ -213,9 +195,7 @@ def main() -> None:
     parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
     arguments = parser.parse_args()
     fly = partial(measure, explore=arguments.explore)
-    compile_models(arguments.tracks, Stage.POINT_MASS)
     (warm_markdown if arguments.markdown else warm_table)(fly, arguments.tracks, arguments.repeats)
-    cold_line(fly, arguments.tracks[0])
     if arguments.laps:
         laps_table(fly, ROOT / "tracks" / "sixteen_phases.yaml", arguments.laps)
 

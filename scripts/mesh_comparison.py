@@ -226,7 +226,7 @@ def compared(name: str, race: Race, settings: Settings, stage: Stage) -> Compari
         NotComparable: no certified flight, or the uniform meshes lead to another one.
     """
     settings = dataclasses.replace(settings, guess=GuessKind.PLAN, explore=Explore.OFF)
-    with SolverService(threads=1, compiled=settings.solver.compile_kernels) as service:
+    with SolverService(threads=1) as service:
         ladder, bench = Ladder(race, settings, ()), RecordingBench(service, settings, Silent())
         for one in wanted_stages(settings, stage):
             bench.begin()

@@ -102,7 +102,7 @@ def lift(state: Array, leg: Leg, height: float) -> None:
 def bench_of(settings: Settings, threads: int) -> Iterator[Workbench]:
     """A workbench with a solver process of its own."""
     solver = settings.solver
-    with SolverService(threads=threads, compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds) as service:
+    with SolverService(threads=threads, stall_seconds=solver.stall_seconds) as service:
         yield Workbench(service, settings, Silent())
 
 

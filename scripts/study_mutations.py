@@ -1,13 +1,11 @@
-"""Mutated documents, checkpoints and kernel caches: read with one sentence or not at all, never with a traceback.
+"""Mutated documents and checkpoints: read with one sentence or not at all, never with a traceback.
 
     python scripts/study_mutations.py [--count N] [--seed SEED] [--log FILE] [--part K/N] [--only KIND] [--verified N]
 
 Documents and checkpoints are read in this process; what is accepted is shown and exported, too, and one in N of these
-checkpoints is verified. Runs with a spoilt cache have processes of their own, for code must not change under who has
-loaded it.
+checkpoints is verified.
 """
 
-import contextlib
 import random
 import sys
 import tempfile
@@ -17,7 +15,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from robustness import ROOT, SMALL, Ran, Record, Study, apart, choice_of, inside, options, outcome, peak_memory
+from robustness import ROOT, SMALL, Ran, Record, Study, choice_of, inside, options, outcome, peak_memory
 
 from airrace.checkpoint.envelope import seal, unseal
 
@@ -176,32 +174,16 @@ def checkpoint(rng: random.Random, folder: Path, verified_every: int) -> tuple[s
     return kind, worst
 
 
-def cached(rng: random.Random, folder: Path) -> tuple[str, Ran]:
-    """A file of the cache of kernels is spoilt between two runs; the second one may not care."""
-    cache = str(folder / "cache")
-    apart("optimize", *SMALL, "--out", folder / "a.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
-    for file in (one for one in (folder / "cache").rglob("*") if one.is_file()):
-        content = bytearray(file.read_bytes())
-        for _ in range(20):
-            content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
-        with contextlib.suppress(PermissionError):
-            file.write_bytes(bytes(content[: rng.choice((len(content), len(content) // 2, 1))]))
-    return "kernel cache", apart("optimize", *SMALL, "--out", folder / "b.h5", "--quiet", AIRRACE_CACHE_DIR=cache)
-
-
 def trial(rng: random.Random, number: int, only: str | None, verified_every: int) -> Record:
-    """Every 200th trial takes the cache; of the others half are documents, half checkpoints. Or all are of one kind."""
-    kind = only or ("caches" if number % 200 == 199 else rng.choice(("documents", "checkpoints")))
+    """Half of the trials are documents, half checkpoints. Or all are of one kind."""
+    kind = only or rng.choice(("documents", "checkpoints"))
     plays: dict[str, Callable[[random.Random, Path], tuple[str, Ran]]] = {
-        "caches": cached,
         "documents": document,
         "checkpoints": lambda rng, folder: checkpoint(rng, folder, verified_every),
     }
     with tempfile.TemporaryDirectory() as folder:
         what, ran = plays[kind](rng, Path(folder))
-    faults = ran.faults(60.0 if kind == "caches" else LONGEST)
-    if kind == "caches" and ran.code != 0:
-        faults.append(f"a spoilt cache ends a run: {ran.err.strip()[-160:]}")
+    faults = ran.faults(LONGEST)
     if (peak := peak_memory()) > MEMORY:
         faults.append(f"{peak:.0f} MB of memory")
     return {"kind": what, "outcome": outcome(ran.code), "seconds": ran.seconds, "faults": faults}
@@ -209,7 +191,7 @@ def trial(rng: random.Random, number: int, only: str | None, verified_every: int
 
 def main() -> int:
     parser = options(__doc__ or "", 400)
-    parser.add_argument("--only", choices=("documents", "checkpoints", "caches"), help="trials of this kind alone")
+    parser.add_argument("--only", choices=("documents", "checkpoints"), help="trials of this kind alone")
     parser.add_argument("--verified", type=int, default=40, metavar="N", help="one in N accepted checkpoints")
     arguments = parser.parse_args()
     study = Study(arguments.seed, arguments.log)

@@ -149,7 +149,7 @@ def study(source: Path, stage: Stage, *, every: int, threads: int) -> tuple[str,
     name, inputs, result = flown(source, stage, threads)
     active = [price for price in prices(inputs, result).values() if price.activity is not Activity.FREE]
     solver = inputs.settings.solver
-    with SolverService(threads=threads, compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds) as service:
+    with SolverService(threads=threads, stall_seconds=solver.stall_seconds) as service:
         own = Study(inputs, result, service)
         compared: list[Comparison] = []
         for price in active[::every]:

@@ -120,7 +120,7 @@ def optimize(
 def _end(scenario: str, progress: Progress) -> None:
     match scenario:
         case "slow":
-            for number in range(2, 600):
+            for number in range(2, 6000):
                 time.sleep(0.1)
                 progress.iteration(Iteration(number, 10.0, 1.0 / number))
         case "crash":

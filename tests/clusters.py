@@ -3,13 +3,11 @@
 import json
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-START_UP = 60.0  # s, on a machine with a lot else to do
+from waiting import wait_until
 
 
 class Cluster:
@@ -24,7 +22,7 @@ class Cluster:
         file = self._folder / "scheduler.json"
         options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
         self._scheduler = self._started("dask_scheduler", *options)
-        wait_until(lambda: file.exists() and file.read_text().rstrip().endswith("}"), START_UP)
+        wait_until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
         self.address: str = json.loads(file.read_text())["address"]
         return self
 
@@ -61,12 +59,3 @@ class Cluster:
                 cwd=self._folder,
                 start_new_session=True,
             )
-
-
-def wait_until(holds: Callable[[], object], within: float = 20.0) -> None:
-    deadline = time.monotonic() + within
-    while time.monotonic() < deadline:
-        if holds():
-            return
-        time.sleep(0.02)
-    raise AssertionError("it never came about")

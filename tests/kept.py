@@ -1,20 +1,16 @@
 """What one test has computed is kept for all others of the same `pytest` command, in whichever process they run."""
 
-import fcntl
 import functools
 import hashlib
 import os
 import pickle
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-import pytest
-
-from airrace.optimal_control import kernel_library, kernels
+from filelock import FileLock
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -31,22 +27,6 @@ def remove_folder() -> None:
     shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
 
 
-def keep_kernels(patch: pytest.MonkeyPatch) -> None:
-    """Compile kernels into a cache that was empty when the command began, for tests that look at what is compiled."""
-    patch.setenv("AIRRACE_CACHE_DIR", str(Path(os.environ[FOLDER]) / "kernels"))
-
-
-def compile_quickly(patch: pytest.MonkeyPatch) -> None:
-    """Compile kernels without optimisation, in this process, where a test is not about what optimisation does.
-
-    Flags belong to the cache's key, so that no such kernel is taken for an optimised one.
-    """
-    patch.setattr(kernel_library, "GENERATED_FLAGS", ("-O0",))
-    patch.setattr(kernel_library, "HIDDEN_FLAGS", ("-O0", *kernel_library.HIDDEN_FLAGS[1:]))
-    for flags in ("DRIVER_FLAGS", "LANE_FLAGS"):
-        patch.setattr(kernels, flags, ("-O0",))
-
-
 def kept(function: Callable[P, T]) -> Callable[P, T]:
     """Call a function once for equal arguments; a process that wants what another one is computing waits for it.
 
@@ -60,7 +40,7 @@ def kept(function: Callable[P, T]) -> Callable[P, T]:
             return function(*args, **kwargs)
         key = hashlib.sha256(repr((name, args, sorted(kwargs.items()))).encode()).hexdigest()[:32]
         path = Path(os.environ[FOLDER]) / f"{key}.pickle"
-        with _locked(path.with_suffix(".lock")):
+        with FileLock(path.with_suffix(".lock")):
             if not path.exists():
                 result = function(*args, **kwargs)
                 path.write_bytes(pickle.dumps(result))
@@ -68,11 +48,3 @@ def kept(function: Callable[P, T]) -> Callable[P, T]:
         return pickle.loads(path.read_bytes())
 
     return functools.wraps(function)(recalled)
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """A lock between processes; the system gives it back if its holder dies."""
-    with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

@@ -1,29 +1,60 @@
-"""Kernels of two makings that give the same bits for all of their calls."""
+"""Kernels of two makings, called for the same intervals."""
 
+import contextlib
 from collections.abc import Sequence
 
 import numpy as np
 
+from airrace.errors import KernelError
+from airrace.native.library import Library, library_path, open_library
 from airrace.optimal_control.mapping import Callee, Part
 
 
-def results(kernel: Callee, part: Part, calls: int, given: Sequence[np.ndarray], threads: int = 1) -> list[np.ndarray]:
-    """What a kernel returns for (y, own, shared, lam) of all intervals."""
-    arguments = [np.ascontiguousarray(one).ravel() for one in given]
+def results(kernel: Callee, part: Part, given: Sequence[np.ndarray], threads: int = 1) -> list[np.ndarray]:
+    """What a kernel returns for y, own and lam of all intervals, a row each, and one `shared`: y, own, shared, lam.
+
+    A row per interval; their number is a multiple of the kernel's lanes.
+    """
+    calls = len(given[0]) // kernel.lanes
+    arguments = [np.ascontiguousarray(one, dtype=np.float64).ravel() for one in given]
+    arguments[2] = np.tile(arguments[2], calls)
     call, found = kernel.bound(part, calls, threads, arguments if part is Part.HESSIAN else arguments[:3])
     call()
+    return [one.reshape(len(given[0]), -1) for one in found]
+
+
+def all_results(kernel: Callee, given: Sequence[np.ndarray], threads: int = 1) -> list[np.ndarray]:
+    """The same of values, Jacobian and Hessian."""
+    return [one for part in Part for one in results(kernel, part, given, threads)]
+
+
+def random_intervals(kernel: Callee, own: int, shared: int, count: int, seed: int = 3) -> list[np.ndarray]:
+    """Arguments of so many intervals for `results`."""
+    random = np.random.default_rng(seed)
+    y = kernel.hessian_pattern.size1()
+    return [
+        random.normal(size=(count, y)),
+        random.normal(size=(count, own)),
+        random.normal(size=shared),
+        random.normal(size=(count, kernel.values)),
+    ]
+
+
+def assert_same_bits(mine: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> None:
+    """All results are equal in every bit; what cannot be evaluated cannot be by both, and is the lesser part."""
+    for one, other in zip(mine, theirs, strict=True):
+        known = np.isfinite(one)
+        assert known.mean() > 0.5
+        assert np.array_equal(one, other, equal_nan=True)
+        assert np.array_equal(one[known].view(np.int64), other[known].view(np.int64))
+
+
+def variants() -> dict[str, Library]:
+    """The variants of the native library that this processor executes, by name."""
+    path = library_path()
+    assert path is not None  # the tests need a compiler
+    found: dict[str, Library] = {}
+    for name in ("baseline", "avx2", "avx512"):
+        with contextlib.suppress(KernelError):
+            found[name] = open_library(path, name)
     return found
-
-
-def assert_same_bits(mine: Callee, theirs: Callee, calls: int, given: Sequence[np.ndarray]) -> None:
-    """All functions of two kernels are equal in every bit."""
-    assert (mine.lanes, mine.values) == (theirs.lanes, theirs.values)
-    assert mine.jacobian_pattern == theirs.jacobian_pattern
-    assert mine.hessian_pattern == theirs.hessian_pattern
-    for part in Part:
-        pairs = zip(results(mine, part, calls, given), results(theirs, part, calls, given), strict=True)
-        for one, other in pairs:
-            known = np.isfinite(one)
-            assert known.mean() > 0.5  # what makes an interval impossible to evaluate does so for both
-            assert np.array_equal(one, other, equal_nan=True)
-            assert np.array_equal(one[known].view(np.int64), other[known].view(np.int64))

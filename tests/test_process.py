@@ -3,10 +3,11 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from airrace.process import CREATED, ONE_THREAD
+from airrace.process import CREATED, ONE_THREAD, available_cores
 
 SETTLED = "import gc, os; print(gc.get_threshold()[0], *(os.environ[name] for name in {names}))"
 COUNTED = "import numpy, os; numpy.ones((300, 300)) @ numpy.ones((300, 300)); print(len(os.listdir('/proc/self/task')))"
@@ -35,3 +36,35 @@ def test_processes_settle_before_they_load_numpy(entry: str) -> None:
     loaded = said(f"import sys, airrace.{entry}; print('numpy' in sys.modules)")
     assert loaded == "False"
     assert said(f"from airrace import process; process.settle(); {COUNTED}") == "1"
+
+
+@pytest.mark.parametrize(
+    ("membership", "files", "cores"),
+    [
+        pytest.param("0::/", {"cpu.max": "150000 100000"}, 2, id="quota of a container, version 2"),
+        pytest.param("0::/a/b", {"a/b/cpu.max": "max 100000", "a/cpu.max": "300000 100000"}, 3, id="of a parent"),
+        pytest.param("0::/a/b", {"a/cpu.max": "300000 100000", "cpu.max": "50000 100000"}, 1, id="least of several"),
+        pytest.param("0::/", {"cpu.max": "max 100000"}, 8, id="no quota"),
+        pytest.param(
+            "1:cpu,cpuacct:/docker/x\n0::/",
+            {"cpu,cpuacct/cpu.cfs_quota_us": "200000", "cpu,cpuacct/cpu.cfs_period_us": "100000"},
+            2,
+            id="version 1",
+        ),
+        pytest.param(
+            "1:cpu:/", {"cpu/cpu.cfs_quota_us": "-1", "cpu/cpu.cfs_period_us": "100000"}, 8, id="none in version 1"
+        ),
+        pytest.param("4:memory:/", {"memory/cpu.max": "100000 100000"}, 8, id="another controller"),
+        pytest.param("", {}, 8, id="no control groups"),
+    ],
+)
+def test_no_more_cores_are_counted_than_a_quota_pays_for(
+    membership: str, files: dict[str, str], cores: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("airrace.process._bound_cores", lambda: 8)
+    monkeypatch.setattr(os, "process_cpu_count", lambda: 8, raising=False)
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(f"{text}\n")
+    (tmp_path / "membership").write_text(f"{membership}\n")
+    assert available_cores(str(tmp_path / "membership"), str(tmp_path)) == cores

@@ -1,21 +1,20 @@
-"""The process of one job of a batch: it reads the job from standard input, flies it, and reports on a pipe.
+"""The process of one job of a batch: it reads the job from standard input, flies it, and reports on standard output.
 
-It is started as `python -m airrace.batch.job_process FD`; `airrace/batch/process.py` describes what is read and
-reported. The process takes up its checkpoint where it stands, as `airrace resume` does, and ends with the code and the
-object of `airrace optimize`.
+`airrace/batch/process.py` starts it, and describes what is read and reported. The process takes up its checkpoint where
+it stands, as `airrace resume` does, and ends with the code and the object of `airrace optimize`.
 """
 
-import ctypes
+import io
 import json
 import os
-import signal
 import sys
+import threading
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from airrace import interrupts, memory
+from airrace import interrupts, memory, process
 from airrace.optimal_control.spawn import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
@@ -24,8 +23,6 @@ from airrace.runs.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
-
-_PR_SET_PDEATHSIG = 1
 
 
 class Told(Progress):
@@ -59,13 +56,15 @@ def main() -> None:
     """Run the job; whatever happens in it becomes its answer."""
     interrupts.listen()
     memory.tell_no_traceback()
-    order = json.load(sys.stdin)
-    _die_with(order["parent"])
+    process.die_with_starter()
+    asked, answers = process.taken_streams()
+    order = json.loads(asked.readline())
+    threading.Thread(target=_end_after, args=(asked,), daemon=True).start()
     start_early()
     from airrace.batch.job import Job  # a slow import, during which the solver process loads as well
 
     job = Job.from_object(order["job"])
-    with os.fdopen(int(sys.argv[1]), "w", encoding="utf-8") as replies:
+    with io.TextIOWrapper(answers, encoding="utf-8") as replies:
         told = Told(replies)
         answer = Answer(unflown(job.course))
         try:
@@ -90,16 +89,10 @@ def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     fly_stages(answer, continued_task(run, until=job.until), threads=1, progress=progress)
 
 
-def _die_with(parent: int) -> None:
-    """Have the system end this process with the one that started it (Linux).
-
-    Elsewhere the process ends when it next reports something, since nobody reads the pipe.
-    """
-    if sys.platform != "linux":
-        return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # the parent ended before the call above
-        sys.exit(int(ExitCode.INTERRUPTED))
+def _end_after(asked: IO[bytes]) -> None:
+    """End this process, whatever it is at, when the one that started it has ended."""
+    asked.read()
+    os._exit(int(ExitCode.INTERRUPTED))
 
 
 if __name__ == "__main__":

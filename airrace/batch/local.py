@@ -1,6 +1,6 @@
 """The executor of this machine: a process for each job, a few at a time."""
 
-import selectors
+import threading
 import time
 from collections.abc import Sequence
 from types import TracebackType
@@ -25,6 +25,7 @@ class LocalExecutor:
     def __init__(self, command: Sequence[str], slots: int) -> None:
         self._command = tuple(command)
         self._slots = slots
+        self._heard = threading.Event()
         self._running: list[JobProcess] = []
         self._pending: list[Event] = []
 
@@ -34,7 +35,7 @@ class LocalExecutor:
 
     def submit(self, order: Order) -> None:
         try:
-            self._running.append(JobProcess(order, self._command))
+            self._running.append(JobProcess(order, self._command, self._heard))
         except OSError as error:  # no memory for a process, or no room for a file
             message = f"its process could not be started: {error.strerror or error}"
             self._pending.append(Ended(order.job.name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.CRASHED)))
@@ -52,7 +53,8 @@ class LocalExecutor:
             left = deadline - time.monotonic()
             if events or left <= 0.0:
                 return events
-            self._wait(min(left, POLL))
+            if self._heard.wait(min(left, POLL)):
+                self._heard.clear()
 
     def stop(self) -> None:
         for process in self._running:
@@ -71,16 +73,3 @@ class LocalExecutor:
         for process in self._running:
             process.abandon()
         self._running = []
-
-    def _wait(self, patience: float) -> None:
-        """Wait until a process reports something, or ends after it has reported everything."""
-        talking = [process for process in self._running if not process.silent]
-        if len(talking) < len(self._running) or not talking:
-            patience = min(patience, 0.02)
-        if not talking:
-            time.sleep(patience)
-            return
-        with selectors.DefaultSelector() as selector:
-            for process in talking:
-                selector.register(process, selectors.EVENT_READ)
-            selector.select(patience)

@@ -1,12 +1,12 @@
 """The lock of a batch's folder: two batches at a time would write the same files."""
 
-import fcntl
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 from airrace.errors import StorageError, UsageError
+from airrace.runs.run_lock import held
 
 NAME = ".batch.lock"
 
@@ -21,18 +21,13 @@ def locked(folder: Path) -> Generator[None, None, None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except (FileExistsError, NotADirectoryError) as error:
         raise UsageError(f"{folder} is not a folder; name one with --out-dir") from error
     except OSError as error:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --out-dir") from None
-        except OSError:  # a file system without locks: nothing to hold
-            pass
+    if not os.access(folder, os.W_OK):
+        raise StorageError(f"cannot write to the folder {folder}: permission denied")
+    with held(folder / NAME) as refused:
+        if refused:
+            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --out-dir")
         yield
-    finally:
-        os.close(descriptor)

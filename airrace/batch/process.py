@@ -1,30 +1,29 @@
 """One job in a process of its own: started, listened to, and ended with everything it has started itself.
 
-The process is `airrace.batch.job_process`. Its standard input is one JSON object (`job`, `checkpoint`, `parent`: a
-process id); it answers with lines of JSON on a pipe, the number of whose file descriptor is its last argument:
+The process is `airrace.batch.job_process`. The first line of its standard input is a JSON object (`job`, `checkpoint`);
+it answers with lines of JSON on its standard output:
 
     {"stage_started": "point-mass"}
     {"stage_finished": "point-mass", "status": "solved", "race_time_s": 55.3, "certified": true}
     {"ended": {"code": 0, "run": {...}, "error": "", "findings": []}}
 
-It runs in a session of its own, so that a terminal's Ctrl-C reaches only who is responsible for it, and ends when the
-thread that started it does.
+A terminal's Ctrl-C reaches only who is responsible for it, and when its standard input ends, it ends as well.
 """
 
 import contextlib
 import json
 import os
+import queue
 import signal
-import subprocess
 import tempfile
+import threading
 import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import IO, Any
 
 from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted
 from airrace.errors import Finding
-from airrace.process import ONE_THREAD, python_command
+from airrace.process import ONE_THREAD, python_command, started_apart
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
@@ -33,9 +32,11 @@ GRACE = 5.0
 SAID_MAX = 2000
 """The size of the end of a crashed process's output in which its last words are looked for, bytes."""
 ANSWER_MAX = 64 * 1024 * 1024
-"""The size up to which an answer is read, bytes; a larger one counts as none."""
+"""The size up to which a line is read, bytes; a larger one is no answer."""
 JOB_COMMAND = python_command("airrace.batch.job_process")
-"""The command that runs a job in a process of its own, without the number of the file descriptor."""
+"""The command that runs a job in a process of its own."""
+STOP = getattr(signal, "CTRL_BREAK_EVENT", signal.SIGTERM)
+"""The signal that asks a process to end; Windows lets a program hear nothing else."""
 
 
 @record
@@ -53,44 +54,33 @@ class JobProcess:
 
     Args:
         order: the job; its checkpoint is read and written in place.
-        command: what runs a job, the number of the file descriptor still to be appended.
+        command: what runs a job.
+        heard: is set when there is something for `events`.
     """
 
-    def __init__(self, order: Order, command: Sequence[str]) -> None:
+    def __init__(self, order: Order, command: Sequence[str], heard: threading.Event) -> None:
         self.order = order
         self._started = time.monotonic()
-        self._received = b""
+        self._heard = heard
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._answer: _Answer | None = None
         self._stopping: Fault = Fault.NONE
         self._killed_at: float | None = None
         self._closed = False
         self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (lives as long as the process)
-        reading, writing = os.pipe()
-        os.set_blocking(reading, False)
-        self._replies = reading
         try:
-            self._process = _spawned(order, command, writing, self._said)
+            self._process = started_apart(command, self._said, {**os.environ, **ONE_THREAD})
         except BaseException:
-            self._close()
+            self._said.close()
             raise
-        finally:
-            os.close(writing)
-
-    def fileno(self) -> int:
-        """Return the descriptor that is readable when there is something to be read, so that many can be waited for."""
-        return self._replies
-
-    @property
-    def silent(self) -> bool:
-        """Whether the process has closed its end of the pipe: only its end is still waited for."""
-        return self._closed
+        threading.Thread(target=self._converse, daemon=True).start()
 
     def events(self) -> list[Event]:
         """Return what the process has reported since the last call, without waiting; the last event is its `Ended`.
 
         A process beyond its time limit is told to stop.
         """
-        events = self._heard()
+        events = self._understood()
         elapsed = time.monotonic() - self._started
         if self.order.timeout is not None and elapsed > self.order.timeout:
             self.stop(Fault.TIMED_OUT)
@@ -98,7 +88,7 @@ class JobProcess:
             self.kill()
         if self._closed and self._process.poll() is not None:
             events.append(Ended(self.order.job.name, self._ending(elapsed)))
-            self._close()
+            self._said.close()
         return events
 
     def stop(self, why: Fault) -> None:
@@ -107,43 +97,56 @@ class JobProcess:
             self._stopping = why
             self._killed_at = time.monotonic() + GRACE
             with contextlib.suppress(OSError):
-                self._process.send_signal(signal.SIGTERM)
+                self._process.send_signal(STOP)
 
     def kill(self) -> None:
         """Kill the process and all that it has started, now."""
-        family = _descendants(self._process.pid) if self._process.poll() is None else []
+        import psutil  # which is hardly ever needed
+
+        family: list[psutil.Process] = []
+        if self._process.poll() is None:
+            with contextlib.suppress(psutil.Error):
+                family = psutil.Process(self._process.pid).children(recursive=True)
         self._process.kill()
         self._process.wait()
         for process in family:
-            with contextlib.suppress(OSError):
-                os.kill(process, signal.SIGKILL)
+            with contextlib.suppress(psutil.Error):
+                process.kill()
 
     def abandon(self) -> None:
         """Kill the process now and ignore what it has reported."""
         self.kill()
-        self._close()
+        self._said.close()
 
-    def _close(self) -> None:
-        self._closed = True
-        if self._replies >= 0:
-            os.close(self._replies)
-            self._replies = -1
-            self._said.close()
+    def _converse(self) -> None:
+        """Hand the order over and take in lines, in a thread of its own, for a pipe waits for the other side."""
+        asked, answers = self._process.stdin, self._process.stdout
+        assert asked is not None  # `started_apart` was told so
+        assert answers is not None
+        order = {"job": self.order.job.as_object(), "checkpoint": str(self.order.checkpoint)}
+        with contextlib.suppress(OSError), asked, answers:  # an OSError: it reads no more
+            with contextlib.suppress(OSError):
+                asked.write(json.dumps(order).encode("utf-8") + b"\n")
+                asked.flush()
+            while line := answers.readline(ANSWER_MAX):
+                self._lines.put(line)
+                self._heard.set()
+            self._lines.put(b"")
+            self._heard.set()
+            self._process.wait()
+            self._heard.set()
 
-    def _heard(self) -> list[Event]:
-        while not self._closed:
-            try:
-                piece = os.read(self._replies, 65536)
-            except BlockingIOError:
-                break
-            self._received += piece
-            if not piece or len(self._received) > ANSWER_MAX:
-                self._closed = True
-                self._killed_at = self._killed_at or time.monotonic() + GRACE
-        *lines, self._received = self._received.split(b"\n")
-        return [event for line in lines if (event := self._understood(line)) is not None]
+    def _understood(self) -> list[Event]:
+        """Return what the lines that have arrived tell."""
+        events: list[Event | None] = []
+        with contextlib.suppress(queue.Empty):
+            while line := self._lines.get_nowait():
+                events.append(self._event(line))
+            self._closed = True
+            self._killed_at = self._killed_at or time.monotonic() + GRACE
+        return [event for event in events if event is not None]
 
-    def _understood(self, line: bytes) -> Event | None:
+    def _event(self, line: bytes) -> Event | None:
         name = self.order.job.name
         match _plain(line):
             case {"stage_started": str(stage)}:
@@ -175,9 +178,9 @@ class JobProcess:
         return Ending(answer.code, _with_suspicion(answer.error), wall, answer.findings, answer.run)
 
     def _dead(self, status: int, wall: float) -> Ending:
-        if status == -signal.SIGKILL:
-            return Ending(ExitCode.SYSTEM, "its process was killed (out of memory?)", wall, fault=Fault.KILLED)
         how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
+        if how == "SIGKILL":
+            return Ending(ExitCode.SYSTEM, "its process was killed (out of memory?)", wall, fault=Fault.KILLED)
         said = self._last_words()
         return Ending(ExitCode.SYSTEM, f"its process crashed ({how}){said and ': ' + said}", wall, fault=Fault.CRASHED)
 
@@ -219,30 +222,3 @@ def _with_suspicion(error: str) -> str:
     The solver has a process of its own, and most of the memory: it is the one that the system picks.
     """
     return f"{error} (out of memory?)" if "status -9" in error else error
-
-
-def _spawned(order: Order, command: Sequence[str], replies: int, said: IO[bytes]) -> "subprocess.Popen[bytes]":
-    """Start the process; it reads its order from a file without a name, since a pipe would wait for it."""
-    with tempfile.TemporaryFile() as request:
-        plain = {"job": order.job.as_object(), "checkpoint": str(order.checkpoint), "parent": os.getpid()}
-        request.write(json.dumps(plain).encode("utf-8"))
-        request.seek(0)
-        return subprocess.Popen(
-            [*command, str(replies)],
-            stdin=request,
-            stdout=said,
-            stderr=said,
-            pass_fds=(replies,),
-            start_new_session=True,
-            env={**os.environ, **ONE_THREAD},
-        )
-
-
-def _descendants(process: int) -> list[int]:
-    """Return the ids of the running processes that a process has started (Linux; elsewhere none are known)."""
-    found: list[int] = []
-    for children in Path("/proc").glob(f"{process}/task/*/children"):
-        with contextlib.suppress(OSError):
-            for child in map(int, children.read_text().split()):
-                found += [child, *_descendants(child)]
-    return found

@@ -1,29 +1,46 @@
 """Atomic replacement of files.
 
-Whatever happens, the name leads to the old content or to the new, never to a mixture.
+Whatever happens, the name leads to the old content or to the new, never to a mixture. The new content is written beside
+the file, as `.NAME.XXXXXXXX.partial`, which its writer holds locked. What a killed writer leaves there is removed when
+the file is next replaced.
 """
 
 import contextlib
 import errno
 import os
+import re
 import secrets
+import time
+from collections.abc import Generator
 from pathlib import Path
+from typing import IO, BinaryIO
 
 from airrace.errors import StorageError
 
+PAUSES = (0.01, 0.05, 0.2)
+"""The pauses after which a rename that is refused is tried again, s."""
+try:
+    import fcntl
+except ModuleNotFoundError:  # Windows, which removes no file that a writer has open
+    fcntl = None
+
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write `content` beside `path`, bring it to the disk, and rename it over `path`.
+    """Write `content` beside `path`, bring it to the disk, and rename it over `path`; errors as of `replacing`."""
+    with replacing(path) as file:
+        file.write(content)
 
-    A process killed in between leaves the old file and, beside it, `.NAME.XXXXXXXX.partial`, which nothing reads.
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Generator[BinaryIO]:
+    """Give a file to write the new content of `path` to, which is brought to the disk and renamed over `path`.
 
     Args:
         path: a regular file or a free name; a symbolic link is followed.
-        content: the new content.
 
     Raises:
         StorageError: the system refused (disk full, no permission, not a regular file, ...). The old file is
-            untouched and nothing is left beside it.
+            untouched and nothing is left beside it, as after any other error of who writes.
     """
     try:
         target = Path(os.path.realpath(path))  # resolve() raises an error of its own for a loop of links
@@ -31,11 +48,18 @@ def replace_file(path: Path, content: bytes) -> None:
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP).lower())
         if target.exists() and not target.is_file():
             raise StorageError(f"cannot write {path}: it exists and is not a regular file")
-        # Shortened, so that it stays a valid name where the target's is one.
-        partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
+        with contextlib.suppress(OSError):
+            _remove_left_behind(target)
+        partial, file = _opened_beside(target)
         try:
-            _write_durably(partial, content)
-            os.replace(partial, target)
+            with file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+                if fcntl:  # locked until it has its name
+                    _rename(partial, target)
+            if not fcntl:  # where no open file can be renamed
+                _rename(partial, target)
         finally:
             with contextlib.suppress(OSError):  # after the rename there is nothing left to remove
                 partial.unlink()
@@ -44,11 +68,52 @@ def replace_file(path: Path, content: bytes) -> None:
         raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
 
 
-def _write_durably(path: Path, content: bytes) -> None:
-    with path.open("xb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
+def _opened_beside(target: Path) -> tuple[Path, BinaryIO]:
+    """Return a new file beside another one, open and, where the file system has locks, locked."""
+    while True:
+        # Shortened, so that it stays a valid name where the target's is one.
+        partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
+        file = partial.open("xb")
+        with contextlib.suppress(OSError):
+            _lock(file)
+        if partial.exists():  # nobody took it for left behind before it was locked
+            return partial, file
+        file.close()
+
+
+def _remove_left_behind(target: Path) -> None:
+    """Remove what killed writers of a file have left beside it."""
+    named = re.compile(rf"\.{re.escape(target.name[:40])}\.[0-9a-f]{{8}}\.partial")
+    for partial in [target.with_name(name) for name in os.listdir(target.parent) if named.fullmatch(name)]:
+        with contextlib.suppress(OSError):  # its writer lives, it is another user's, or it has got its name meanwhile
+            with partial.open("rb") as file:
+                _lock(file)
+                if fcntl:
+                    partial.unlink()
+            if not fcntl:
+                partial.unlink()
+
+
+def _lock(file: IO[bytes]) -> None:
+    """Lock a file until it is closed; nothing is done on Windows.
+
+    Raises:
+        OSError: somebody else has locked it, or there are no locks on this file system.
+    """
+    if fcntl:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def _rename(partial: Path, target: Path) -> None:
+    """Rename a file over another one; Windows refuses while somebody reads that, which takes a moment."""
+    for pause in PAUSES:
+        try:
+            os.replace(partial, target)
+        except PermissionError:
+            time.sleep(pause)
+        else:
+            return
+    os.replace(partial, target)
 
 
 def _flush_folder(folder: Path) -> None:

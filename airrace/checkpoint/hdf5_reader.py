@@ -10,6 +10,7 @@ of the image do not bear out.
 # pyright: reportUnknownMemberType=false, reportUnknownVariableType=false, reportUnknownArgumentType=false
 
 import math
+import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
@@ -33,6 +34,8 @@ ATTRIBUTE_BYTES_MAX = 64_000
 """The size of the largest attribute that is read, bytes; HDF5's own limit is 64 KiB."""
 # Attributes of HDF5's dimension scales. They are never read; two of them hold references.
 SCALE_ATTRIBUTES = frozenset({b"CLASS", b"NAME", b"DIMENSION_LIST", b"REFERENCE_LIST"})
+NAMES_OF_FILES = re.compile(r"/.*/path|/versions\.name")
+"""The texts that may be no UTF-8, as names of files on Linux."""
 NUMBERS = (np.dtype("<f8"), np.dtype("<i8"))
 
 # Any: h5py's identifiers, which have no types.
@@ -181,7 +184,10 @@ def _column(values: NDArray[Any], path: str) -> Column:
 
 
 def _decoded(text: bytes, path: str) -> str:
-    decoded = text.decode("utf-8", "surrogateescape")
+    try:
+        decoded = text.decode("utf-8", "surrogateescape" if NAMES_OF_FILES.fullmatch(path) else "strict")
+    except UnicodeDecodeError:
+        raise CheckpointError(f"{path}: a text is not UTF-8") from None
     if "\0" in decoded:
         raise CheckpointError(f"{path}: a text contains a NUL character")
     return decoded

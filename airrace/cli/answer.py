@@ -15,6 +15,9 @@ from airrace.runs.exit_codes import ExitCode, of_error, worst
 from airrace.views.plain_text import one_line, styled
 from airrace.views.streams import abandon_stdout
 
+FINDINGS_SHOWN = 20
+"""The largest number of findings that are printed for people."""
+
 
 @contextmanager
 def answering(fields: Mapping[str, object] | None = None, *, as_json: bool) -> Generator[Answer, None, None]:
@@ -69,7 +72,9 @@ def _say(answer: Answer, *, as_json: bool) -> None:
         abandon_stdout()
     if answer.code is ExitCode.INTERRUPTED:
         interrupts.hear()  # who listens to signals in another way, as a batch does, has told it by now
-    for finding in answer.findings:
+    for finding in answer.findings[:FINDINGS_SHOWN]:
         print(one_line(str(finding)), file=sys.stderr)
+    if len(answer.findings) > FINDINGS_SHOWN:
+        print(f"... (the first {FINDINGS_SHOWN} are shown; --json has more)", file=sys.stderr)
     if answer.error:
         print(f"airrace: {answer.error}", file=sys.stderr)

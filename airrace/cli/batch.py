@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from airrace import interrupts
 from airrace.cli.answer import answering
 from airrace.cli.options import AsJson, LastStage, Overrides, Quiet, SettingsFile
 from airrace.errors import UsageError
@@ -110,7 +111,7 @@ def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "
     A cluster is given as long to have a worker as a job has to end.
     """
     from airrace.batch.process import JOB_COMMAND
-    from airrace.optimal_control.spawn import available_cores
+    from airrace.process import available_cores
     from airrace.runs.stored import library_versions
 
     if cluster is None:
@@ -147,7 +148,7 @@ def stopping() -> Generator[Callable[[], bool], None, None]:
         elif time.monotonic() - asked[0] > ONE_REQUEST:
             raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, ask) for number in interrupts.SIGNALS}
     try:
         yield lambda: bool(asked)
         for began in asked:

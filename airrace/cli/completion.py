@@ -1,5 +1,6 @@
 """Completion in the shell: what it offers when a name is begun and the tab key is pressed."""
 
+import os
 from pathlib import Path
 
 from airrace.procedure.stage import STAGES
@@ -28,14 +29,15 @@ def _named(folder: str, incomplete: str) -> list[str]:
 
 def _files(incomplete: str) -> list[str]:
     """Return the YAML files and folders whose paths begin like this."""
-    folder, slash, begin = incomplete.rpartition("/")
+    folder, begin = os.path.split(incomplete)
+    typed = incomplete.removesuffix(begin)
     try:
-        entries = sorted(Path(folder or (slash or ".")).iterdir())
+        entries = sorted(Path(folder or ".").iterdir())
     except OSError:
         return []
     wanted = [entry for entry in entries if entry.name.startswith(begin) and not entry.name.startswith(".")]
     return [
-        f"{folder}{slash}{entry.name}{'/' if entry.is_dir() else ''}"
+        f"{typed}{entry.name}{os.sep if entry.is_dir() else ''}"
         for entry in wanted
         if entry.is_dir() or entry.suffix == ".yaml"
     ]

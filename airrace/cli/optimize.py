@@ -63,7 +63,8 @@ def optimize(
     one is certified; those before it are solved and checked on one mesh, or certified as well with --proof all.
     """
     with answering(unflown(track.stem), as_json=as_json) as answer:
-        from airrace.optimal_control.spawn import available_cores, start_early
+        from airrace.optimal_control.spawn import start_early
+        from airrace.process import available_cores
 
         threads = threads or available_cores()
         start_early(1 if explore is Explore.OFF else min(2, threads))  # the other one is for what is tried beside

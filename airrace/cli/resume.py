@@ -72,7 +72,8 @@ def resume(
     the highest stage of this one that holds and written to --out; this file stays as it is.
     """
     with answering(unflown(None), as_json=as_json) as answer:
-        from airrace.optimal_control.spawn import available_cores, start_early
+        from airrace.optimal_control.spawn import start_early
+        from airrace.process import available_cores
 
         threads = threads or available_cores()
         if not dry_run:

@@ -218,11 +218,11 @@ class _Run:
             build_settings(settings_entry, opened_settings.reporter) if opened_settings and settings_entry else None
         )
         if self.findings or not (track and aircraft and scene and flown and settings):
-            raise InputError(told(self.findings))
+            raise InputError(told(self.findings), len(self.findings))
         race = Race(scene.course, flown, scene.air)
         check_together(race, track.reporter)
         if self.findings:
-            raise InputError(told(self.findings))
+            raise InputError(told(self.findings), len(self.findings))
         return Inputs(
             race=race,
             settings=settings,

@@ -50,7 +50,6 @@ class SolverEntry(Schema):
     stall_s: Annotated[float, Ge(1), Le(86_400)] | None = Field(
         default=None, description="a solver that finishes no iteration for so long is stopped"
     )
-    compile_kernels: bool | None = Field(default=None, description="compile the equations where a C compiler is found")
 
 
 class CertificateEntry(Schema):
@@ -152,7 +151,6 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
             tolerance=entry.solver.tolerance,
             iterations_max=entry.solver.iterations_max,
             stall_seconds=entry.solver.stall_s,
-            compile_kernels=entry.solver.compile_kernels,
         ),
         certificate=_limits(entry.certificate, silent.certificate, reporter),
     )

@@ -13,7 +13,7 @@ from airrace.records import record
 
 @record
 class WindField:
-    """The structure of the wind, i.e. which kinds of wind blow; fields of equal structure share one compiled kernel.
+    """The structure of the wind, i.e. which kinds of wind blow; fields of equal structure share one model.
 
     Attributes:
         profile: profile of the static wind, None without static wind.

@@ -2,8 +2,7 @@
 
 It tells on which unknowns each kernel is called, and of which of the results every constraint and every nonzero of the
 derivatives is a weighted sum; the weights carry the scaling. These are index arrays, which depend on the structure of a
-problem alone and are made in time linear in its length. `evaluation.py` evaluates them with numpy, `transcription.py`
-states them as casadi's expressions.
+problem alone and are made in time linear in its length. `evaluation.py` evaluates them.
 """
 
 from collections.abc import Sequence

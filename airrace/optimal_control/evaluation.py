@@ -1,8 +1,7 @@
 """The evaluation of a nonlinear program with numpy, into arrays that stay where they are.
 
 Each kernel is called for all intervals at once; constraints and derivatives are sums of what the kernels return, see
-`assembly.py`. The program that casadi evaluates (`transcription.py`) has the same bits, but its expressions take five
-times as long to build as these index arrays.
+`assembly.py`.
 """
 
 import time

@@ -1,6 +1,6 @@
 """The demands of a program's evaluation on a kernel: one of its functions for all of its calls at once.
 
-casadi's functions are mapped over the calls here; `machine.py` has kernels without functions of casadi.
+casadi's functions are mapped over the calls here.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,9 +16,9 @@ from airrace.trajectory import Array
 MAP_IN_THREADS = 64
 """The number of calls of a kernel from which they are spread over threads; twice as many if it has lanes.
 
-Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop,
-a fifth of the 280 microseconds that 64 calls of the cheapest derivative take, the compiled Jacobian of a point mass's
-step, or 128 intervals in lanes. For fewer calls little of the gain would be left.
+Handing calls to two threads and collecting them takes 40 to 60 microseconds more than one thread needs for its loop, a
+fifth of what 128 intervals of the cheapest derivative take in lanes, the Jacobian of a point mass's step. For fewer
+calls little of the gain would be left.
 """
 
 
@@ -68,14 +68,6 @@ class Callee(Protocol):
 
         Raises:
             SolverCrash: an argument has another size; by the call, where the function could not be evaluated.
-        """
-        ...
-
-    def mapped(self, part: Part, calls: int, threads: int) -> ca.Function:
-        """Return all calls of a function at once as a function of casadi.
-
-        Raises:
-            KernelError: there is none.
         """
         ...
 

@@ -6,6 +6,9 @@ Systems and observations are large and few: they are sent once and then named, b
 import hashlib
 import io
 import pickle
+import queue
+import threading
+from collections.abc import Callable
 from typing import IO, Any
 
 from airrace.optimal_control.problem import Iterate, Problem
@@ -13,9 +16,6 @@ from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
 from airrace.records import record
 from airrace.system import Observation, System
-
-COMPILING = "compiling the equations (once per model and machine)"
-"""The notice that the equations are being compiled, which may take a while."""
 
 
 @record
@@ -27,13 +27,12 @@ class SolveRequest:
     multipliers: Multipliers | None
     solver: str
     options: SolverOptions
-    compiled: bool
     threads: int
 
 
 @record
 class Announcement:
-    """A system that will be flown, whose kernels are compiled: they can be loaded by now. It has no answer."""
+    """A system that will be flown, whose kernels can be made ready. It has no answer."""
 
     system: System
     scheme: RungeKutta
@@ -171,3 +170,56 @@ class Receiver:
                 self._shared.setdefault(message.name, message.shared)
             else:
                 return message
+
+
+class Outbox:
+    """A writer of replies."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+        self._writing = threading.Lock()
+
+    def send(self, reply: Reply) -> None:
+        """Write a reply.
+
+        Raises:
+            OSError: the other side is gone.
+        """
+        content = pickle.dumps(reply, protocol=pickle.HIGHEST_PROTOCOL)
+        with self._writing:
+            self._stream.write(content)
+            self._stream.flush()
+
+
+class Inbox:
+    """The messages of a stream, read by a thread: on every system one can wait for it with patience.
+
+    Args:
+        stream: is closed when it has ended.
+        receive: reads the next message from it; its first error is the end, and arrives as well.
+    """
+
+    def __init__(self, stream: IO[bytes], receive: Callable[[], Any]) -> None:  # Any: whatever arrives
+        self._arrived: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        threading.Thread(target=self._read, args=(stream, receive), daemon=True).start()
+
+    def next(self, patience: float | None = None) -> Any:  # Any: see above
+        """Return the next message, waited for `patience` seconds at most (None: for ever).
+
+        Raises:
+            queue.Empty: there is none yet.
+            Exception: that of `receive`, once all messages were returned.
+        """
+        message = self._arrived.get(timeout=patience)
+        if isinstance(message, Exception):
+            self._arrived.put(message)
+            raise message
+        return message
+
+    def _read(self, stream: IO[bytes], receive: Callable[[], Any]) -> None:
+        with stream:
+            try:
+                while True:
+                    self._arrived.put(receive())
+            except Exception as error:
+                self._arrived.put(error)

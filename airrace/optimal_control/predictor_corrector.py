@@ -299,7 +299,7 @@ class _Run:
     def _step(self, point: _Point, residuals: _Residuals, products: Array) -> _Point:
         """Return the step after which the linear conditions hold, and slack times multiplier changes so."""
         z = (products - point.z * residuals.slacks) / point.s
-        pull = self._system.pulled(self._sides.transposed(z))
+        pull = self._system.transposed(self._sides.transposed(z))
         w, y, e, changes = self._solved(pull - residuals.stationarity, -residuals.gaps, -residuals.equalities)
         moved = self._sides.changes(changes)
         return _Point(w, y, e, moved + residuals.slacks, z - point.z / point.s * moved)
@@ -312,7 +312,7 @@ class _Run:
         """
         pull = np.zeros(self._sides.size)
         pull[self._equal] = equalities / _PENALTY
-        w, y = self._system.solve(stationarity + self._system.pulled(pull), gaps)
+        w, y = self._system.solve(stationarity + self._system.transposed(pull), gaps)
         changes = self._system.values(w)
         e = (changes[self._equal] - equalities) / _PENALTY
         return w, y, e, changes

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control import summation
+from airrace.native.library import library
 from airrace.optimal_control.sums import Indices, Sums
 from airrace.records import record
 from airrace.trajectory import Array
@@ -100,8 +100,8 @@ class RepeatedSums:
     def write(self, drawn: Array, memory: Memory, factors: Factors = NO_FACTORS) -> bool:
         """Write the nonzeros for drawn numbers, and return whether all are finite."""
         begins = factors.begins if len(factors.begins) else np.zeros(len(self._kind), dtype=np.int64)
-        add_up = summation.repeated()
-        if add_up is None:
+        native = library()
+        if native is None:
             return self._by_numpy(drawn, memory, Factors(factors.values, begins))
         arrays = (
             self._kind,
@@ -121,7 +121,7 @@ class RepeatedSums:
             memory.doubles,
         )
         sizes = len(self._kind), self._at.shape[1], memory.begins.shape[1]
-        return bool(add_up(*sizes, *(array.ctypes.data for array in arrays)))
+        return bool(native.add_up_repeated(*sizes, *(array.ctypes.data for array in arrays)))
 
     def _by_numpy(self, drawn: Array, memory: Memory, factors: Factors) -> bool:
         finite = True

@@ -1,16 +1,15 @@
 """The replay of an optimum: its controls integrated by an independent integrator, restarted at every node or phase.
 
-scipy's DOP853 shares no code with the shooting scheme. It integrates the model's rates, compiled where they are, see
-`compiled_rates.py`; a test holds the compiled ones against casadi's. Restarted at every node, all intervals are
-integrated side by side over their own share of time, so one call serves a whole race; restarted at every phase, all
-phases side by side.
+scipy's DOP853 shares no code with the shooting scheme. It integrates the model's rates, see `point_functions.py`; a
+test holds the native ones against casadi's. Restarted at every node, all intervals are integrated side by side over
+their own share of time, so one call serves a whole race; restarted at every phase, all phases side by side.
 """
 
 import dataclasses
 
 import numpy as np
 
-from airrace.optimal_control.compiled_rates import PointFunctions
+from airrace.optimal_control.point_functions import AtPoints, function_at_points
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import integrate
 from airrace.records import record
@@ -80,8 +79,7 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     n_x, intervals = len(system.states), problem.intervals
     scale = np.array([quantity.scale for quantity in system.states])
     steps = interval_durations(problem, iterate.durations)
-    functions = PointFunctions(problem)
-    rates = functions.rates(iterate.control)
+    rates = _rates(problem, iterate.control)
 
     def side_by_side(_: float, flat: Array) -> Array:
         return (rates(flat.reshape(n_x, intervals) * scale[:, None]) * steps / scale[:, None]).ravel()
@@ -95,7 +93,7 @@ def replay(problem: Problem, iterate: Iterate) -> Replay:
     state = histories.reshape(n_x, intervals, SAMPLES + 1)
     defect = state[:, :, -1] - problem.arrivals(iterate.state) / scale[:, None]
     state = state * scale[:, None, None]
-    return Replay(state, _path_values(problem, functions, state, iterate.control), defect)
+    return Replay(state, _path_values(problem, state, iterate.control), defect)
 
 
 def estimated_defect(problem: Problem, iterate: Iterate) -> Array:
@@ -120,17 +118,17 @@ def replay_phases(problem: Problem, iterate: Iterate) -> Array:
     first, ends = np.array(problem.first_node[:-1]), np.array(problem.first_node[1:])
     scale = _scale(problem)
     steps = interval_durations(problem, iterate.durations)
-    x, functions = iterate.state[:, first] / scale, PointFunctions(problem)
+    x = iterate.state[:, first] / scale
     for number in range(int((ends - first).max())):
         flying = np.flatnonzero(first + number < ends)
         interval = first[flying] + number
-        x[:, flying] = _across(problem, functions, x[:, flying], iterate.control[:, interval], steps[interval])
+        x[:, flying] = _across(problem, x[:, flying], iterate.control[:, interval], steps[interval])
     return x * scale - problem.arrivals(iterate.state)[:, ends - 1]
 
 
 def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
     """Return the ends of all intervals by the shooting scheme, with so many steps in place of one; shape (n_x, N)."""
-    at = PointFunctions(problem).rates(iterate.control)
+    at = _rates(problem, iterate.control)
     scheme = dataclasses.replace(problem.scheme, steps=shorter * problem.scheme.steps)
     steps = interval_durations(problem, iterate.durations)
 
@@ -140,15 +138,19 @@ def _stepped(problem: Problem, iterate: Iterate, shorter: int) -> Array:
     return scheme.advance(rates, iterate.state[:, :-1], iterate.control, np.asarray(problem.parameters), steps)
 
 
+def _rates(problem: Problem, control: Array) -> AtPoints:
+    return function_at_points(problem.system.rates, control, np.asarray(problem.parameters))
+
+
 def _scale(problem: Problem) -> Array:
     """Return the scales of the states, shape (n_x, 1)."""
     return np.array([quantity.scale for quantity in problem.system.states])[:, None]
 
 
-def _across(problem: Problem, functions: PointFunctions, x: Array, control: Array, steps: Array) -> Array:
+def _across(problem: Problem, x: Array, control: Array, steps: Array) -> Array:
     """Return scaled states (n_x, n) after so many seconds (n,) of held controls (n_u, n)."""
     scale = _scale(problem)
-    rates = functions.rates(control)
+    rates = _rates(problem, control)
 
     def side_by_side(_: float, flat: Array) -> Array:
         return (rates(flat.reshape(x.shape) * scale) * steps / scale).ravel()
@@ -161,11 +163,14 @@ def _across(problem: Problem, functions: PointFunctions, x: Array, control: Arra
     return ends[:, -1].reshape(x.shape)
 
 
-def _path_values(problem: Problem, functions: PointFunctions, state: Array, control: Array) -> Array:
+def _path_values(problem: Problem, state: Array, control: Array) -> Array:
     """Return the path quantities along the replay, shape (n_c, N, SAMPLES + 1)."""
     system = problem.system
     n_x, intervals, samples = state.shape
     if system.path_values is None:
         return np.zeros((0, intervals, samples))
-    values = functions.path(np.repeat(control, samples, axis=1))(state.reshape(n_x, intervals * samples))
+    held = np.repeat(control, samples, axis=1)
+    values = function_at_points(system.path_values, held, np.asarray(problem.parameters))(
+        state.reshape(n_x, intervals * samples)
+    )
     return values.reshape(len(system.path), intervals, samples)

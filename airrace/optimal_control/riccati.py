@@ -1,55 +1,30 @@
-"""The Newton step of a program of stages by a Riccati recursion in machine code, `riccati.c`.
+"""The Newton step of a program of stages by the native Riccati recursion, `riccati.c`.
 
-It is compiled once per machine like the kernels; without a compiler there is none. The matrices of all stages are dense
+The matrices of all stages are dense
 and lie one behind the other. Constraints besides the gaps (rows) and simple bounds enter with weights, which an
 interior point method has for inequalities and a penalty for equalities.
 """
 
 import ctypes
-import logging
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.errors import KernelError
-from airrace.optimal_control import own_code
+from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.lanes import instruction_set
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.repeated import Entries, Memory, RepeatedSums, chosen, kinds
 from airrace.trajectory import Array
 
-logger = logging.getLogger(__name__)
-
-FILE = Path(__file__).with_name("riccati.c")
-_FLAGS = ("-O1",)  # vectors are written out, so that -O3 is no faster, and takes four times as long to compile
 MOST_UNKNOWNS = 64
 """The largest number of unknowns of a stage, for which `riccati.c` has room."""
-
-_installed: list[ctypes.CDLL] = []
-
-
-@cache
-def install() -> bool:
-    """Let Newton steps be solved in this process from now on, and return whether they are."""
-    try:
-        library = ctypes.CDLL(str(own_code.compiled(FILE, (*_FLAGS, *instruction_set().flags))))
-        library.riccati_factorise.restype = ctypes.c_int
-        for name in ("riccati_solve", "riccati_rows", "riccati_pulled"):
-            library[name].restype = None
-    except (KernelError, OSError, AttributeError) as error:  # AttributeError: a library without that function
-        logger.info("there are no Newton steps but fatrop's: %s", error)
-        return False
-    _installed.append(library)
-    return True
 
 
 def available(assembly: Assembly) -> bool:
     """Return whether the steps of a program can be solved here."""
     layout = assembly.layout
-    return bool(_installed) and int((layout.stage_states + layout.stage_controls).max()) <= MOST_UNKNOWNS
+    return library() is not None and int((layout.stage_states + layout.stage_controls).max()) <= MOST_UNKNOWNS
 
 
 class StageSystem:
@@ -57,6 +32,9 @@ class StageSystem:
 
     def __init__(self, assembly: Assembly) -> None:
         layout = assembly.layout
+        native = library()
+        assert native is not None  # see `available`
+        self._native = native.evaluator
         self._assembly = assembly
         sizes = layout.stage_states + layout.stage_controls
         self._states = int(layout.stage_states[0])
@@ -132,7 +110,7 @@ class StageSystem:
             Whether the step leads to a minimum: the matrix has the inertia that it has at one.
         """
         of_rows, of_bounds = np.split(np.ascontiguousarray(weights), [self.rows])
-        wrong: int = _installed[0].riccati_factorise(
+        wrong: int = self._native.riccati_factorise(
             len(self._sizes),
             self._states,
             _at(self._sizes),
@@ -150,7 +128,7 @@ class StageSystem:
     def solve(self, stationarity: Array, gaps: Array) -> tuple[Array, Array]:
         """Return the unknowns (n_w,) and the multipliers of the gaps (n_y,) for right-hand sides of the same shapes."""
         step, multipliers = np.empty(self.unknowns), np.empty(self.gaps)
-        _installed[0].riccati_solve(
+        self._native.riccati_solve(
             len(self._sizes),
             self._states,
             _at(self._sizes),
@@ -166,15 +144,15 @@ class StageSystem:
         result = np.concatenate([np.empty(self.rows), step])
         rows = self._constraints.doubles[self._dynamics :]
         arrays = map(_at, (self._sizes, self._rows, rows, result[self.rows :], result))
-        _installed[0].riccati_rows(len(self._sizes), *arrays)
+        self._native.riccati_rows(len(self._sizes), *arrays)
         return result
 
-    def pulled(self, values: Array) -> Array:
+    def transposed(self, values: Array) -> Array:
         """Return the transpose of `values` times multipliers of rows and unknowns, shape (n_w,)."""
         result = values[self.rows :].copy()
         rows = self._constraints.doubles[self._dynamics :]
         arrays = map(_at, (self._sizes, self._rows, rows, np.ascontiguousarray(values), result))
-        _installed[0].riccati_pulled(len(self._sizes), *arrays)
+        self._native.riccati_rows_transposed(len(self._sizes), *arrays)
         return result
 
 

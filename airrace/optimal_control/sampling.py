@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.optimal_control.interpreted_rates import interpreted
+from airrace.optimal_control.point_functions import function_at_points
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.rows import Indices
 from airrace.optimal_control.runge_kutta import VERNER_7
@@ -44,7 +44,7 @@ def sample(system: System, parameters: Array, iterate: Iterate, *, time: Array, 
     scale = np.array([quantity.scale for quantity in system.states])[:, None]
 
     def flown(wanted: Indices, steps: int) -> Array:
-        rates = interpreted(system.rates, control[:, wanted], parameters)
+        rates = function_at_points(system.rates, control[:, wanted], parameters)
 
         def held(x: Array, _: None, __: None) -> Array:
             return rates(x)

@@ -7,18 +7,20 @@ at any moment. One process serves a whole run.
 import contextlib
 import math
 import pickle
+import queue
 import subprocess
 import threading
 import time
 from collections.abc import Callable, Generator
+from functools import partial
 from types import TracebackType
 from typing import Self
 
 from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
-from airrace.optimal_control import kernels
 from airrace.optimal_control.messages import (
     Announcement,
+    Inbox,
     IterationReport,
     Notice,
     Reply,
@@ -36,7 +38,7 @@ STALL_SECONDS = 120.0
 """The longest time that a solver may spend on one iteration before it is considered to hang, s.
 
 An iteration that hangs never ends. Of those that end, the slowest of the problems with known answers takes 0.5 s (that
-of the soaring glider on 800 intervals, without compiled kernels), and those of a whole six-dof race with compiled ones
+of the soaring glider on 800 intervals, evaluated by casadi), and those of a whole six-dof race with native kernels
 less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration.
 """
 
@@ -63,7 +65,6 @@ class SolverService:
 
     Args:
         threads: threads that evaluate derivatives.
-        compiled: whether kernels are compiled where possible.
         stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
         deadline: the time, by `time.monotonic`, after which nothing is solved any more.
         on_notice: told what the process does besides solving.
@@ -73,14 +74,12 @@ class SolverService:
         self,
         *,
         threads: int = 1,
-        compiled: bool = True,
         stall_seconds: float = STALL_SECONDS,
         deadline: float = math.inf,
         on_notice: Callable[[str], None] | None = None,
     ) -> None:
         self._on_notice = on_notice
         self._threads = threads
-        self._compiled = compiled
         self._stall_seconds = stall_seconds
         self._deadline = deadline
         self._process: subprocess.Popen[bytes] | None = None
@@ -99,22 +98,13 @@ class SolverService:
     ) -> None:
         self.stop()
 
-    def prepare(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Get the kernels of a system ready that will be flown later.
-
-        They are compiled in the background, at low priority, and the process makes ready what it can have at once.
-        """
-        if self._compiled:
-            kernels.prepare(system, scheme)
-            self.announce(system, scheme)
-
     def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
-        """Let the process make the kernels of a system ready that is flown next.
+        """Let the process make the kernels of a system ready that will be flown.
 
         While the process works on a problem, what is announced waits for the solution: the process reads nothing before
         it has written that, and a pipe holds so little that each would wait for the other to read.
         """
-        if self._process is not None and self._compiled:
+        if self._process is not None:
             self._sender.pack(Announcement(system, scheme))
             if not self._solving:
                 self._deliver()
@@ -157,15 +147,13 @@ class SolverService:
         """
         if self._process is None:
             self._start()
-        request = SolveRequest(problem, guess, multipliers, solver, options, self._compiled, threads or self._threads)
+        request = SolveRequest(problem, guess, multipliers, solver, options, threads or self._threads)
         try:
             with self._alive():
                 self._sender.send(request)
             with self._working():
                 while self._chores:
                     self._chores.pop(0)()
-                if self._compiled:  # for the next problem of this system, or the next run
-                    kernels.prepare(problem.system, problem.scheme)
                 return self._answered(stall_seconds or self._stall_seconds, on_iteration)
         except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
             self.stop()  # more use
@@ -183,12 +171,11 @@ class SolverService:
 
     def _answered(self, longest: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
         """Return the solution of the request that the process works on."""
-        patience: float | None = longest
+        patience = longest
         while True:
             with self._alive():
                 reply = self._receive(patience)
-            # What is announced, such as compiling, takes the time it takes.
-            patience = None if isinstance(reply, Notice) else longest
+            patience = math.inf if isinstance(reply, Notice) else longest
             if isinstance(reply, Solution):
                 return reply
             if isinstance(reply, WorkerFailure):
@@ -226,8 +213,7 @@ class SolverService:
             if self._process is not None:
                 self._process.kill()
                 self._process.wait()
-                self._replies.close()
-                with contextlib.suppress(BrokenPipeError):
+                with contextlib.suppress(OSError):
                     self._sender.close()
                 self._process = None
 
@@ -245,35 +231,33 @@ class SolverService:
         if self._ended:
             raise SolverEnded
         worker = take()
+        assert worker.stdin is not None  # `start` asks for both
+        assert worker.stdout is not None
         with self._stopping:
-            self._process, self._replies = worker.process, worker.replies
-            assert self._process.stdin is not None  # `start` asks for it
-            self._sender = Sender(self._process.stdin)
+            self._process = worker
+            self._sender = Sender(worker.stdin)
+            self._replies = Inbox(worker.stdout, partial(pickle.load, worker.stdout))
             self._starter = threading.get_ident()
         if self._ended:  # meanwhile
             self.stop()
             raise SolverEnded
 
-    def _receive(self, patience: float | None) -> Reply:
-        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline."""
-        left = max(0.0, self._deadline - time.monotonic())
-        out_of_time = math.isfinite(left) and (patience is None or left < patience)
-        if not (self._replies.poll(left) if out_of_time else self._waited(patience)):
-            if out_of_time:
-                raise OutOfTime("there is no time left")
-            raise Stalled(f"no iteration finished within {patience:g} s")
-        reply: Reply = self._replies.recv()
-        return reply
-
-    def _waited(self, patience: float | None) -> bool:
-        """Wait for a reply, and tell whether there is one; without patience (None) for ever.
+    def _receive(self, patience: float) -> Reply:
+        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline.
 
         Time in which this process itself stood still is none in which the solver could have worked, so no part of the
         waiting counts for more than it was meant to take.
         """
-        while patience is not None and patience > 0.0:
-            part = min(patience, PART_OF_WAITING)
-            if self._replies.poll(part):
-                return True
-            patience -= part
-        return self._replies.poll(patience)
+        left = patience
+        while True:
+            part = max(0.0, min(left, PART_OF_WAITING, self._deadline - time.monotonic()))
+            try:
+                reply: Reply = self._replies.next(part)
+            except queue.Empty:
+                left -= part
+                if time.monotonic() >= self._deadline:
+                    raise OutOfTime("there is no time left") from None
+                if left <= 0.0:
+                    raise Stalled(f"no iteration finished within {patience:g} s") from None
+            else:
+                return reply

@@ -10,7 +10,7 @@ import atexit
 import os
 import threading
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import IterationReport
@@ -25,7 +25,6 @@ def solve(
     *,
     solver: str = "fatrop",
     options: SolverOptions | None = None,
-    compiled: bool = False,
     stall_seconds: float = STALL_SECONDS,
 ) -> Solution:
     """Solve a problem from a guess.
@@ -35,10 +34,7 @@ def solve(
         guess: where the solver begins, in SI.
         solver: one of the names in `solvers.SOLVERS`.
         options: tolerance, iterations and barrier; by default those of `SolverOptions`.
-        compiled: whether the system's functions are compiled to machine code, in the background where the solver can do
-            without meanwhile; that takes seconds once per system and machine and pays for long solves.
-        stall_seconds: longest wait for the next iteration, the first one included, s; what is prepared before it counts
-            except compiling.
+        stall_seconds: longest wait for the next iteration, the first one and what is prepared before it included, s.
 
     Returns:
         What the solver answers. A solve that finishes no iteration in time is a failed one like any other: its `status`
@@ -52,7 +48,7 @@ def solve(
     started, last = time.perf_counter(), _LastIteration()
     with _LOCK:
         try:
-            return _service(compiled).solve(
+            return _service().solve(
                 problem,
                 guess,
                 solver=solver,
@@ -76,35 +72,33 @@ class _LastIteration:
 
 
 @dataclass
-class _Services:
-    """The solver processes of one process, by whether they compile."""
+class _Owned:
+    """The solver process of the process `owner`."""
 
     owner: int = 0
-    running: dict[bool, SolverService] = field(default_factory=dict[bool, SolverService])
+    service: SolverService | None = None
 
 
 _LOCK = threading.Lock()  # a solver process serves one request at a time
-_SERVICES = _Services()
+_OWNED = _Owned()
 
 
-def _service(compiled: bool) -> SolverService:
+def _service() -> SolverService:
     """Return the solver process of this process.
 
     One that another thread has started would end with that thread, and one that a parent process has started belongs to
     the parent.
     """
-    if _SERVICES.owner != os.getpid():
-        _SERVICES.owner, _SERVICES.running = os.getpid(), {}
+    if _OWNED.owner != os.getpid():
+        _OWNED.owner, _OWNED.service = os.getpid(), None
         atexit.register(_stop)
-    if compiled not in _SERVICES.running:
-        _SERVICES.running[compiled] = SolverService(compiled=compiled)
-    service = _SERVICES.running[compiled]
-    service.stop_unless_started_here()
-    return service
+    if _OWNED.service is None:
+        _OWNED.service = SolverService()
+    _OWNED.service.stop_unless_started_here()
+    return _OWNED.service
 
 
 def _stop() -> None:
-    """End the solver processes with the process that they serve."""
-    if _SERVICES.owner == os.getpid():
-        for service in _SERVICES.running.values():
-            service.stop()
+    """End the solver process with the process that it serves."""
+    if _OWNED.owner == os.getpid() and _OWNED.service is not None:
+        _OWNED.service.stop()

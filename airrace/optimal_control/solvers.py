@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from airrace.optimal_control import riccati
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
+from airrace.optimal_control.fatrop.probe import require_known_interface
 from airrace.optimal_control.fatrop.solver import FatropSolver
 from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
@@ -22,7 +23,7 @@ from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.predictor_corrector import PredictorCorrector
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.transcription import transcribed
+from airrace.optimal_control.program_functions import ProgramFunctions
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -144,13 +145,11 @@ class Solver(ABC):
         name: that settings know.
         begins_with_multipliers: whether a guess of the multipliers changes where it begins.
         effort: the processor time of an iteration, in those of fatrop (1).
-        needs_functions: whether it evaluates kernels as functions of casadi.
     """
 
     name: str
     begins_with_multipliers = False
     effort = 1
-    needs_functions = False
 
     @abstractmethod
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
@@ -171,13 +170,14 @@ From another stage, with 1e-4, predictor-corrector steps lead astray: they took 
 class Fatrop(Solver):
     """The Riccati-structured interior point method fatrop (Vanroye et al.).
 
-    Near an optimum with known multipliers predictor-corrector steps come first, where there is a compiler.
+    Near an optimum with known multipliers predictor-corrector steps come first, with the native library.
     """
 
     name = "fatrop"
     begins_with_multipliers = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+        require_known_interface()
         solver = FatropSolver(functions, fatrop_options(options), exact=options.exact)
         near = options.barrier <= NEAR_BARRIER and riccati.available(functions.assembly)
         return _ReadyFatrop(solver, functions, options, PredictorCorrector(functions) if near else None)
@@ -238,31 +238,6 @@ what it does after the first of these iterations changes the race time by less t
 """
 
 
-class FatropByCasadi(Solver):
-    """The solver fatrop through casadi's interface, set up in quadratic time; `Fatrop` is compared with it."""
-
-    name = "fatrop-casadi"
-    needs_functions = True
-
-    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
-        layout, program = functions.assembly.layout, transcribed(functions.assembly, functions.threads)
-        settings = {
-            "structure_detection": "manual",
-            "N": layout.intervals,
-            "nx": layout.stage_states.tolist(),
-            "nu": layout.stage_controls.tolist(),
-            "ng": layout.stage_rows.tolist(),
-            "cache": {
-                "nlp_grad_f": program.grad_f,
-                "nlp_grad": program.grad,
-                "nlp_jac_g": program.jac_g,
-                "nlp_hess_l": program.hess_l,
-            },
-            "fatrop": fatrop_options(options),
-        }
-        return _ReadyCasadi("fatrop", program.nlp, settings)
-
-
 def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
     """Translate the options to fatrop's own names."""
     return {
@@ -274,7 +249,7 @@ def fatrop_options(options: SolverOptions) -> Mapping[str, float | int]:
 
 
 class Ipopt(Solver):
-    """The solver IPOPT with MUMPS on the same program.
+    """The solver IPOPT with MUMPS on the same program, which it evaluates through `program_functions.py`.
 
     On Abu Dhabi 2016, which is made impossible, an iteration takes it 57 to 83 us per interval of the point mass, and
     fatrop 37 to 47 us.
@@ -282,37 +257,25 @@ class Ipopt(Solver):
 
     name = "ipopt"
     effort = 2
-    needs_functions = True
 
     def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
-        program = transcribed(functions.assembly, functions.threads)
-        settings = {
-            "cache": {
-                "nlp_grad_f": program.f_and_grad,
-                "nlp_grad": program.grad,
-                "nlp_jac_g": program.jac_g,
-                "nlp_hess_l": program.hess_l_upper,
-            },
-            "ipopt": {
-                "tol": options.tolerance,
-                "max_iter": options.iterations_max,
-                "mu_init": options.barrier,
-                "sb": "yes",
-            },
+        settings = {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier}
+        return _ReadyIpopt(functions, settings)
+
+
+class _ReadyIpopt:
+    def __init__(self, functions: Evaluation, settings: Mapping[str, float | int]) -> None:
+        self._program = ProgramFunctions(functions)
+        self._settings = {
+            "print_time": False,
+            "calc_lam_p": False,
+            "cache": self._program.derivatives,
+            "ipopt": {**settings, "sb": "yes"},
         }
-        return _ReadyCasadi("ipopt", program.nlp, settings)
-
-
-class _ReadyCasadi:
-    """A solver of casadi's, set up for one program."""
-
-    def __init__(self, plugin: str, nlp: ca.Function, settings: Mapping[str, Any]) -> None:  # Any: as casadi's own
-        self._plugin = plugin
-        self._nlp = nlp
-        self._settings = {"print_time": False, "calc_lam_p": False, **settings}
         self._nlpsols: dict[bytes, ca.Function] = {}
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
+        self._program.begin(p)
         arguments: dict[str, Array] = {"x0": guess, "p": p, "lbx": bounds.lower, "ubx": bounds.upper}
         arguments |= {"lbg": bounds.g_lower, "ubg": bounds.g_upper}
         if multipliers is not None:
@@ -331,21 +294,17 @@ class _ReadyCasadi:
         )
 
     def _nlpsol(self, bounds: Bounds) -> ca.Function:
-        """Return the solver for bounds of these kinds.
-
-        Where an equality turns into a range, or a range is left away, casadi 3.8.2 sets fatrop up anew without its
-        options: default tolerance, iterations and barrier from then on.
-        """
+        """Return the solver for bounds of these kinds: casadi tells IPOPT once which constraints are equalities."""
         kinds = b"".join(
             np.concatenate([np.isfinite(lower), np.isfinite(upper), lower == upper]).tobytes()
             for lower, upper in ((bounds.lower, bounds.upper), (bounds.g_lower, bounds.g_upper))
         )
         if kinds not in self._nlpsols:
-            self._nlpsols[kinds] = ca.nlpsol("solve", self._plugin, self._nlp, dict(self._settings))
+            self._nlpsols[kinds] = ca.nlpsol("solve", "ipopt", self._program.nlp, dict(self._settings))
         return self._nlpsols[kinds]
 
 
-SOLVERS: Mapping[str, Solver] = {solver.name: solver for solver in (Fatrop(), Ipopt(), FatropByCasadi())}
+SOLVERS: Mapping[str, Solver] = {solver.name: solver for solver in (Fatrop(), Ipopt())}
 
 
 class PreparedProblem:

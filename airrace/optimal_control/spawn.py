@@ -4,44 +4,17 @@ Nothing heavy is imported here, so that it can start before everything else is l
 """
 
 import atexit
-import os
 import subprocess
-import sys
-from multiprocessing.connection import Connection
 
-from airrace.process import python_command
-from airrace.records import record
+from airrace import process
 
-_spares: "list[WorkerProcess]" = []
+_spares: list[subprocess.Popen[bytes]] = []
 
 
-@record
-class WorkerProcess:
-    """A solver process: requests go to its standard input, its answers arrive on `replies`."""
-
-    process: subprocess.Popen[bytes]
-    replies: Connection
-
-
-def start() -> WorkerProcess:
-    """Start a solver process in a session of its own.
-
-    A terminal's Ctrl-C reaches this process alone, which stops the solver process.
-    """
-    reading, writing = os.pipe()
-    process = subprocess.Popen(
-        python_command("airrace.memory", "airrace.optimal_control.worker", str(writing)),
-        stdin=subprocess.PIPE,
-        pass_fds=(writing,),
-        start_new_session=True,
-    )
-    os.close(writing)
-    return WorkerProcess(process, Connection(reading, writable=False))
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use, which can be fewer than the machine has."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+def start() -> "subprocess.Popen[bytes]":
+    """Start a solver process: requests go to its standard input, its replies come from its standard output."""
+    command = process.python_command("airrace.memory", "airrace.optimal_control.worker")
+    return process.started_apart(command)
 
 
 def start_early(count: int = 1) -> None:
@@ -55,18 +28,18 @@ def start_early(count: int = 1) -> None:
         _spares.append(start())
 
 
-def take() -> WorkerProcess:
+def take() -> "subprocess.Popen[bytes]":
     """Return a process that was started early, else a new one."""
     while _spares:
         taken = _spares.pop(0)
-        if taken.process.poll() is None:
+        if taken.poll() is None:
             return taken
+        taken.communicate()
     return start()
 
 
 def _discard() -> None:
     """End the processes that nobody took."""
     for spare in _spares:
-        spare.process.kill()
-        spare.process.communicate()
-        spare.replies.close()
+        spare.kill()
+        spare.communicate()

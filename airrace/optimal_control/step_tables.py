@@ -1,8 +1,4 @@
-"""A model's step as tables: sizes, scheme and patterns, from which `step_driver.c` composes it and its derivatives.
-
-The functions that it is put together from, f and the projection with their derivatives, are either compiled (see
-`step_kernel.py`) or interpreted (see `machine.py`).
-"""
+"""A model's step as tables: sizes, scheme and patterns, from which `step.c` composes it and its derivatives."""
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
@@ -16,7 +12,7 @@ from airrace.records import record
 from airrace.system import System
 
 GROUP = 4
-"""The multiple of numbers to which rows of sensitivities are padded, as in `step_driver.c`."""
+"""The multiple of numbers to which rows of sensitivities are padded, as in `step.c`."""
 
 Table = Sequence[int]
 
@@ -79,7 +75,7 @@ def step_parts(system: System, scheme: RungeKutta) -> StepParts:
 
 
 def step_tables(parts: StepParts) -> list[Table]:
-    """Return all tables of a step but those of its functions, in the order in which `model_tables.c` reads them."""
+    """Return all tables of a step but those of its functions, in the order in which `step.c` reads them."""
     patterns, active = parts.patterns, parts.patterns.active
     padded = -(-len(active) // GROUP) * GROUP
     place = {entry: number for number, entry in enumerate(active)}

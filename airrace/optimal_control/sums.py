@@ -1,8 +1,7 @@
 """Sparse matrices whose nonzeros are weighted sums of drawn numbers, the pattern and the summands found once.
 
-The derivatives of a program are such sums of what its kernels return. They are evaluated with numpy or by machine code,
-straight from the arrays that kernels write to, or stated as a casadi expression; all add in the same order and give the
-same bits.
+The derivatives of a program are such sums of what its kernels return. The native library adds them up straight from the
+arrays that kernels write to (`sums.c`), else numpy does, in the same order and with the same bits.
 """
 
 from functools import cached_property
@@ -11,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control import summation
+from airrace.native.library import library
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -83,14 +82,14 @@ class Sums:
             memory: contiguous.
             places: of the nonzeros, contiguous, shape (n,).
         """
-        add_up = summation.add_up()
-        if add_up is None:
+        native = library()
+        if native is None:
             values = self._by_numpy(drawn)
             memory[places] = values
             return bool(np.isfinite(values).all())
         flat = self.flat
         arrays = (flat.begins, flat.weights, flat.sources, drawn, places, memory)
-        return bool(add_up(len(self.rows), *(array.ctypes.data for array in arrays)))
+        return bool(native.add_up(len(self.rows), *(array.ctypes.data for array in arrays)))
 
     def _by_numpy(self, drawn: Array) -> Array:
         first, *others = self.turns
@@ -127,16 +126,6 @@ class Sums:
         values = np.zeros(self.shape[0])
         self.into(drawn, values, self.rows)
         return values
-
-    def expression(self, drawn: ca.MX) -> ca.MX:
-        """Return the matrix as a sparse expression of a dense column of drawn numbers."""
-        count = len(self.rows)
-        values = ca.MX(0.0)
-        for turn, one in enumerate(self.turns):
-            picked = ca.vec(drawn[one.sources.tolist()]) * ca.DM(one.weights)  # of a scalar: a row
-            at = ca.Sparsity(count, 1, [0, len(one.nonzeros)], one.nonzeros.tolist())
-            values += ca.densify(ca.MX(at, picked)) if turn else picked
-        return ca.MX(self.sparsity, values)
 
     @cached_property
     def sparsity(self) -> ca.Sparsity:

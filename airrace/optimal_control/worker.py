@@ -1,43 +1,38 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module, and answers on the file
-descriptor whose number is its argument. The solvers print their progress to standard output only; here it is read line
-by line and turned into reports. Solvers are kept ready per problem structure, so that a homotopy pays for its set-up
-once.
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
+to Python's `sys.stdout` only; here it is read line by line and turned into reports. Solvers are kept ready per problem
+structure, so that a homotopy pays for its set-up once.
 """
 
-import ctypes
+import contextlib
 import io
 import logging
+import os
 import re
-import signal
 import sys
-import threading
 import traceback
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from multiprocessing.connection import Connection
+from functools import partial
 
-from airrace import memory
-from airrace.errors import is_lack_of_memory
-from airrace.optimal_control import riccati, summation
-from airrace.optimal_control.fatrop import arena, products
-from airrace.optimal_control.kernels import Kernels, build_kernels, needs_compiling
+from airrace import memory, process
+from airrace.errors import SolverCrash, is_lack_of_memory
+from airrace.optimal_control.fatrop import arena
+from airrace.optimal_control.fatrop.probe import require_known_interface
+from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.machine import machine
-from airrace.optimal_control.machine_kernels import machine_kernels
 from airrace.optimal_control.messages import (
-    COMPILING,
     Announcement,
+    Inbox,
     IterationReport,
     Notice,
+    Outbox,
     Receiver,
     SolveRequest,
     WorkerFailure,
 )
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers import NEAR_BARRIER, SOLVERS, PreparedProblem, Solution
+from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
 PREPARED_INTERVALS = 600
@@ -56,7 +51,6 @@ Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has 
 
 # IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
 _ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
-_PR_SET_PDEATHSIG = 1
 
 
 Structure = tuple[str, bytes]
@@ -66,7 +60,7 @@ Structure = tuple[str, bytes]
 class ProgressReader(io.TextIOBase):
     """A stand-in for standard output that turns iteration lines into reports and drops all else."""
 
-    def __init__(self, replies: Connection) -> None:
+    def __init__(self, replies: Outbox) -> None:
         self._replies = replies
         self._line = ""
 
@@ -82,7 +76,7 @@ class ProgressReader(io.TextIOBase):
 class NoticeHandler(logging.Handler):
     """A logging handler that sends records to the other process, whose business it is to show them."""
 
-    def __init__(self, replies: Connection) -> None:
+    def __init__(self, replies: Outbox) -> None:
         super().__init__(logging.WARNING)
         self._replies = replies
 
@@ -91,20 +85,11 @@ class NoticeHandler(logging.Handler):
 
 
 class Workshop:
-    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure.
+    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
 
-    The C files of this package are compiled meanwhile if they have yet to be: that begins before anything is asked for.
-    """
-
-    def __init__(self, notify: Callable[[str], None]) -> None:
-        self._own_code = threading.Thread(target=_install, daemon=True)
-        self._own_code.start()
-        self._needed_later = threading.Thread(target=self._install_later, daemon=True)
-        self._needed_later.start()
-        self._notify = notify
+    def __init__(self) -> None:
         self._known: list[System | Observation] = []
-        self._kernels: dict[tuple[int, RungeKutta, bool], Kernels] = {}
-        self._prompt: dict[tuple[int, RungeKutta], Kernels | None] = {}
+        self._kernels: dict[tuple[int, RungeKutta], Kernels] = {}
         self._prepared: dict[Structure, PreparedProblem] = {}
         self._sizes: dict[Structure, int] = {}
 
@@ -116,23 +101,14 @@ class Workshop:
         if prepared is None:
             self._make_room(layout.intervals)
             solver, problem = SOLVERS[request.solver], request.problem
-            if request.compiled and request.options.barrier <= NEAR_BARRIER:
-                self._needed_later.join()
-            kernels = self._ready_kernels(problem.system, problem.scheme) if request.compiled else None
-            if kernels is None or solver.needs_functions:
-                kernels = self._kernels_of(problem.system, problem.scheme, compiled=request.compiled)
+            kernels = self._kernels_of(problem.system, problem.scheme)
             prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
 
-    def _install_later(self) -> None:
-        """Compile what no first solve needs after what the first solve needs."""
-        self._own_code.join()
-        riccati.install()
-
     def expect(self, announced: Announcement) -> None:
-        """Make the kernels of a system ready, unless they have to be compiled first."""
-        self._ready_kernels(announced.system, announced.scheme)
+        """Make the kernels of a system ready."""
+        self._kernels_of(announced.system, announced.scheme)
 
     def _make_room(self, intervals: int) -> None:
         """Forget the problems that were not asked for longest."""
@@ -150,24 +126,10 @@ class Workshop:
         self._known.append(shared)
         return len(self._known) - 1
 
-    def _ready_kernels(self, system: System, scheme: RungeKutta) -> Kernels | None:
-        """Return the kernels that can be had at once: compiled if they are, else the machine's; None without one."""
-        self._own_code.join()
-        if not needs_compiling(system, scheme):
-            return self._kernels_of(system, scheme, compiled=True)
+    def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
         key = (self._number(system), scheme)
-        if key not in self._prompt:
-            self._prompt[key] = machine_kernels(system, scheme)
-        return self._prompt[key]
-
-    def _kernels_of(self, system: System, scheme: RungeKutta, *, compiled: bool) -> Kernels:
-        key = (self._number(system), scheme, compiled)
         if key not in self._kernels:
-            if compiled:
-                self._own_code.join()
-                if needs_compiling(system, scheme):
-                    self._notify(COMPILING)
-            self._kernels[key] = build_kernels(system, scheme, compiled=compiled)
+            self._kernels[key] = build_kernels(system, scheme)
         return self._kernels[key]
 
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
@@ -180,35 +142,26 @@ class Workshop:
             None if observed_last is None else self._number(observed_last),
         )
         parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
-        solving = (request.solver, request.options, request.compiled, request.threads)
+        solving = (request.solver, request.options, request.threads)
         told = repr((parts, layout.first_node.tolist(), len(layout.jump_at), observed, solving))
         return told, layout.rows.structure
 
 
-def _install() -> None:
-    """Compile what has yet to be compiled, side by side, and load it."""
-    installations = (machine, products.install, arena.install, summation.install)
-    with ThreadPoolExecutor(len(installations)) as beside:
-        for done in [beside.submit(install) for install in installations]:
-            done.result()
-
-
-def die_with_parent() -> None:
-    """Ask the system to end this process when its parent ends (Linux; elsewhere the closed pipe does it later)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 def main() -> None:
-    """Serve requests from standard input until it closes."""
-    die_with_parent()
+    """Serve requests until there is nobody left who could ask for anything."""
+    process.die_with_starter()
     memory.keep()
-    replies: Connection = Connection(int(sys.argv[1]), readable=False)
+    asked, answers = process.taken_streams()
+    replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
-    receiver = Receiver(sys.stdin.buffer)
     sys.stdout = ProgressReader(replies)
-    workshop = Workshop(lambda text: replies.send(Notice(text)))
-    while (request := receiver.receive()) is not None:
+    arena.install()  # before fatrop is loaded
+    requests = Inbox(asked, partial(_received, Receiver(asked)))
+    with contextlib.suppress(SolverCrash):  # which the first solve tells
+        require_known_interface()  # while the other process prepares what is to be solved
+    workshop = Workshop()
+    while True:
+        request = requests.next()
         try:
             if isinstance(request, Announcement):
                 workshop.expect(request)
@@ -221,6 +174,14 @@ def main() -> None:
                 raise
             if isinstance(request, SolveRequest):  # what is only announced is tried again when it is to be solved
                 replies.send(WorkerFailure(traceback.format_exc()))
+
+
+def _received(receiver: Receiver) -> SolveRequest | Announcement:
+    """Return the next request; after the last one end this process, whatever it is at."""
+    request = receiver.receive()
+    if request is None:
+        os._exit(0)
+    return request
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:
             f"{stage}: {result.constraint_multipliers.size} multipliers are stored, "
             f"but the race has {layout.constraints} constraints on this mesh"
         )
-    kernels = build_kernels(problem.system, problem.scheme, compiled=inputs.settings.solver.compile_kernels)
+    kernels = build_kernels(problem.system, problem.scheme)
     return Worth(problem, iterate, result.constraint_multipliers, result.bound_multipliers, kernels)
 
 

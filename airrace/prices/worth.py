@@ -12,13 +12,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-import casadi as ca
 import numpy as np
 
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.layout import Layout, narrowed
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
-from airrace.optimal_control.transcription import constraint_function
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.trajectory import Array
@@ -92,16 +92,17 @@ class Worth:
         # A watch of all legs is one object in all phases of any such problem; it counts as its last phase's.
         self._owners = {id(bounds): owner for owner, bounds, _ in _observed(problem)}
         self._ends: dict[object, _Ends] = {}
-        function = constraint_function(layout, kernels)
+        functions = Evaluation(Assembly(layout, kernels))
         w, p = layout.pack(iterate), layout.parameter_values()
-        g = np.asarray(function(w, p)).ravel()
+        functions.at(w, p)
+        g = functions.g.copy()
         lam, weak = _active(lam, g, *layout.constraint_bounds())
         nu, barely = _active(nu, w, *layout.unknown_bounds())
         self._gather_rows(lam, weak)
         self._gather_bounds(nu / layout.scale, barely)
         self._ends = {key: ends for key, ends in self._ends.items() if ends.pull.strong.any() or ends.pull.weak.any()}
-        self._of_system = _by_system_parameters(function, layout, w, p, lam)
-        self._of_owners = _by_observed_parameters(function, layout, w, p, lam)
+        self._of_system = _by_system_parameters(functions, layout, w, p, lam)
+        self._of_owners = _by_observed_parameters(functions, layout, w, p, lam)
 
     def value(self, problem: Problem) -> Value:
         """Return what the numbers of a problem of the same structure are worth; only differences have a meaning.
@@ -264,19 +265,19 @@ def _narrowed(problem: Problem, quantity: Quantity, place: Place) -> Interval:
 # The derivatives of the constraints by parameters.
 
 
-def _by_system_parameters(function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array) -> Array:
+def _by_system_parameters(functions: Evaluation, layout: Layout, w: Array, p: Array, lam: Array) -> Array:
     """Return lam . dg/dp of the system's parameters, shape (n_p,)."""
     declared = layout.problem.system.parameters
     worth = np.zeros(len(declared))
     for index, quantity in enumerate(declared):
         step = np.zeros_like(p)
         step[index] = SHARE * max(abs(p[index]), quantity.scale)
-        worth[index] = float(_change(function, w, p, step) @ lam) / (2.0 * step[index])
+        worth[index] = float(_change(functions, w, p, step) @ lam) / (2.0 * step[index])
     return worth
 
 
 def _by_observed_parameters(
-    function: ca.Function, layout: Layout, w: Array, p: Array, lam: Array
+    functions: Evaluation, layout: Layout, w: Array, p: Array, lam: Array
 ) -> dict[Owner, Array]:
     """Return lam . dg/db of the parameters of every boundary and watch, by its owner.
 
@@ -298,11 +299,14 @@ def _by_observed_parameters(
         step = np.zeros_like(p)
         at = first[having] + component
         step[at] = SHARE * np.maximum(np.abs(p[at]), 1.0)
-        change = _change(function, w, p, step)[places] * lam[places]
+        change = _change(functions, w, p, step)[places] * lam[places]
         sums = np.bincount(owner_of, change, len(observed))
         worth[having, component] = sums[having] / (2.0 * step[at])
     return {owner: worth[number, : sizes[number]] for number, (owner, _, _) in enumerate(observed)}
 
 
-def _change(function: ca.Function, w: Array, p: Array, step: Array) -> Array:
-    return (np.asarray(function(w, p + step)) - np.asarray(function(w, p - step))).ravel()
+def _change(functions: Evaluation, w: Array, p: Array, step: Array) -> Array:
+    functions.at(w, p + step)
+    upper = functions.g.copy()
+    functions.at(w, p - step)
+    return upper - functions.g

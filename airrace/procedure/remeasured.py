@@ -103,7 +103,7 @@ def remeasured(
     if not results:
         return
     solver = settings.solver
-    with SolverService(compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds) as service:
+    with SolverService(stall_seconds=solver.stall_seconds) as service:
         for result in results:
             if result.is_flight:
                 ensure_declared(race, result)
@@ -161,7 +161,7 @@ def measured(race: Race, settings: Settings, believed: Believed, service: Solver
             f"{believed.stage.value}: {believed.multipliers.size} multipliers are stored, "
             f"but the race has {layout.constraints} constraints on this mesh"
         )
-    kernels = build_kernels(problem.system, problem.scheme, compiled=settings.solver.compile_kernels)
+    kernels = build_kernels(problem.system, problem.scheme)
     functions, w, p = Evaluation(Assembly(layout, kernels)), layout.pack(iterate), layout.parameter_values()
     error, bound_multipliers, _ = kkt_error(functions, layout, w, p, believed.multipliers)
     evidence = examine(problem, iterate, believed.multipliers, settings.certificate)

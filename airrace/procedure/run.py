@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from airrace.dynamics import handling
+from airrace.native.library import MISSING, is_missing
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
@@ -85,11 +86,12 @@ def optimize(
     solver = settings.solver
     with SolverService(
         threads=threads,
-        compiled=solver.compile_kernels,
         stall_seconds=solver.stall_seconds,
         deadline=deadline,
         on_notice=lambda text: progress.activity(text, 0, 0),
     ) as service:
+        if is_missing():
+            progress.activity(MISSING, 0, 0)
         bench = Workbench(service, settings, progress, threads, deadline, Budget.of(race.plan, settings.mesh))
         for stage in unproved:
             progress.stage_started(stage)
@@ -165,7 +167,7 @@ def _climbed(
 
 def _prepare(ladder: Ladder, stage: Stage, service: SolverService) -> None:
     """Get a stage ready that is flown next."""
-    service.prepare(*_flown(ladder, stage))
+    service.announce(*_flown(ladder, stage))
     ladder.make_ready(stage)
 
 

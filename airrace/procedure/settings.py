@@ -58,7 +58,6 @@ class SolverSettings:
     tolerance: float = 1e-7
     iterations_max: int = 500
     stall_seconds: float = 120.0
-    compile_kernels: bool = True
 
 
 LONG_RACE = 120.0

@@ -74,9 +74,7 @@ class Workbench:
 
     def _another(self) -> SolverService:
         solver = self.settings.solver
-        return SolverService(
-            compiled=solver.compile_kernels, stall_seconds=solver.stall_seconds, deadline=self.deadline
-        )
+        return SolverService(stall_seconds=solver.stall_seconds, deadline=self.deadline)
 
     def begin(self) -> None:
         """Start a new stage: forget the attempts of the one before."""

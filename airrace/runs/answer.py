@@ -49,7 +49,7 @@ def record_failure(answer: Answer, error: BaseException) -> None:
     code = of_error(error)
     match error:
         case InputError():
-            count = len(error.findings)
+            count = error.count
             answer.fail(code, f"the input is not valid: {count} finding{'' if count == 1 else 's'}", error.findings)
         case KeyboardInterrupt():
             answer.fail(code, "interrupted")

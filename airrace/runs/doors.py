@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from airrace.errors import UsageError
-from airrace.optimal_control.spawn import available_cores
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import Explore, GuessKind, Proof
+from airrace.process import available_cores
 from airrace.runs.beginning import new_task, settings_texts
 from airrace.runs.checked import Checked, checked
 from airrace.runs.flying import flown

@@ -49,9 +49,9 @@ def beside(source: str | Path, suffix: str) -> Path:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file as a whole.
+    """Write a file as a whole; what UTF-8 cannot hold, as of names of files that are none, is a question mark.
 
     Raises:
         StorageError: the system refused.
     """
-    replace_file(path, text.encode())
+    replace_file(path, text.encode("utf-8", "replace"))

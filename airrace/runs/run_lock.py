@@ -1,13 +1,15 @@
 """The lock of a run that is being flown: two of them at a time would write the same file in turn."""
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 from airrace.errors import UsageError
+
+PATIENCE = 0.1
+"""The time for which a lock is tried, s: whoever holds it may just be removing it."""
 
 
 @contextmanager
@@ -23,36 +25,36 @@ def flown_alone(path: Path | None) -> Generator[None, None, None]:
     Raises:
         UsageError: another process holds it.
     """
-    if path is None:
+    target = None if path is None else Path(os.path.realpath(path))
+    if target is None or not target.parent.is_dir():
         yield
         return
-    target = Path(os.path.realpath(path))
-    lock = target.with_name(f".{target.name[:200]}.lock")
-    descriptor = _locked(lock, path)
-    try:
+    with held(target.with_name(f".{target.name[:200]}.lock")) as refused:
+        if refused:
+            raise UsageError(f"{path} is being flown by another process; wait for it, or name another file")
         yield
+
+
+@contextmanager
+def held(lock: Path) -> Generator[bool, None, None]:
+    """Hold a lock that is a file of its own, and tell whether it is refused since another process holds it.
+
+    Where its folder takes no files, or knows no locks, nobody holds it.
+    """
+    from filelock import FileLock, Timeout  # which not every command loads
+
+    own = FileLock(lock)
+    refused = False
+    try:
+        own.acquire(timeout=PATIENCE, poll_interval=PATIENCE / 4)
+    except Timeout:
+        refused = True
+    except (OSError, NotImplementedError):
+        pass
+    try:
+        yield refused
     finally:
-        if descriptor is not None:
-            with contextlib.suppress(OSError):
+        if own.is_locked:
+            with contextlib.suppress(OSError):  # Windows removes it when it is released
                 lock.unlink()
-            os.close(descriptor)
-
-
-def _locked(lock: Path, path: Path) -> int | None:
-    """Return the descriptor of a lock that is held; None where there is nothing to hold."""
-    while True:
-        try:
-            descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-        except OSError:
-            return None
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if lock.exists() and os.path.samestat(os.fstat(descriptor), lock.stat()):
-                return descriptor
-        except BlockingIOError:
-            os.close(descriptor)
-            raise UsageError(f"{path} is being flown by another process; wait for it, or name another file") from None
-        except OSError:  # a file system without locks, or a lock that has just been removed
-            os.close(descriptor)
-            return None
-        os.close(descriptor)  # whoever held it has removed it since it was opened
+            own.release()

@@ -8,7 +8,8 @@ import re
 
 _CONTROLS = {code: 0x2400 + code for code in range(0x20) if chr(code) not in "\t\n"} | {0x7F: 0x2421}
 _UNSEEN = (*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
-_SHOWN = _CONTROLS | dict.fromkeys(_UNSEEN, 0xFFFD)
+_NO_CHARACTERS = range(0xD800, 0xE000)  # bytes in names of files that are not UTF-8
+_SHOWN = _CONTROLS | dict.fromkeys((*_UNSEEN, *_NO_CHARACTERS), 0xFFFD)
 _SHOWN_STYLED = {code: sign for code, sign in _SHOWN.items() if code != 0x1B}
 _COMMAND = re.compile(r"\x1b(?!\[[0-9;]*m)")
 """An escape that begins anything but a change of colour or weight."""

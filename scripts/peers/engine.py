@@ -1,4 +1,4 @@
-"""The race in airrace's own engine: direct multiple shooting with compiled kernels and fatrop."""
+"""The race in airrace's own engine: direct multiple shooting with native kernels and fatrop."""
 
 import time
 
@@ -6,8 +6,6 @@ import casadi as ca
 import numpy as np
 
 from airrace.dynamics.flight_model import column, named_symbols
-from airrace.optimal_control import summation
-from airrace.optimal_control.fatrop import products
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
@@ -35,13 +33,13 @@ def problem(race: Race, segments: int, scheme: RungeKutta) -> Problem:
 
 
 def solve(race: Race, segments: int, scheme: RungeKutta, tolerance: float) -> Answer:
-    """Solve in this process with one thread; kernels come from the cache, see `warm`."""
+    """Solve in this process with one thread."""
     guess = race.guess(segments)
     states = np.hstack([guess.states[0], *(one[:, 1:] for one in guess.states[1:])])
     began, spent = time.perf_counter(), time.process_time()
     stated = problem(race, segments, scheme)
     layout = Layout(stated)
-    kernels = build_kernels(stated.system, scheme, compiled=True)
+    kernels = build_kernels(stated.system, scheme)
     options = SolverOptions(tolerance=tolerance)
     prepared = PreparedProblem(layout, kernels, SOLVERS["fatrop"], options, 1)
     ready, ready_spent = time.perf_counter(), time.process_time()
@@ -64,13 +62,6 @@ def solve(race: Race, segments: int, scheme: RungeKutta, tolerance: float) -> An
         processor=done_spent - spent,
         processor_solve=done_spent - ready_spent,
     )
-
-
-def warm(race: Race, scheme: RungeKutta) -> None:
-    """Compile what is not in the cache yet, once per machine, and load what the solver process loads."""
-    products.install()
-    summation.install()
-    build_kernels(race.model.system, scheme, compiled=True)
 
 
 def _crossing(race: Race) -> Observation:

@@ -13,6 +13,7 @@ from airrace.cli.main import app
 PROGRAM = f"""
 import airrace.batch.process as process
 process.JOB_COMMAND = {STAND_IN!r}
+process.GRACE = 600.0  # whoever waits for its end waits longer than any test does
 from airrace.__main__ import main
 main()
 """

@@ -2,14 +2,14 @@
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
 from batch_examples import planned, write_course
 from cluster_log import Log
-from clusters import Cluster, wait_until
+from clusters import Cluster
+from waiting import wait_until
 
 from airrace.batch.cluster import ClusterExecutor
 from airrace.batch.executor import Ended, Ending, Event
@@ -34,18 +34,21 @@ def plan_with(folder: Path, notes: str) -> Plan:
     return planned(write_course(folder), folder=folder, sweeps=[f"notes={notes}"])
 
 
-def heard(executor: ClusterExecutor, enough: Callable[[list[Event]], object], within: float = 30.0) -> list[Event]:
+def heard(executor: ClusterExecutor, enough: Callable[[list[Event]], object]) -> list[Event]:
     """Events until there are enough of them."""
     events: list[Event] = []
-    deadline = time.monotonic() + within
-    while not enough(events):
-        assert time.monotonic() < deadline, events
-        events += executor.events(0.5)
+
+    def listen() -> object:
+        if not enough(events):
+            events.extend(executor.events(0.5))
+        return enough(events)
+
+    wait_until(listen)
     return events
 
 
 def await_slots(executor: ClusterExecutor, number: int) -> None:
-    wait_until(lambda: executor.events(0.5) is not None and executor.slots == number, 30.0)
+    wait_until(lambda: executor.events(0.5) is not None and executor.slots == number)
 
 
 def endings(events: list[Event]) -> dict[str, Ending]:

@@ -1,4 +1,4 @@
-"""What stand-ins on the workers of a cluster have left behind: when each was started, and whether it is still there."""
+"""What stand-ins on the workers of a cluster have left behind: when each was started, and by which process."""
 
 from pathlib import Path
 
@@ -23,10 +23,3 @@ class Log:
     def workers(self, name: str) -> list[int]:
         """The process of the worker of each start of a job."""
         return [int(worker) for one, _, worker, _ in self.lines if one == name]
-
-
-def alive(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False

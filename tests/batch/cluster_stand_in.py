@@ -1,6 +1,6 @@
 """`stand_in_job.py` for a job whose folder vanishes with it: every start adds a line to a file of the test's.
 
-`python cluster_stand_in.py LOG FD`; a line is: name, process, process of the worker, `resumed` or `new`. One manner
+`python cluster_stand_in.py LOG`; a line is: name, process, process of the worker, `resumed` or `new`. One manner
 more: `stage-then-hang` hangs behind its first stage when it is started for the first time.
 """
 
@@ -20,7 +20,7 @@ def main() -> None:
     if sys.platform == "linux":  # as a real one, it ends with its worker
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)
     log = Path(sys.argv.pop(1))
-    text = sys.stdin.read()
+    text = sys.stdin.readline()
     order = json.loads(text)
     name, checkpoint = order["job"]["name"], Path(order["checkpoint"])
     first = not log.exists() or f"{name} " not in log.read_text()
@@ -29,8 +29,9 @@ def main() -> None:
     if stand_in_job.behaviour(order["job"]) == "stage-then-hang" and first:
         checkpoint.write_bytes(stand_in_job.CHECKPOINT)
         stage = {"stage_finished": "homotopy", "status": "solved", "race_time_s": None, "certified": False}
-        os.write(int(sys.argv[1]), f"{json.dumps(stage)}\n".encode())
-        time.sleep(60.0)
+        sys.stdout.write(f"{json.dumps(stage)}\n")
+        sys.stdout.flush()
+        time.sleep(600.0)
     sys.stdin = io.StringIO(text)
     stand_in_job.main()
 

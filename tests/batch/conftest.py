@@ -8,7 +8,8 @@ import pytest
 from batch_examples import STAND_IN, write_course
 from batch_shell import Shell
 from cluster_log import Log
-from clusters import START_UP, Cluster, wait_until
+from clusters import Cluster
+from waiting import wait_until
 
 import airrace.batch.process as process_module
 
@@ -23,7 +24,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         one.worker(2)
         connection = Connection(one.address, {"airrace": version("airrace")})
         try:
-            wait_until(lambda: len(connection.threads()) == 2, START_UP)
+            wait_until(lambda: len(connection.threads()) == 2)
         finally:
             connection.close()
         yield one

@@ -12,7 +12,8 @@ pytest.importorskip("distributed")
 
 from cluster_examples import VERSIONS, started
 from cluster_log import Log
-from clusters import Cluster, wait_until
+from clusters import Cluster
+from waiting import PATIENCE, wait_until
 
 from airrace.batch import cluster_connection
 from airrace.batch.cluster import ClusterExecutor
@@ -23,10 +24,8 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="lo
 
 
 def test_an_unreachable_scheduler_is_told_before_anything_starts(tmp_path: Path, log: Log) -> None:
-    began = time.monotonic()
     with started("tcp://127.0.0.1:9", tmp_path, log) as running:
-        out, err = running.communicate(timeout=60.0)
-    assert time.monotonic() - began < 10.0
+        out, err = running.communicate(timeout=PATIENCE)
     assert (running.returncode, out) == (8, "")
     assert err.startswith("airrace: cannot reach the scheduler tcp://127.0.0.1:9: ")
     assert err.count("\n") == 1
@@ -43,9 +42,9 @@ def test_tasks_are_called_off_called_upon_and_forgotten(cluster: Cluster) -> Non
         connection.cancel(queued)
         assert [future.status for future in queued] == ["cancelled"] * 6
         done = connection.submit(len, "abc", key="length", workers=list(workers))
-        assert done.result(timeout=20.0) == 3
+        assert done.result(timeout=PATIENCE) == 3
         connection.forget(done, "length")
-        wait_until(lambda: connection.submit(len, "abcd", key="length", workers=list(workers)).result(20.0) == 4)
+        wait_until(lambda: connection.submit(len, "abcd", key="length", workers=list(workers)).result(PATIENCE) == 4)
     finally:
         connection.close()
 
@@ -74,10 +73,8 @@ def test_somebody_who_listens_and_is_silent_is_no_scheduler(monkeypatch: pytest.
     monkeypatch.setattr(cluster_connection, "CONNECT", 1.0)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        began = time.monotonic()
         with pytest.raises(ClusterError, match="no answer within 1 s"), ClusterExecutor(address, (), VERSIONS):
             pass
-        assert time.monotonic() - began < 5.0
 
 
 def test_a_worker_with_other_versions_that_comes_later_gets_no_jobs(
@@ -88,7 +85,7 @@ def test_a_worker_with_other_versions_that_comes_later_gets_no_jobs(
         try:
             cluster.worker()
             with caplog.at_level(logging.WARNING):
-                wait_until(lambda: connection.threads() == {} and caplog.records, 30.0)
+                wait_until(lambda: connection.threads() == {} and caplog.records)
                 assert connection.threads() == {}
             (record,) = caplog.records
             assert f"gets no jobs: it has numpy {VERSIONS['numpy']}, here is 0.1" in record.getMessage()

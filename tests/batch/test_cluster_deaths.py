@@ -11,8 +11,9 @@ pytest.importorskip("distributed")
 
 from batch_examples import Watched, job
 from cluster_examples import await_slots, endings, executor_of, heard, plan_with, started
-from cluster_log import Log, alive
-from clusters import Cluster, wait_until
+from cluster_log import Log
+from clusters import Cluster
+from waiting import PATIENCE, wait_until, wait_until_gone
 
 from airrace.batch.executor import Fault, Order
 from airrace.batch.supervision import Policy, supervise
@@ -27,26 +28,26 @@ def test_nothing_flies_on_when_the_executor_is_left(cluster: Cluster, tmp_path: 
     with executor_of(cluster, log) as executor:
         executor.submit(Order(job(overrides=("notes=deaf",)), 1, tmp_path / "oval.h5", None))
         wait_until(lambda: log.lines)
-    wait_until(lambda: not any(map(alive, log.processes())))
+    wait_until_gone(*log.processes())
 
 
 def test_nothing_flies_on_when_the_parent_is_killed(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     with started(cluster, tmp_path, log, "--set", "notes=hang") as running:
-        wait_until(lambda: log.lines, 60.0)
+        wait_until(lambda: log.lines)
         running.kill()
-        running.communicate(timeout=30.0)
-    wait_until(lambda: not any(map(alive, log.processes())))
+        running.communicate(timeout=PATIENCE)
+    wait_until_gone(*log.processes())
 
 
 def test_an_interrupted_batch_goes_on_later(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     arguments = ("--sweep", "notes=fine,hang-once", "--json")
     with started(cluster, tmp_path, log, *arguments) as running:
-        wait_until(lambda: (tmp_path / "batch/oval,notes=fine.h5").exists() and len(log.lines) == 2, 60.0)
+        wait_until(lambda: (tmp_path / "batch/oval,notes=fine.h5").exists() and len(log.lines) == 2)
         running.send_signal(signal.SIGINT)
-        running.communicate(timeout=30.0)
+        running.communicate(timeout=PATIENCE)
     assert running.returncode == 130
     with started(cluster, tmp_path, log, *arguments) as running:
-        running.communicate(timeout=60.0)
+        running.communicate(timeout=PATIENCE)
     assert running.returncode == 0
     assert log.of("oval,notes=fine") == ["new"]
     assert log.of("oval,notes=hang-once") == ["new", "resumed"]
@@ -109,11 +110,11 @@ def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path
             executor.submit(Order(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             events = heard(executor, lambda events: log.lines and events)
             worker.kill()
-            ended = endings([*events, *heard(executor, endings, within=15.0)])
+            ended = endings([*events, *heard(executor, endings)])
             assert executor.slots == 0
     assert ended["oval"].fault is Fault.LOST
     assert ended["oval"].message.startswith("its worker 127.0.0.1:")
-    wait_until(lambda: not any(map(alive, log.processes())))
+    wait_until_gone(*log.processes())
 
 
 def test_jobs_are_accounted_for_when_the_scheduler_dies(tmp_path: Path, log: Log) -> None:

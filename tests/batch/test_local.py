@@ -1,19 +1,23 @@
 """Processes of this machine: whatever one of them does touches it alone, and none is left behind."""
 
+import json
 import os
 import signal
-import time
 from pathlib import Path
 
 import pytest
 from batch_examples import STAND_IN, flown, job, planned, starts, write_course
+from waiting import text_of, wait_until, wait_until_gone
 
 from airrace.batch.cache import Choice
 from airrace.batch.executor import Ended, Ending, Fault, Order
 from airrace.batch.local import LocalExecutor
 from airrace.batch.plan import Plan
+from airrace.batch.process import JOB_COMMAND
 from airrace.batch.record import read_record
 from airrace.batch.supervision import Policy
+from airrace.process import started_apart
+from airrace.runs.exit_codes import ExitCode
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 
@@ -26,34 +30,8 @@ def fly(folder: Path, notes: str, timeout: float | None = None) -> Ending:
         return wait_for_end(executor)
 
 
-def wait_for_end(executor: LocalExecutor, within: float = 30.0) -> Ending:
-    deadline = time.monotonic() + within
-    while time.monotonic() < deadline:
-        for event in executor.events(1.0):
-            if isinstance(event, Ended):
-                return event.ending
-    raise AssertionError("it never ended")
-
-
-def wait_for_file(path: Path, within: float = 20.0) -> str:
-    deadline = time.monotonic() + within
-    while time.monotonic() < deadline:
-        if path.exists() and (text := path.read_text()):
-            return text
-        time.sleep(0.02)
-    raise AssertionError(f"{path} was never written")
-
-
-def is_gone(process: int, within: float = 10.0) -> bool:
-    deadline = time.monotonic() + within
-    while time.monotonic() < deadline:
-        try:
-            if Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "ZX":
-                return True
-        except OSError:
-            return True
-        time.sleep(0.02)
-    return False
+def wait_for_end(executor: LocalExecutor) -> Ending:
+    return wait_until(lambda: [event.ending for event in executor.events(1.0) if isinstance(event, Ended)])[0]
 
 
 def test_an_answer_comes_with_its_run(tmp_path: Path) -> None:
@@ -94,17 +72,15 @@ def test_a_killed_solver_is_suspected_likewise(tmp_path: Path) -> None:
 
 
 def test_a_hang_is_stopped_when_its_time_is_up(tmp_path: Path) -> None:
-    began = time.monotonic()
     ended = fly(tmp_path, "hang", timeout=0.5)
     assert (ended.code, ended.fault, ended.message) == (6, Fault.TIMED_OUT, "stopped after 0.5 s (--timeout)")
-    assert time.monotonic() - began < 5.0
 
 
 @linux_only
 def test_a_process_that_does_not_listen_is_killed_with_its_family(tmp_path: Path) -> None:
-    ended = fly(tmp_path, "deaf", timeout=1.0)
+    ended = fly(tmp_path, "deaf", timeout=5.0)
     assert ended.fault is Fault.TIMED_OUT
-    assert is_gone(int((tmp_path / "oval.child").read_text()))
+    wait_until_gone(int((tmp_path / "oval.child").read_text()))
 
 
 def test_a_command_that_cannot_be_started_is_an_ending(tmp_path: Path) -> None:
@@ -120,16 +96,27 @@ def test_nothing_is_left_running_when_the_executor_is_left(tmp_path: Path) -> No
     with LocalExecutor(STAND_IN, 2) as executor:
         for name in ("a", "b"):
             executor.submit(Order(job(name, overrides=("notes=deaf",)), 1, tmp_path / f"{name}.h5", None))
-        family = [int(wait_for_file(tmp_path / f"{name}.child")) for name in ("a", "b")]
-        family += [int(wait_for_file(tmp_path / f"{name}.starts").split()[0]) for name in ("a", "b")]
-    assert all(is_gone(process) for process in family)
+        family = [int(text_of(tmp_path / f"{name}.child")) for name in ("a", "b")]
+        family += [int(text_of(tmp_path / f"{name}.starts").split()[0]) for name in ("a", "b")]
+    wait_until_gone(*family)
+
+
+def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None:
+    process = started_apart(JOB_COMMAND)
+    assert process.stdin is not None
+    plan = planned(write_course(tmp_path), folder=tmp_path)
+    order = {"job": plan.steps[0].job.as_object(), "checkpoint": str(tmp_path / "oval.h5")}
+    process.stdin.write(json.dumps(order).encode() + b"\n")
+    out, _ = process.communicate(timeout=30.0)  # which closes its standard input
+    assert process.returncode == ExitCode.INTERRUPTED
+    assert b"ended" not in out
 
 
 def test_jobs_that_are_stopped_say_so(tmp_path: Path) -> None:
     with LocalExecutor(STAND_IN, 2) as executor:
         for name in ("a", "b"):
             executor.submit(Order(job(name, overrides=("notes=hang",)), 1, tmp_path / f"{name}.h5", None))
-            wait_for_file(tmp_path / f"{name}.starts")
+            text_of(tmp_path / f"{name}.starts")
         executor.stop()
         endings = {event.name: event.ending for event in executor.events(0.0) if isinstance(event, Ended)}
     assert {name: (one.code, one.fault) for name, one in endings.items()} == {
@@ -150,23 +137,23 @@ def test_a_second_call_goes_on_where_the_first_ran_out_of_time_and_a_third_has_n
     def plan() -> Plan:
         return planned(write_course(tmp_path), folder=tmp_path, overrides=("notes=hang-once",))
 
-    assert flown(plan(), Policy(timeout=1.0))[0].code == 6
-    assert flown(plan(), Policy(timeout=20.0))[0].code == 0
-    assert flown(plan(), Policy(timeout=20.0))[0].code == 0
+    assert flown(plan(), Policy(timeout=5.0))[0].code == 6
+    assert flown(plan(), Policy(timeout=300.0))[0].code == 0
+    assert flown(plan(), Policy(timeout=300.0))[0].code == 0
     assert starts(tmp_path, "oval") == ["new", "resumed"]
 
 
 def test_whatever_one_job_does_the_others_are_flown(tmp_path: Path) -> None:
     manners = ["fine", "crash", "infeasible", "killed", "exit", "hang", "not-certified", "slow", "no-checkpoint"]
     plan = planned(write_course(tmp_path), folder=tmp_path, sweeps=[f"notes={','.join(manners)}"])
-    results = flown(plan, Policy(timeout=2.0), slots=3)
+    results = flown(plan, Policy(timeout=10.0), slots=3)
     assert [result.code for result in results] == [0, 8, 4, 8, 8, 6, 5, 0, 8]
     again = planned(write_course(tmp_path), folder=tmp_path, sweeps=[f"notes={','.join(manners)}"])
     kept = {step.swept[0][1] for step in again.steps if step.action == "keep"}
     assert kept == {"fine", "infeasible", "not-certified", "slow"}
     reasons = {step.swept[0][1]: step.reason for step in again.steps if step.action == "fly"}
     assert reasons["crash"] == "it failed: its process crashed (SIGABRT)"
-    assert reasons["hang"] == "it failed: stopped after 2 s (--timeout)"
+    assert reasons["hang"] == "it failed: stopped after 10 s (--timeout)"
 
 
 def test_a_forced_job_begins_anew(tmp_path: Path) -> None:
@@ -193,7 +180,7 @@ def test_three_hundred_jobs_of_which_some_are_killed_are_all_accounted_for_and_n
             self.begun += 1
             sizes.append(resident())
             if self.begun % 20 == 0:  # 5 %
-                os.kill(int(wait_for_file(order.checkpoint.with_suffix(".starts")).split()[-2]), signal.SIGKILL)
+                os.kill(int(text_of(order.checkpoint.with_suffix(".starts")).split()[-2]), signal.SIGKILL)
                 killed.add(order.job.name)
 
     results = flown(plan, executor=Killing(STAND_IN, 4))

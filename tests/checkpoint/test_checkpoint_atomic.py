@@ -1,5 +1,6 @@
 """Whatever happens while a checkpoint is written, its name leads to a whole one."""
 
+import errno
 import os
 import signal
 import stat
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from checkpoint_examples import assert_same, example_checkpoint
 
-from airrace.checkpoint import read_checkpoint, write_checkpoint
+from airrace.checkpoint import atomic, read_checkpoint, write_checkpoint
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import StorageError
 
@@ -30,6 +31,17 @@ try:
     write_checkpoint(Path(sys.argv[1]), checkpoint)
 except StorageError as error:
     sys.exit(f"refused: {error}")
+"""
+
+HOLD_OPEN = """
+import sys, time
+from pathlib import Path
+from airrace.checkpoint.atomic import replacing
+with replacing(Path(sys.argv[1])) as file:
+    file.write(b"half of it")
+    file.flush()
+    print("begun", flush=True)
+    sys.stdin.read()
 """
 
 WRITE_FOR_EVER = """
@@ -133,3 +145,93 @@ def test_a_new_file_has_the_user_s_usual_permissions(tmp_path: Path) -> None:
 def test_the_longest_names_can_be_written(tmp_path: Path, name: str) -> None:
     replace_file(tmp_path / name, b"new")
     assert (tmp_path / name).read_bytes() == b"new"
+
+
+def test_a_file_that_somebody_is_reading_is_replaced_a_moment_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Windows refuses to replace a file that is open."""
+    replace, refused = os.replace, [True, True]
+
+    def replace_when_closed(partial: Path, target: Path) -> None:
+        if refused:
+            refused.pop()
+            raise PermissionError(13, "it is being used by another process")
+        replace(partial, target)
+
+    monkeypatch.setattr(os, "replace", replace_when_closed)
+    path = tmp_path / "run.h5"
+    replace_file(path, b"new")
+    assert path.read_bytes() == b"new"
+    refused += [True] * 10
+    with pytest.raises(StorageError, match="being used"):
+        replace_file(path, b"newer")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def beginning(path: Path) -> "subprocess.Popen[bytes]":
+    """A process that has begun to write a file and ends when its stdin does."""
+    command = [sys.executable, "-c", HOLD_OPEN, str(path)]
+    running = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert running.stdout is not None
+    assert running.stdout.readline() == b"begun\n"
+    return running
+
+
+@pytest.mark.parametrize("name", ["run.h5", "x" * 60 + ".h5", "[run] (*).h5"])
+def test_what_killed_writers_have_left_goes_with_the_next_writing_and_what_live_ones_write_stays(
+    tmp_path: Path, name: str
+) -> None:
+    path = tmp_path / name
+    with beginning(path) as killed, beginning(path) as alive, beginning(tmp_path / "other.h5") as other:
+        for one in (killed, other):
+            one.kill()
+            one.wait()
+        assert len(list(tmp_path.iterdir())) == 3
+        replace_file(path, b"new")
+        assert path.read_bytes() == b"new"
+        left = sorted(entry.name[:6] for entry in tmp_path.iterdir() if entry != path)
+        assert left == sorted([f".{name[:5]}", ".other"])
+        alive.communicate()
+    assert alive.returncode == 0
+    assert path.read_bytes() == b"half of it"
+    replace_file(tmp_path / "other.h5", b"new")
+    assert sorted(tmp_path.iterdir()) == sorted([path, tmp_path / "other.h5"])
+
+
+def test_many_who_write_one_file_at_once_do_not_hinder_one_another(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    program = """
+import sys
+from pathlib import Path
+from airrace.checkpoint.atomic import replace_file
+for _ in range(100):
+    replace_file(Path(sys.argv[1]), b"x" * 10_000)
+"""
+    running = [subprocess.Popen([sys.executable, "-c", program, str(path)]) for _ in range(4)]
+    assert [one.wait() for one in running] == [0] * 4
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == b"x" * 10_000
+
+
+def test_where_files_cannot_be_locked_they_are_written_and_nothing_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(atomic.fcntl, "flock", refuse)
+    left = tmp_path / ".run.h5.0123abcd.partial"
+    left.write_bytes(b"half of it")
+    replace_file(tmp_path / "run.h5", b"new")
+    assert sorted(tmp_path.iterdir()) == [left, tmp_path / "run.h5"]
+
+
+def test_without_posix_locks_files_are_replaced_and_what_was_left_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(atomic, "fcntl", None)
+    (tmp_path / ".run.h5.0123abcd.partial").write_bytes(b"half of it")
+    replace_file(tmp_path / "run.h5", b"new")
+    assert list(tmp_path.iterdir()) == [tmp_path / "run.h5"]
+    assert (tmp_path / "run.h5").read_bytes() == b"new"

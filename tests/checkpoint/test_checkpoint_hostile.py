@@ -246,6 +246,22 @@ FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "time that runs backwards": (lambda f: set_time(f, [0.0, 1.0, 0.5, 1.5, 2.0, 2.5, 3.0]), "run forwards from 0"),
     "time that begins later": (lambda f: set_time(f, np.linspace(0.5, 3.5, 7)), "run forwards from 0"),
     "time that runs fast": (lambda f: set_time(f, 0.995 * np.linspace(0.0, 3.0, 7)), "does not pass as the durations"),
+    "a text that is not UTF-8": (
+        lambda f: renew(f, f"{STAGE}/message", data=np.array(b"caf\xe9", utf8(4))),
+        "message: a text is not UTF-8",
+    ),
+    "a course that is not UTF-8": (
+        lambda f: renew(f, "inputs/track/text", data=np.array(b"name: caf\xe9", utf8(10))),
+        "inputs/track/text: a text is not UTF-8",
+    ),
+    "an attribute that is not UTF-8": (
+        lambda f: f[f"{STAGE}/states/V_K"].attrs.create("long_name", b"caf\xe9", dtype=utf8(4)),
+        "V_K@long_name: a text is not UTF-8",
+    ),
+    "a row that is not UTF-8": (
+        lambda f: renew(f, f"{STAGE}/phases", data=np.array([(b"caf\xe9",)] * 2, [("name", utf8(4))])),
+        "phases.name: a text is not UTF-8",
+    ),
     "two rows of timings": (
         lambda f: renew(f, f"{STAGE}/timings", data=np.repeat(f[f"{STAGE}/timings"][()], 2)),
         "2 rows instead of one",

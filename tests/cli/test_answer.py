@@ -34,6 +34,20 @@ def test_findings_reach_both_people_and_scripts(capsys: pytest.CaptureFixture[st
     assert "t.yaml:3:5: gates.g1.heading_deg: missing" in printed.err
 
 
+@pytest.mark.parametrize("number", [20, 21, 7380])
+def test_of_many_findings_the_first_are_printed_and_all_are_counted(
+    number: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit), answering(as_json=True):
+        raise InputError([Finding("t.yaml", line, 1, "", "unknown") for line in range(1, number + 1)])
+    printed = capsys.readouterr()
+    assert len(json.loads(printed.out)["findings"]) == number
+    lines = printed.err.splitlines()
+    assert lines[:20] == [f"t.yaml:{line}:1: unknown" for line in range(1, 21)]
+    more = ["... (the first 20 are shown; --json has more)"] if number > 20 else []
+    assert lines[20:] == [*more, f"airrace: the input is not valid: {number} findings"]
+
+
 def test_a_finding_cannot_pass_for_another_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(typer.Exit), answering(as_json=False):
         raise InputError([Finding("t.yaml\nairrace: all is well\x1b[2J", 1, 1, "", "unknown")])

@@ -1,13 +1,16 @@
-"""Courses far longer than any race: read, checked and refused in a time that grows with them and no faster."""
+"""Courses far longer than any race: read, checked and refused with work that grows with them and no faster."""
 
 import random
-import time
-from collections.abc import Callable
 
 import pytest
 from language_texts import findings_of, understood
+from operations import assert_grows_no_faster_than_its_input
+
+from airrace.errors import InputError
 
 GATES = 5000
+FEW = 150
+"""Gates of the courses whose work is counted, beside those with eight times as many."""
 
 
 def long_course(count: int = GATES, *, unknown: int = 0) -> str:
@@ -26,25 +29,11 @@ def long_course(count: int = GATES, *, unknown: int = 0) -> str:
     return "\n".join([*head, *gates, "course:", "  start: g0", "  lap:", *lap, ""])
 
 
-def assert_as_many_times_as_long(work: Callable[[int], object]) -> None:
-    """Measured side by side: eight times the gates take some eight times as long, not 64 times."""
-    work(GATES // 8)  # what is loaded only once, is loaded
-    few, many = (min(processor_seconds(work, count) for _ in range(2)) for count in (GATES // 8, GATES))
-    assert many < 24.0 * few
-
-
-def processor_seconds(work: Callable[[int], object], count: int) -> float:
-    """Of work, not of waiting for other programs; once in a while a search for garbage is among it."""
-    started = time.process_time()
-    work(count)
-    return time.process_time() - started
-
-
-def test_the_time_to_understand_a_course_grows_with_its_gates_and_no_faster() -> None:
+def test_the_work_to_understand_a_course_grows_with_its_gates_and_no_faster() -> None:
     def understand(count: int) -> None:
         assert len(understood(long_course(count)).race.course.passages) == count
 
-    assert_as_many_times_as_long(understand)
+    assert_grows_no_faster_than_its_input(understand, FEW)
 
 
 @pytest.mark.parametrize(
@@ -55,20 +44,27 @@ def test_the_time_to_understand_a_course_grows_with_its_gates_and_no_faster() ->
         pytest.param("{gate: g", "{gate: h", marks=pytest.mark.slow),
     ],
 )
-def test_the_time_to_tell_faults_grows_with_their_number_and_no_faster(old: str, new: str) -> None:
+def test_the_work_to_tell_faults_grows_with_their_number_and_no_faster(old: str, new: str) -> None:
     def tell(count: int) -> None:
         found = findings_of(long_course(count).replace(old, new))
         assert found
         assert all(finding.message for finding in found)
 
-    assert_as_many_times_as_long(tell)
+    assert_grows_no_faster_than_its_input(tell, FEW)
 
 
-def test_the_time_to_tell_unknown_names_grows_with_their_number_and_no_faster() -> None:
-    assert_as_many_times_as_long(lambda count: findings_of(long_course(count, unknown=4 * count // 5)))
+def test_the_work_to_tell_unknown_names_grows_with_their_number_and_no_faster() -> None:
+    def tell(count: int) -> None:
+        assert findings_of(long_course(count, unknown=4 * count // 5))
+
+    assert_grows_no_faster_than_its_input(tell, FEW)
 
 
-def test_of_thousands_of_unknown_names_the_first_are_told() -> None:
-    found = findings_of(long_course(unknown=4000))
+def test_of_thousands_of_unknown_names_the_first_are_told_and_all_are_counted() -> None:
+    with pytest.raises(InputError) as raised:
+        understood(long_course(unknown=4000))
+    found = raised.value.findings
+    assert raised.value.count == 4000
+    assert len(found) == 101
     assert found[0].message.startswith("unknown gate `g1x`; did you mean `g1")
     assert found[-1].message == "and 3900 more findings from here on"

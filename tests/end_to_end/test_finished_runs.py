@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace, inside
 
+from airrace.checkpoint.envelope import seal, unseal
+
 CERTIFICATE = {
     "solver",
     "kkt_error",
@@ -32,6 +34,8 @@ CERTIFICATE = {
     "variation_p_Kbar",
 }
 KNOT = 1852.0 / 3600.0
+
+WITHOUT = {"AIRRACE_NATIVE": "off"}
 
 
 @pytest.fixture(scope="module")
@@ -82,24 +86,20 @@ def test_default_run_climbs_the_whole_ladder(tmp_path: Path) -> None:
     assert (tmp_path / "half_cuban_eight.h5").exists()
 
 
-def test_run_without_a_compiler_and_without_ready_kernels_is_certified(optimised: Ran, tmp_path: Path) -> None:
-    cache = tmp_path / "cache"
-    nothing = {"CC": "", "AIRRACE_CACHE_DIR": str(cache)}
-    ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, "--json", cwd=tmp_path, environment=nothing)
+def test_run_without_the_native_library_is_certified(optimised: Ran, tmp_path: Path) -> None:
+    ran = airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, "--json", cwd=tmp_path, environment=WITHOUT)
     assert ran.code == 0
     assert ran.answer["certified"] is True
     assert ran.race_time == pytest.approx(optimised.race_time, rel=1e-6)
-    assert not list(cache.glob("*.so"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("guess", ["plan", "homotopy"])
 @pytest.mark.parametrize("track", ["rovinj_2014", "sixteen_phases"])
-def test_long_run_without_a_compiler_is_certified(track: str, guess: str, tmp_path: Path) -> None:
-    nothing = {"CC": "", "AIRRACE_CACHE_DIR": str(tmp_path / "cache")}
+def test_long_run_without_the_native_library_is_certified(track: str, guess: str, tmp_path: Path) -> None:
     path = ROOT / "tracks" / f"{track}.yaml"
     ran = airrace(
-        "optimize", path, *POINT_MASS, "--guess", guess, "--json", "--quiet", cwd=tmp_path, environment=nothing
+        "optimize", path, *POINT_MASS, "--guess", guess, "--json", "--quiet", cwd=tmp_path, environment=WITHOUT
     )
     assert (ran.code, ran.answer["certified"]) == (0, True)
 
@@ -150,13 +150,22 @@ def test_verify_measures_the_stored_flight_again(optimised: Ran, run_file: Path,
     assert again == pytest.approx(stored, rel=1e-3, abs=1e-7)
 
 
-@pytest.mark.parametrize("command", [("verify",), ("show",), ("resume",), ("export", "csv")])
-@pytest.mark.parametrize("damage", ["flipped", "cut short", "emptied", "replaced"])
+READING = (("verify",), ("show",), ("resume",), ("export", "csv"), ("export", "kml"), ("report",), ("plot",))
+
+
+@pytest.mark.parametrize("command", READING)
+@pytest.mark.parametrize("damage", ["flipped", "cut short", "emptied", "replaced", "sealed again"])
 def test_damaged_checkpoint_is_told_from_a_good_one(command: tuple[str, ...], damage: str, run_file: Path) -> None:
     content = run_file.read_bytes()
     middle = len(content) // 2
     flipped = content[:middle] + bytes([content[middle] ^ 0x10]) + content[middle + 1 :]
-    damaged = {"flipped": flipped, "cut short": content[:-100], "emptied": b"", "replaced": b"not a checkpoint\n"}
+    damaged = {
+        "flipped": flipped,
+        "cut short": content[:-100],
+        "emptied": b"",
+        "replaced": b"not a checkpoint\n",
+        "sealed again": seal(unseal(content).replace(b"name: Half", b"name: \xe9alf")),  # which is no UTF-8
+    }
     run_file.write_bytes(damaged[damage])
     run = airrace if (command, damage) == (("verify",), "flipped") else inside
     ran = run(*command, run_file, cwd=run_file.parent)
@@ -164,6 +173,19 @@ def test_damaged_checkpoint_is_told_from_a_good_one(command: tuple[str, ...], da
     assert ran.out == ""
     assert ran.err.startswith("airrace: ")
     assert run_file.read_bytes() == damaged[damage]
+    assert [path.name for path in run_file.parent.iterdir()] == [run_file.name]
+
+
+@pytest.mark.parametrize(
+    "command", [("show",), ("report",), ("compare",), ("export", "csv"), ("export", "kml", "--origin", "45,13")]
+)
+def test_a_file_may_have_a_name_that_is_no_utf8(command: tuple[str, ...], run_file: Path) -> None:
+    content = unseal(run_file.read_bytes())
+    assert b"/half_cuban_eight.yaml" in content
+    run_file.write_bytes(seal(content.replace(b"/half_cuban_eight.yaml", b"/half_cuban_\xe9ight.yaml")))
+    names = [run_file, run_file] if command == ("compare",) else [run_file]
+    ran = airrace(*command, *names, cwd=run_file.parent)
+    assert (ran.code, ran.err) == (0, "")
 
 
 def test_finished_run_is_not_flown_again(run_file: Path, optimised: Ran) -> None:

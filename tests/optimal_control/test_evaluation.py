@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
+from casadi_program import transcribed
 from small_problems import PROBLEMS, random_point
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mapping import bound, bound_to_all
 from airrace.optimal_control.sums import Contributions
-from airrace.optimal_control.transcription import transcribed
 
 LAM_F = 0.6
 
@@ -19,7 +19,7 @@ LAM_F = 0.6
 @pytest.fixture(params=PROBLEMS, scope="module")
 def assembly(request: pytest.FixtureRequest) -> Assembly:
     problem = PROBLEMS[request.param]
-    return Assembly(Layout(problem), build_kernels(problem.system, problem.scheme, compiled=False))
+    return Assembly(Layout(problem), casadi_kernels(problem.system, problem.scheme))
 
 
 def test_all_functions_have_the_bits_of_the_casadi_program(assembly: Assembly) -> None:

@@ -1,6 +1,7 @@
 """The memory of fatrop's matrices: the same bits, less of it where problems are large, and none lost or overwritten."""
 
 import ctypes
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -11,16 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from airrace.errors import KernelError
-from airrace.optimal_control import kernel_library, own_code
+from airrace.native.library import library_path
 from airrace.optimal_control.fatrop import arena
-from airrace.optimal_control.fatrop.products import blasfeo
+from airrace.optimal_control.fatrop.library import blasfeo
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="takes the memory from Linux")
 
 PAGE = 4096
-SMALL = {"LARGE ((size_t)1 << 28)": "LARGE ((size_t)1 << 20)", "KEPT ((size_t)1 << 28)": "KEPT ((size_t)1 << 23)"}
-"""Changes of the source by which few matrices are many."""
+LARGE, KEPT = 2**20, 2**23  # so that few matrices are many
 
 
 class Piece(ctypes.Structure):
@@ -30,24 +29,19 @@ class Piece(ctypes.Structure):
 
 
 @cache
-def library(path: Path) -> ctypes.CDLL:
-    """The arena with small limits, in this process, asked by nobody but the tests."""
-    text = arena.FILE.read_text(encoding="utf-8")
-    for before, after in SMALL.items():
-        assert text.count(before) == 1
-        text = text.replace(before, after)
-    kernel_library.compile_library([kernel_library.Source("arena", text, ("-O2",))], path)
+def copied(path: Path) -> ctypes.CDLL:
+    """A copy of the native library in this process, asked by nobody but the tests."""
+    found = library_path()
+    assert found is not None
+    shutil.copy(found, path)
     loaded = ctypes.CDLL(str(path))
-    arena.introduce(loaded)
+    arena.begin(loaded, LARGE, KEPT)
     return loaded
 
 
 @pytest.fixture
 def small(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
-    try:
-        return library(tmp_path_factory.getbasetemp() / "small_arena.so")
-    except KernelError as error:
-        pytest.skip(f"no C compiler: {error}")
+    return copied(tmp_path_factory.getbasetemp() / "airrace_native.so")
 
 
 @dataclass
@@ -122,7 +116,6 @@ SOLVE = """
 import sys
 sys.path.insert(0, sys.argv[2])
 from airrace.optimal_control.fatrop import arena
-from airrace.optimal_control.fatrop.products import blasfeo
 if sys.argv[1] == "arena":
     assert arena.install()
 from small_problems import PROBLEMS, random_iterate
@@ -130,7 +123,7 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
 problem = PROBLEMS["everything"]
-kernels = build_kernels(problem.system, problem.scheme, compiled=False)
+kernels = build_kernels(problem.system, problem.scheme)
 for _ in range(2):
     ready = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), 1)
     solution = ready.solve(Layout(problem), random_iterate(problem, 1))
@@ -150,15 +143,10 @@ def answers(what: str) -> list[str]:
 
 
 def test_a_solve_has_the_same_bits_wherever_its_memory_lies() -> None:
-    try:
-        own_code.compiled(arena.FILE, arena.FLAGS)
-    except KernelError as error:
-        pytest.skip(f"no C compiler: {error}")
     first, second = answers("arena")
     assert [first] * 2 == [first, second] == answers("blasfeo")
 
 
-def test_without_a_compiler_blasfeo_keeps_its_memory(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("CC", "")
-    monkeypatch.setenv("AIRRACE_CACHE_DIR", str(tmp_path))
+def test_without_the_native_library_blasfeo_keeps_its_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arena, "library", lambda: None)
     assert not arena.install.__wrapped__()

@@ -10,7 +10,7 @@ import pytest
 from c_headers import BLASFEO, FATROP, fields, functions, pointers
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop import library, probe
+from airrace.optimal_control.fatrop import library, probe, solver
 from airrace.optimal_control.fatrop.library import PROTOTYPES, Dims, Interface, Stats
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ class Wider(ctypes.Structure):
 @pytest.mark.parametrize(
     ("function", "struct", "words"),
     [
-        ("fatrop_ocp_c_get_stats", Longer, "iterations are read"),
+        ("fatrop_ocp_c_get_stats", Longer, "the reason of its end is read"),
         ("fatrop_ocp_c_get_dims", Wider, "sizes are read"),
     ],
 )
@@ -119,13 +119,13 @@ def test_a_library_of_another_layout_is_refused(
 def test_callbacks_in_each_others_places_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of the same signature, whose exchange would not crash."""
     probe.require_known_interface.cache_clear()
-    working = probe.interface
+    working = solver.interface
 
     def exchanged(callbacks: dict[str, Any]) -> Interface:
         return working({**callbacks, "get_ng": callbacks["get_ng_ineq"], "get_ng_ineq": callbacks["get_ng"]})
 
     with monkeypatch.context() as patched:
-        patched.setattr(probe, "interface", exchanged)
-        with pytest.raises(SolverCrash, match="dimensions are read"):
+        patched.setattr(solver, "interface", exchanged)
+        with pytest.raises(SolverCrash, match="sizes are read"):
             probe.require_known_interface()
     probe.require_known_interface()

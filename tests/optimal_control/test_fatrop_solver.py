@@ -10,6 +10,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from casadi_program import solver_named
 from known_flights import rest_to_rest
 from small_problems import PROBLEMS, random_iterate
 
@@ -19,10 +20,10 @@ from airrace.optimal_control.fatrop import solver as fatrop_solver
 from airrace.optimal_control.fatrop.sides import RELAXED, unrelaxed
 from airrace.optimal_control.fatrop.solver import LOST, NOT_FINITE, STATUS, FatropResult, FatropSolver
 from airrace.optimal_control.fatrop.stages import Bounds
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers import PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -31,8 +32,8 @@ OPTIONS = SolverOptions(tolerance=1e-9, iterations_max=100)
 
 
 def prepared(problem: Problem, solver: str, options: SolverOptions = OPTIONS) -> PreparedProblem:
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
-    return PreparedProblem(Layout(problem), kernels, SOLVERS[solver], options, threads=1)
+    kernels = casadi_kernels(problem.system, problem.scheme)
+    return PreparedProblem(Layout(problem), kernels, solver_named(solver), options, threads=1)
 
 
 def optimum(problem: Problem, guess: Iterate, solver: str = "fatrop", options: SolverOptions = OPTIONS) -> Solution:
@@ -95,7 +96,7 @@ def test_path_quantities_of_states_and_controls_leave_newtons_method_quadratic()
 def direct(problem: Problem, guess: Iterate) -> tuple[FatropResult, Evaluation]:
     """The binding's own result, at its own risk."""
     layout = Layout(problem)
-    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme, compiled=False)))
+    functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
     solver = FatropSolver(functions, {"tol": 1e-9, "max_iter": 100})
     bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
     return solver.solve(layout.pack(guess), bounds, layout.parameter_values()), functions

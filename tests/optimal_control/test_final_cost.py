@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from airrace.optimal_control.hamiltonian import costates, hamiltonian
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import SolveRequest
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
@@ -87,18 +87,18 @@ def test_costate_ends_with_the_slope_of_the_cost() -> None:
 
 def test_a_prepared_problem_takes_other_parameters_of_the_cost() -> None:
     problem, guess = walk(-0.5)
-    kernels = build_kernels(SYSTEM, problem.scheme, compiled=False)
+    kernels = casadi_kernels(SYSTEM, problem.scheme)
     prepared = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], TIGHT, threads=1)
     for b in (-0.5, 1.0):
         assert prepared.solve(Layout(walk(b)[0]), guess).objective == pytest.approx(least_cost(b), rel=1e-7)
 
 
 def test_a_worker_tells_costs_apart() -> None:
-    workshop = Workshop(lambda _: None)
+    workshop = Workshop()
     fourth = away(4)
 
     def cost(problem: Problem, guess: Iterate) -> float:
-        return workshop.solve(SolveRequest(problem, guess, None, "fatrop", TIGHT, False, 1)).objective
+        return workshop.solve(SolveRequest(problem, guess, None, "fatrop", TIGHT, 1)).objective
 
     quartic = cost(*walk(0.0, fourth))
     assert cost(*walk(0.0)) == pytest.approx(least_cost(0.0), rel=1e-7)

@@ -10,7 +10,7 @@ from small_problems import random_iterate, rich_problem, staged_problem
 
 from airrace.optimal_control.audit import Tolerance, audit
 from airrace.optimal_control.hamiltonian import costates, hamiltonian
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.messages import SolveRequest
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolated, uniform
@@ -240,7 +240,7 @@ def test_hamiltonian_and_costates_go_on_through_a_jump() -> None:
 
 def test_a_prepared_problem_takes_other_jumps() -> None:
     (problem, guess), (other, other_guess) = lightened(3.0), lightened(2.0)
-    kernels = build_kernels(SLED, problem.scheme, compiled=False)
+    kernels = casadi_kernels(SLED, problem.scheme)
     prepared = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), threads=1)
     assert prepared.solve(Layout(problem), guess).objective == pytest.approx(least_time(3.0), abs=1e-7)
     assert prepared.solve(Layout(other), other_guess).objective == pytest.approx(least_time(2.0), abs=1e-7)
@@ -251,7 +251,7 @@ def test_a_worker_tells_problems_with_jumps_from_those_without() -> None:
     seen = Boundary("half way", {"at": Interval.exactly(0.5), "m": exactly(4.0)}, PLACE)
     jumping = replace(jumping, phases=(replace(jumping.phases[0], end=seen), *jumping.phases[1:]))
     steady = replace(jumping, phases=(replace(jumping.phases[0], jump={}), *jumping.phases[1:]))
-    workshop = Workshop(lambda _: None)
+    workshop = Workshop()
     for problem, load in ((jumping, 3.0), (steady, 0.0), (jumping, 3.0)):
-        request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(tolerance=1e-9), False, 1)
+        request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(tolerance=1e-9), 1)
         assert workshop.solve(request).objective == pytest.approx(least_time(load), abs=1e-6)

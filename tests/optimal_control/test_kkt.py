@@ -8,7 +8,7 @@ import pytest
 
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated
@@ -33,7 +33,7 @@ def creep() -> Problem:
 def measured(duration: float, u: float, costate: float) -> tuple[KktError, np.ndarray, int]:
     problem = creep()
     layout = Layout(problem)
-    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme, compiled=False)))
+    functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
     w = layout.pack(interpolated(problem, [duration], np.array([[0.0, 12.0]]), [u]))
     lam_g = np.zeros(layout.constraints)
     lam_g[layout.gap_index[0, 0]] = costate

@@ -8,7 +8,7 @@ from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.carried import Kind, carried, limits_of
 from airrace.optimal_control.fatrop.sides import LEAST_FACTOR, Known, plain, weighed
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
@@ -28,7 +28,7 @@ def solved(
     barrier: float = 0.1,
     tolerance: float = 1e-9,
 ) -> Solution:
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
+    kernels = casadi_kernels(problem.system, problem.scheme)
     options = SolverOptions(tolerance=tolerance, iterations_max=200, barrier=barrier)
     found = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], options, threads=1).solve(
         Layout(problem), guess, multipliers

@@ -12,7 +12,7 @@ from airrace.optimal_control.solvers import SolverOptions
 
 
 def request(problem: Problem, guess: Iterate) -> SolveRequest:
-    return SolveRequest(problem, guess, None, "fatrop", SolverOptions(), False, 1)
+    return SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1)
 
 
 def test_request_arrives_as_it_was_sent() -> None:

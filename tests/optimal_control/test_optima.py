@@ -105,7 +105,7 @@ def test_a_prepared_problem_solves_its_structure_with_other_numbers(solver: str)
     fractions = tuple(np.linspace(0.5, 1.5, 12) / 12)
     far = Boundary("top", {"theta": exactly(1.2), "omega": Interval(0.3, 0.4)})
     other = replace(first, parameters=(0.5,), phases=(replace(WHOLE, fractions=fractions, end=far),))
-    kernels = build_kernels(first.system, first.scheme, compiled=False)
+    kernels = build_kernels(first.system, first.scheme)
     prepared = PreparedProblem(Layout(first), kernels, SOLVERS[solver], TIGHT, threads=1)
     prepared.solve(Layout(first), guess(first))
     again, fresh = prepared.solve(Layout(other), guess(other)), optimum(other, solver)
@@ -121,7 +121,7 @@ def test_options_hold_whatever_was_solved_before(solver: str) -> None:
         Layout(swing(replace(WHOLE, end=Boundary("top", {"theta": exactly(1.0), "omega": omega}))))
         for omega in (exactly(0.5), Interval(-5.0, 5.0), Interval(), exactly(0.2))
     ]
-    kernels = build_kernels(pendulum(), swing(WHOLE).scheme, compiled=False)
+    kernels = build_kernels(pendulum(), swing(WHOLE).scheme)
     few = SolverOptions(iterations_max=3)
     prepared = PreparedProblem(layouts[0], kernels, SOLVERS[solver], few, threads=1)
     for layout in layouts:

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_code import installed_for_now
 from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control import predictor_corrector, riccati
 from airrace.optimal_control.carried import carried
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
@@ -26,15 +25,10 @@ STEPS = "predictor-corrector"
 LIMITS_KEPT = 1e-5  # fatrop relaxes limits by 1e-8 after their factors of 1e-2 and more
 
 
-@pytest.fixture(autouse=True)
-def by_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    installed_for_now(riccati, monkeypatch)
-
-
 def solved(
     problem: Problem, guess: Iterate, multipliers: Multipliers | None = None, barrier: float = NEAR_BARRIER
 ) -> Solution:
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
+    kernels = casadi_kernels(problem.system, problem.scheme)
     options = SolverOptions(tolerance=1e-8, iterations_max=200, barrier=barrier)
     prepared = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], options, threads=1)
     found = prepared.solve(Layout(problem), guess, multipliers)
@@ -58,7 +52,7 @@ def test_steps_lead_to_the_optimum_that_fatrop_finds_in_fewer_iterations(
 ) -> None:
     problem, guess, multipliers = halved(name)
     found = solved(problem, guess, multipliers)
-    monkeypatch.setattr(riccati, "_installed", [])
+    monkeypatch.setattr(riccati, "library", lambda: None)
     expected = solved(problem, guess, multipliers)
     assert STEPS in found.status
     assert STEPS not in expected.status

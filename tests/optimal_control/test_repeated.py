@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kernel_comparison import needs_compiler
 from small_problems import PROBLEMS, random_point
 
-from airrace.optimal_control import summation
+from airrace.optimal_control import repeated
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import INEQUALITIES, Bounds, Rows, Stages
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.repeated import NO_FACTORS, Entries, Memory, RepeatedSums, kinds
 from airrace.optimal_control.sums import Contributions
@@ -27,7 +26,7 @@ def functions(request: pytest.FixtureRequest) -> Evaluation:
     """A program at some point."""
     problem = PROBLEMS[request.param]
     layout = Layout(problem)
-    found = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme, compiled=False)))
+    found = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
     found.at(random_point(layout, 1)[0], layout.parameter_values())
     found.lam_g[:] = np.random.default_rng(1).normal(size=layout.constraints)
     return found
@@ -48,13 +47,11 @@ def empty(stages: int, families: int) -> Memory:
     return Memory(np.full(begins.size * ROOM, np.pi), begins)
 
 
-@pytest.fixture(params=[pytest.param(True, marks=needs_compiler), False], ids=["machine code", "numpy"])
+@pytest.fixture(params=["native", "numpy"])
 def added_up_by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if request.param:
-        assert summation.install()
-    else:
-        monkeypatch.setattr(summation, "_installed", [])
-    assert (summation.repeated() is not None) == request.param
+    if request.param == "numpy":
+        monkeypatch.setattr(repeated, "library", lambda: None)
+    assert (repeated.library() is not None) == (request.param == "native")
 
 
 @pytest.mark.usefixtures("added_up_by")
@@ -106,7 +103,7 @@ def test_a_finer_mesh_has_stages_of_the_same_kinds() -> None:
     counts: list[int] = []
     for intervals in (20, 80):
         finer = replace(problem, phases=(replace(phase, fractions=(1.0 / intervals,) * intervals, watches=()),))
-        assembly = Assembly(Layout(finer), build_kernels(finer.system, finer.scheme, compiled=False))
+        assembly = Assembly(Layout(finer), casadi_kernels(finer.system, finer.scheme))
         counts.append(len(kinds(assembly.alike(rows=True))[1]))
     assert counts[0] == counts[1] < 8
 

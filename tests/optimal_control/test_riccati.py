@@ -2,27 +2,21 @@
 
 import numpy as np
 import pytest
-from machine_code import installed_for_now
 from small_problems import PROBLEMS, random_point
 
 from airrace.optimal_control import riccati
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.riccati import StageSystem
-
-
-@pytest.fixture(autouse=True)
-def by_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    installed_for_now(riccati, monkeypatch)
 
 
 def evaluated(name: str) -> tuple[Evaluation, np.ndarray, np.ndarray]:
     """The program at a random point, with its dense Hessian and Jacobian."""
     problem = PROBLEMS[name]
     layout = Layout(problem)
-    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme, compiled=False)))
+    functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
     w, lam_g = random_point(layout, 3)
     functions.at(w, layout.parameter_values())
     functions.lam_f, functions.lam_g[:] = 1.0, lam_g
@@ -65,7 +59,7 @@ def test_rows_change_as_the_jacobian_says(name: str) -> None:
     random = np.random.default_rng(5)
     step, values = random.normal(size=system.unknowns), random.normal(size=system.rows + system.unknowns)
     assert system.values(step) == pytest.approx(np.concatenate([C @ step, step]), abs=1e-12)
-    assert system.pulled(values) == pytest.approx(C.T @ values[: system.rows] + values[system.rows :], abs=1e-12)
+    assert system.transposed(values) == pytest.approx(C.T @ values[: system.rows] + values[system.rows :], abs=1e-12)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -99,5 +93,5 @@ def test_identity_stands_in_for_the_hessian() -> None:
 def test_without_a_library_nothing_is_available(monkeypatch: pytest.MonkeyPatch) -> None:
     functions, _, _ = evaluated("everything")
     assert riccati.available(functions.assembly)
-    monkeypatch.setattr(riccati, "_installed", [])
+    monkeypatch.setattr(riccati, "library", lambda: None)
     assert not riccati.available(functions.assembly)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from known_flights import exact, flight, node_times, problem
 
-from airrace.optimal_control.interpreted_rates import interpreted
+from airrace.optimal_control.point_functions import function_at_points
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.replay import SAMPLES, replay
 from airrace.optimal_control.sampling import sample
@@ -41,7 +41,7 @@ def test_samples_are_the_exact_flight_in_whichever_order_they_are_asked_for() ->
 
 
 def test_rates_at_a_single_point_stay_as_they_are_when_others_are_asked_for() -> None:
-    at = interpreted(STATED.system.rates, FLOWN.control[:, :1], np.array(STATED.parameters))
+    at = function_at_points(STATED.system.rates, FLOWN.control[:, :1], np.array(STATED.parameters))
     first = at(FLOWN.state[:, :1])
     kept = first.copy()
     assert not np.array_equal(at(FLOWN.state[:, 1:2]), kept)

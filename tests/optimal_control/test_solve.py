@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_the_answer_is_that_of_a_solver_in_this_process(solver: str) -> None:
     problem, guess = rest_to_rest()
-    kernels = build_kernels(problem.system, problem.scheme, compiled=False)
+    kernels = build_kernels(problem.system, problem.scheme)
     here = PreparedProblem(Layout(problem), kernels, SOLVERS[solver], SolverOptions(), 1).solve(Layout(problem), guess)
     there = solve(problem, guess, solver=solver)
     assert there.success
@@ -106,7 +106,7 @@ def test_the_solver_process_ends_with_this_one() -> None:
         from known_flights import rest_to_rest
         from airrace.optimal_control import solve as module
         assert module.solve(*rest_to_rest()).success
-        (service,) = module._SERVICES.running.values()
+        service = module._OWNED.service
         print(service._process.pid)
     """)
     done = subprocess.run(

@@ -1,27 +1,20 @@
 """Composed of the stages' derivatives or taken from the graph of the whole step, a step has the same derivatives."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
-from kept import compile_quickly, keep_kernels
-from kernel_comparison import assert_equal, assert_equal_patterns, needs_compiler, random_arguments
+from same_bits import all_results, random_intervals, results
 from small_problems import PROBLEMS, rich_system
 
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels
+from airrace.optimal_control.mapping import Part
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
 from airrace.quantities import Quantity
 from airrace.system import System
-
-
-@pytest.fixture(autouse=True)
-def compiled_quickly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Kernels compiled once; optimised ones are compared in every bit, see `test_lanes.py`."""
-    keep_kernels(monkeypatch)
-    compile_quickly(monkeypatch)
 
 
 def system(
@@ -67,53 +60,47 @@ EULER = RungeKutta("euler", 1, ((),), (1.0,))
 THRICE = replace(RK4_TWICE, name="rk4x3", steps=3)
 
 
-def compare(of: System, scheme: RungeKutta) -> None:
-    composed = build_kernels(of, scheme, compiled=True)
-    assert composed.compiled
-    graph = build_kernels(of, scheme, compiled=False)
-    for seed in range(5):
-        assert_equal(composed.step, graph.step, random_arguments(graph.step, seed))
-    assert_equal_patterns(composed.step, graph.step)
+def assert_equal(of: System, scheme: RungeKutta, given: Sequence[np.ndarray] | None = None) -> None:
+    """Patterns are equal, and every result differs by no more than 1e-12 of its largest entry."""
+    composed, graph = build_kernels(of, scheme).step, casadi_kernels(of, scheme).step
+    assert isinstance(composed, NativeKernel)
+    given = given or random_intervals(graph, 1, len(of.parameters), 5 * composed.lanes)
+    for pair in (
+        (composed.jacobian_pattern, graph.jacobian_pattern),
+        (composed.hessian_pattern, graph.hessian_pattern),
+    ):
+        mine, theirs = (set(zip(*one.get_triplet(), strict=True)) for one in pair)
+        assert mine == theirs
+    for mine, theirs in zip(all_results(composed, given), all_results(graph, given), strict=True):
+        assert np.isfinite(theirs).all()
+        assert np.abs(mine - theirs).max(initial=0.0) <= 1e-12 * np.abs(theirs).max(initial=0.0)
 
 
-@needs_compiler
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_composed_derivatives_equal_those_of_the_whole_graph(name: str) -> None:
-    compare(SYSTEMS[name], DORMAND_PRINCE_5)
+    assert_equal(SYSTEMS[name], DORMAND_PRINCE_5)
 
 
-@needs_compiler
 @pytest.mark.parametrize("scheme", [EULER, RK4, RK4_TWICE, THRICE], ids=lambda scheme: scheme.name)
 def test_composed_derivatives_are_those_of_any_explicit_scheme(scheme: RungeKutta) -> None:
-    compare(rich_system(), scheme)
+    assert_equal(rich_system(), scheme)
 
 
-@needs_compiler
 def test_an_interval_without_length_has_derivatives() -> None:
-    composed = build_kernels(rich_system(), DORMAND_PRINCE_5, compiled=True)
-    graph = build_kernels(rich_system(), DORMAND_PRINCE_5, compiled=False)
-    y, _, p, lam = random_arguments(graph.step, 0)
-    y[-1] = 0.0
-    assert_equal(composed.step, graph.step, [y, np.array([0.3]), p, lam])
+    step = casadi_kernels(rich_system(), DORMAND_PRINCE_5).step
+    given = random_intervals(step, 1, len(rich_system().parameters), 8)
+    given[0][:, -1] = 0.0
+    assert_equal(rich_system(), DORMAND_PRINCE_5, given)
 
 
-@needs_compiler
 def test_step_derivatives_of_a_linear_system_are_the_scheme_s_polynomial() -> None:
     """x+ = R(h A) x, R the truncated exponential up to the order, for RK4."""
-    step = build_kernels(system(linear, (2, 1, 0)), RK4, compiled=True).step
+    step = build_kernels(system(linear, (2, 1, 0)), RK4).step
     h, rates = 0.4, np.array([[0.0, 1.0], [-2.0, -0.3]])
     expected = sum(np.linalg.matrix_power(h * rates, power) / math.factorial(power) for power in range(5))
-    _, jacobian = step.jacobian([0.3, -0.7, 0.0, 1.6], 0.25, [])
-    assert jacobian.full()[:, :2] == pytest.approx(expected, rel=1e-13, abs=1e-15)
-
-
-@needs_compiler
-def test_results_nobody_asks_for_are_left_out() -> None:
-    step = build_kernels(rich_system(), RK4, compiled=True).step
-    point = random_arguments(step, 1)
-    for function, given in ((step.jacobian, point[:3]), (step.hessian, point)):
-        both = function(*given)
-        for place in range(2):
-            symbols = [ca.MX.sym(f"given{number}", len(one)) for number, one in enumerate(given)]
-            alone = ca.Function("alone", symbols, [function(*symbols)[place]])
-            assert np.array_equal(np.asarray(alone(*given)), np.asarray(both[place]))
+    given = [np.tile(one, (step.lanes, 1)) for one in ([0.3, -0.7, 0.0, 1.6], [0.25], [], [0.0, 0.0])]
+    given[2] = np.zeros(0)
+    jacobian = np.zeros((2, 4))
+    rows, columns = step.jacobian_pattern.get_triplet()
+    jacobian[rows, columns] = results(step, Part.JACOBIAN, given)[1][0]
+    assert jacobian[:, :2] == pytest.approx(expected, rel=1e-13, abs=1e-15)

@@ -3,12 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
+from casadi_program import NonlinearProgram, transcribe
 from small_problems import PROBLEMS, ended_problem, random_iterate, random_point, rich_problem, staged_problem
 
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Phase, Problem, uniform
-from airrace.optimal_control.transcription import NonlinearProgram, transcribe
 from airrace.quantities import Interval
 
 STEP = 1e-6
@@ -17,7 +17,7 @@ LAM_F = 0.6
 
 def program_of(problem: Problem, threads: int = 1) -> tuple[Layout, NonlinearProgram]:
     layout = Layout(problem)
-    return layout, transcribe(layout, build_kernels(problem.system, problem.scheme, compiled=False), threads)
+    return layout, transcribe(layout, casadi_kernels(problem.system, problem.scheme), threads)
 
 
 def differences(function, w: np.ndarray) -> np.ndarray:
@@ -103,7 +103,7 @@ def test_each_stage_meets_the_next_only_through_an_identity(transcribed) -> None
 @pytest.mark.parametrize("problem", [rich_problem(), staged_problem()], ids=["continuous", "jumping"])
 def test_gaps_are_the_jumps_when_each_interval_is_integrated_from_the_last(problem: Problem) -> None:
     layout, program = program_of(problem)
-    step = build_kernels(problem.system, problem.scheme, compiled=False).step.value
+    step = casadi_kernels(problem.system, problem.scheme).step.value
     iterate = random_iterate(problem, seed=4)
     for k in range(layout.intervals):
         duration = iterate.durations[layout.phase_of_interval[k]]

@@ -1,11 +1,20 @@
-"""What solvers print is read as iterations, and nothing else is."""
+"""What solvers print is read as iterations, and nothing else is; the process ends with the one that asks."""
 
+import contextlib
+import pickle
+from functools import partial
 from typing import Any
 
 import pytest
+from known_flights import rest_to_rest
 
-from airrace.optimal_control.messages import IterationReport
+from airrace.optimal_control.messages import Inbox, IterationReport, Sender, SolveRequest
+from airrace.optimal_control.solvers import SolverOptions
+from airrace.optimal_control.spawn import start
 from airrace.optimal_control.worker import ProgressReader
+
+LONGEST = 60.0
+"""The time after which a reply is considered to be lost, s; it takes less than one."""
 
 
 class Replies:
@@ -22,8 +31,8 @@ def read(text: str, *, piece: int = 1000) -> list[Any]:
     """What is reported of a text that arrives in pieces."""
     replies = Replies()
     reader = ProgressReader(replies)  # type: ignore[arg-type]  (only its `send` is used)
-    for start in range(0, len(text), piece):
-        reader.write(text[start : start + piece])
+    for place in range(0, len(text), piece):
+        reader.write(text[place : place + piece])
     return replies.sent
 
 
@@ -51,3 +60,20 @@ def test_iterations_of_both_solvers_are_reported_however_they_arrive(piece: int)
 def test_all_else_that_solvers_print_is_dropped() -> None:
     summary = "Number of Iterations....: 12\n  compute search dir                    0.009899\n1.0e+00 1.0e+00 \n"
     assert read(summary + "fatrop                                  0.016844   57.7%\n") == []
+
+
+def test_worker_ends_in_mid_solve_when_nobody_is_left_to_answer() -> None:
+    """As it does on systems that end no process with another one."""
+    problem, guess = rest_to_rest(30000)
+    worker = start()
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    sender, replies = Sender(worker.stdin), Inbox(worker.stdout, partial(pickle.load, worker.stdout))
+    sender.send(SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1))
+    heard = [replies.next(LONGEST)]
+    sender.close()
+    assert worker.wait(LONGEST) == 0
+    with contextlib.suppress(EOFError):
+        while True:
+            heard.append(replies.next(LONGEST))
+    assert {type(reply) for reply in heard} == {IterationReport}

@@ -142,7 +142,7 @@ def test_solving_again_finds_the_price(key: str) -> None:
     settings = dataclasses.replace(given.settings, solver=closer)
     change = 0.05 * one.usual_step
     objectives: list[float] = []
-    with SolverService(compiled=closer.compile_kernels) as service:
+    with SolverService() as service:
         bench = Workbench(service, settings, Silent())
         for value in (one.value - change, one.value + change):
             problem = varied.problem(variation.race(key, value))

@@ -58,7 +58,7 @@ def matched_laps(count: int) -> Trajectory:
     free = flight.problem([mesh[phase] for phase in used])
     last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
     problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
-    with SolverService(threads=1, compiled=True, stall_seconds=PLAN.solver.stall_seconds) as service:
+    with SolverService(threads=1, stall_seconds=PLAN.solver.stall_seconds) as service:
         solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
     assert solution is not None
     assert solution.kkt.largest < PLAN.certificate.kkt_error

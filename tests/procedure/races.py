@@ -99,14 +99,13 @@ def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
     return stage_flight(stage, race, Settings())
 
 
-def settings(guess: GuessKind, *, compiled: bool = True, explore: Explore = Explore.OFF) -> Settings:
-    """Default settings but for the guess, with or without a compiler; all stages are proved.
+def settings(guess: GuessKind, *, explore: Explore = Explore.OFF) -> Settings:
+    """Default settings but for the guess, all stages are proved.
 
     Other ways round are explored where that is asked for.
     """
     silent = Settings(proof=Proof.ALL)
-    solver = dataclasses.replace(silent.solver, compile_kernels=compiled)
-    return dataclasses.replace(silent, guess=guess, solver=solver, explore=explore)
+    return dataclasses.replace(silent, guess=guess, explore=explore)
 
 
 @kept

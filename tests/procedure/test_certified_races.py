@@ -70,21 +70,6 @@ def test_race_is_certified_in_wind(name: str, guess: GuessKind, direction: int) 
     assert_certified(optimum(blown(RACES[name], direction, WIND), settings(guess)))
 
 
-@pytest.mark.parametrize(
-    ("name", "guess"),
-    [
-        pytest.param(name, guess, marks=[] if quick else [pytest.mark.slow], id=f"{name}-{guess.value}")
-        for name, guess in itertools.product((*QUICK, *LONG), GUESSES)
-        for quick in [(name, guess) == ("four_gates", GuessKind.PLAN)]
-    ],
-)
-def test_race_is_certified_without_a_compiler_and_takes_the_same_time(name: str, guess: GuessKind) -> None:
-    without = optimum(RACES[name], settings(guess, compiled=False))
-    assert_certified(without)
-    compiled = optimum(RACES[name], settings(guess))
-    assert without.trajectory.race_time == pytest.approx(compiled.trajectory.race_time, rel=1e-6)
-
-
 @every_race_and_guess
 def test_certificate_holds_when_measured_again_from_the_result_alone(name: str, guess: GuessKind) -> None:
     result = optimum(RACES[name], settings(guess))

@@ -1,7 +1,6 @@
 """A race that cannot be flown, or not in time, is an answer: an outcome, a sentence, and no exception."""
 
 import dataclasses
-import time
 from pathlib import Path
 
 import pytest
@@ -86,9 +85,7 @@ def test_too_few_iterations_are_not_converged() -> None:
 
 
 def test_solver_that_never_comes_back_is_a_timeout() -> None:
-    started = time.monotonic()
     result = optimum(SMALL, hurried(stall_seconds=0.02))
-    assert time.monotonic() - started < 10.0
     assert result.outcome is Outcome.TIMEOUT
     assert "too long" in result.message
     assert [one.status for one in result.attempts] == ["no iteration finished within 0.02 s"] * 2

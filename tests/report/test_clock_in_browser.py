@@ -1,11 +1,9 @@
 """The clock of the report in a browser: all of the page shows one instant, whoever sets it."""
 
-import time
-
 import numpy as np
 import pytest
 from flown import half_cuban, windy
-from opened_pages import VIEWS, Opened
+from opened_pages import READY_MS, VIEWS, Opened
 
 pytestmark = pytest.mark.slow
 
@@ -70,18 +68,18 @@ def test_play_runs_at_the_speed_that_is_chosen_and_stops_at_the_end(laptop: Open
     laptop.page.select_option("#transport select", "0.5")
     laptop.page.evaluate("() => document.activeElement.blur()")
     laptop.set(0.0)
+    laptop.run("() => { window.began = performance.now(); }")
     laptop.page.keyboard.press("Space")
-    began = time.monotonic()
-    time.sleep(2.0)
+    laptop.page.wait_for_function("() => airrace.clock.time > 0.2", timeout=READY_MS)
     laptop.page.keyboard.press("Space")
-    reached, took = laptop.seconds, time.monotonic() - began
+    reached, took = laptop.seconds, 1e-3 * laptop.run("() => performance.now() - window.began")
     assert laptop.run("() => airrace.clock.running") is False
     # Frames that come late are cut off, so a busy machine plays slower, never faster.
-    assert 0.05 < reached <= 0.5 * took + 0.1
+    assert reached <= 0.5 * took + 0.1
     laptop.page.select_option("#transport select", "4")
     laptop.set(half_cuban().race_time - 0.2)
     laptop.page.click("[data-play]")
-    laptop.page.wait_for_function("() => !airrace.clock.running", timeout=20_000)
+    laptop.page.wait_for_function("() => !airrace.clock.running", timeout=READY_MS)
     assert laptop.seconds == pytest.approx(laptop.run("() => airrace.clock.duration"))
     laptop.page.select_option("#transport select", "1")
 

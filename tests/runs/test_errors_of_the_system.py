@@ -1,12 +1,14 @@
 """Which exit code an error has: what the system lacks is no bug."""
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from airrace.errors import OutOfTime
+from airrace.__main__ import _ended_by
+from airrace.errors import OutOfTime, is_lack_of_memory
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error
 
@@ -14,11 +16,32 @@ ROOT = Path(__file__).parents[2]
 UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared object"
 
 
-@pytest.mark.parametrize("error", [MemoryError(), ImportError(UNMAPPED), ImportError("x.so: Cannot allocate memory")])
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ImportError(UNMAPPED),
+        ImportError("x.so: Cannot allocate memory"),
+        OSError("libfatrop.so: failed to map segment from shared object"),  # as ctypes raises it
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+    ],
+)
 def test_lack_of_memory_is_the_systems_and_told_as_that(error: Exception) -> None:
     answer = Answer()
     record_failure(answer, error)
     assert (answer.code, answer.error) == (ExitCode.SYSTEM, "out of memory")
+
+
+@pytest.mark.parametrize(
+    "error", [OSError("libfatrop.so: cannot open shared object file"), OSError(errno.EIO, UNMAPPED)]
+)
+def test_other_errors_of_libraries_and_files_are_no_lack_of_memory(error: OSError) -> None:
+    assert not is_lack_of_memory(error)
+
+
+def test_lack_of_memory_outside_of_a_command_is_told_likewise(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _ended_by(OSError("libfatrop.so: failed to map segment from shared object")) == ExitCode.SYSTEM
+    assert capsys.readouterr().err == "airrace: out of memory\n"
 
 
 def test_a_library_that_is_not_there_is_a_bug() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -21,11 +22,12 @@ print(airrace.__file__, run.certified, run.save("flown.h5"), len(run.splits), le
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel of this source tree, built with the tools that are installed."""
     folder = tmp_path_factory.mktemp("wheel")
-    program = (
-        f"import hatchling.build, os; os.chdir({str(ROOT)!r}); print(hatchling.build.build_wheel({str(folder)!r}))"
-    )
-    built = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    return folder / built.stdout.split()[-1]
+    source = folder / "source"
+    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(".*", "build", "tests", "docs", "*.so"))
+    program = f"from scikit_build_core.build import build_wheel; build_wheel({str(folder)!r})"
+    subprocess.run([sys.executable, "-c", program], cwd=source, capture_output=True, check=True)
+    (built,) = folder.glob("*.whl")
+    return built
 
 
 @pytest.fixture(scope="module")
@@ -48,15 +50,29 @@ def test_the_wheel_holds_courses_aircraft_rules_types_and_sources(wheel: Path) -
         "airrace/__main__.py",
         "airrace/documents/presets/rbar-2014.yaml",
         "airrace/documents/templates/course.yaml",
-        "airrace/optimal_control/library_function.h",
-        "airrace/optimal_control/step_kernel.c",
+        "airrace/native/airrace_native.so",
         "airrace/report/page.html",
         "airrace/report/script/main.js",
         "airrace/report/style/page.css",
         "airrace/report/libraries/three/three.module.min.js",
         "airrace/report/libraries/three/LICENSE",
     } <= names
-    assert not [name for name in names if name.startswith(("tests/", "tracks/", "configs/"))]
+    assert not [name for name in names if name.startswith(("tests/", "tracks/", "configs/")) or name.endswith(".c")]
+    assert wheel.name.split("-")[2:4] == ["py3", "none"]  # one wheel serves every Python of a platform
+
+
+def test_without_a_compiler_the_package_is_built_without_its_library(tmp_path: Path) -> None:
+    shutil.copytree(ROOT, tmp_path / "source", ignore=shutil.ignore_patterns(".*", "build", "tests", "docs", "*.so"))
+    program = f"from scikit_build_core.build import build_wheel; build_wheel({str(tmp_path)!r})"
+    environment = {**os.environ, "CC": str(tmp_path / "no-compiler")}
+    subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path / "source", env=environment, capture_output=True, check=True
+    )
+    (wheel,) = tmp_path.glob("*-py3-none-any.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    assert "airrace/native/library.py" in names
+    assert not [name for name in names if name.endswith(".so")]
 
 
 def run(installed: Path, folder: Path, *arguments: str) -> str:

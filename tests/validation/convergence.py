@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from statement import KnownAnswer, exactly
 
 from airrace.optimal_control import runge_kutta
-from airrace.optimal_control.kernels import build_kernels
+from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolated, uniform
 from airrace.optimal_control.runge_kutta import VERNER_7, RungeKutta
 from airrace.optimal_control.solvers import SolverOptions
@@ -49,7 +49,7 @@ POPULATION = system_of("population", Population, Growth, lambda x, u: Population
 
 def integration_errors(scheme: RungeKutta, meshes: Sequence[int]) -> list[float]:
     """Of a pendulum under a constant torque at the end of 4 s, by the kernels that the transcription uses."""
-    step = build_kernels(PENDULUM, scheme, compiled=False).step.value
+    step = casadi_kernels(PENDULUM, scheme).step.value
     start, M, duration = [1.0, 0.5], 0.3, 4.0
     exact = solve_ivp(
         lambda _, x: [x[1], M - np.sin(x[0])], (0.0, duration), start, method="DOP853", rtol=3e-14, atol=1e-15

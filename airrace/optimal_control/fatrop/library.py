@@ -5,6 +5,7 @@ so they are called directly here.
 """
 
 import ctypes
+import os
 import sys
 from collections.abc import Callable, Sequence
 from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int, c_size_t, c_void_p
@@ -165,19 +166,41 @@ def fatrop() -> ctypes.CDLL:
     Raises:
         SolverCrash: casadi was installed without it.
     """
-    folder = Path(ca.__file__).parent
-    for name in ("libfatrop.so", "libfatrop.dylib"):
-        if (folder / name).exists():
-            return _with_prototypes(ctypes.CDLL(str(folder / name)))
-    raise SolverCrash(f"the solver fatrop is not part of the casadi in {folder}")
-
-
-def _with_prototypes(library: ctypes.CDLL) -> ctypes.CDLL:
+    try:
+        library = _load("fatrop")
+    except FileNotFoundError as error:
+        raise SolverCrash(f"the solver fatrop is not part of casadi: {error}") from error
     for name, result, arguments in PROTOTYPES:
-        function = library[name]
+        # Windows looks for no function in the libraries that a library depends on.
+        function = blasfeo()[name] if name.startswith("blasfeo") and os.name == "nt" else library[name]
         function.restype, function.argtypes = result, arguments
         setattr(library, name, function)
     return library
+
+
+@cache
+def blasfeo() -> ctypes.CDLL:
+    """Return the library of small dense matrices that fatrop depends on.
+
+    Raises:
+        OSError: there is none.
+    """
+    return _load("blasfeo")
+
+
+def _load(name: str) -> ctypes.CDLL:
+    """Return a library that casadi brings along.
+
+    Raises:
+        FileNotFoundError: it does not.
+        OSError: it cannot be loaded.
+    """
+    folder = Path(ca.__file__).parent
+    names = [f"lib{name}{suffix}" for suffix in (".so", ".so.0", ".dylib", ".0.dylib", ".dll")]
+    path = next((folder / one for one in names if (folder / one).exists()), None)
+    if path is None:
+        raise FileNotFoundError(f"{folder} holds none of {', '.join(names)}")
+    return ctypes.CDLL(str(path))
 
 
 def doubles_at(address: int, count: int) -> Array:

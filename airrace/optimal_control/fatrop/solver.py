@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from airrace.errors import SolverCrash
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
 from airrace.optimal_control.fatrop.library import (
@@ -20,7 +21,6 @@ from airrace.optimal_control.fatrop.library import (
     interface,
     number_of_stage,
 )
-from airrace.optimal_control.fatrop.probe import require_known_interface
 from airrace.optimal_control.fatrop.sides import Known
 from airrace.optimal_control.fatrop.stages import Bounds, Rows, Stages
 from airrace.optimal_control.fatrop.targets import Targets
@@ -71,7 +71,8 @@ class FatropResult:
         objective: at w.
         status: for people.
         success: whether it claims an optimum.
-        iterations: number of iterations, those of a restoration of feasibility included.
+        hessians: number of Hessians that it asked for, those of a restoration of feasibility included.
+        reported_iterations: number of iterations that it reports.
         derivative_seconds: spent in the program's functions.
     """
 
@@ -81,8 +82,14 @@ class FatropResult:
     objective: float
     status: str
     success: bool
-    iterations: int
+    hessians: int
+    reported_iterations: int
     derivative_seconds: float
+
+    @property
+    def iterations(self) -> int:
+        """The number of iterations, those of a restoration of feasibility included."""
+        return max(self.reported_iterations, self.hessians)
 
 
 @record
@@ -105,11 +112,10 @@ class FatropSolver:
         exact: whether bounds are kept that fatrop relaxes, see `unrelaxed`.
 
     Raises:
-        SolverCrash: the library is missing, or its interface is laid out otherwise than expected.
+        SolverCrash: the library is missing.
     """
 
     def __init__(self, functions: Evaluation, options: Mapping[str, float | int], *, exact: bool = False) -> None:
-        require_known_interface()
         self._stages = Stages(functions.assembly)
         self._functions = functions
         self._options = dict(options)
@@ -168,6 +174,8 @@ class _Run:
             raise error
         self._functions.w[:] = outcome.w
         self._functions.values()
+        if not 0 <= outcome.reason < len(STATUS):
+            raise SolverCrash(f"the reason of its end is read as {outcome.reason}")
         status = EXCEPTION if outcome.flag < 0 else f"{outcome.reason}: {STATUS[outcome.reason]}"
         if self._restoring > RESTORATION_MAX:
             status = f"{outcome.reason}: {LOST}"
@@ -179,7 +187,8 @@ class _Run:
             objective=self._functions.f,
             status=NOT_FINITE if self._not_finite else status,
             success=outcome.flag == 0 and not self._not_finite,
-            iterations=max(outcome.iterations, self._steps),
+            hessians=self._steps,
+            reported_iterations=outcome.iterations,
             derivative_seconds=self._functions.seconds,
         )
 
@@ -189,6 +198,7 @@ class _Run:
         OUTPUT.error = None
         self._solver = library.fatrop_ocp_c_create(ctypes.byref(problem), OUTPUT.callback, None)
         try:
+            self._require_dimensions()
             for name, value in self._options.items():
                 self._set_option(name, value)
             if self._stopped:
@@ -206,6 +216,22 @@ class _Run:
         finally:
             library.fatrop_ocp_c_destroy(self._solver)
             self._solver = 0
+
+    def _require_dimensions(self) -> None:
+        """Compare the dimensions that fatrop has read with those that it was told.
+
+        Raises:
+            SolverCrash: they differ.
+        """
+        dims = fatrop().fatrop_ocp_c_get_dims(self._solver).contents
+        stages, rows = self._stages, self._rows
+        told = stages.n_u, stages.n_x, rows.equalities, rows.inequalities
+        sizes = dims.K, dims.max_nu, dims.max_nx, dims.max_ng, dims.max_ngineq
+        if sizes != (stages.count, *(int(one.max()) for one in told)):  # before pointers beside them are followed
+            raise SolverCrash(f"the sizes are read as {sizes}")
+        read = [one[: stages.count] for one in (dims.nu, dims.nx, dims.ng, dims.ng_ineq)]
+        if read != [one.tolist() for one in told]:
+            raise SolverCrash(f"the dimensions are read as {read}")
 
     def _set_option(self, name: str, value: float | int) -> None:
         library = fatrop()

@@ -7,6 +7,7 @@ import time
 
 import pytest
 from races import SMALL
+from waiting import PATIENCE
 from ways_bench import planned_sketch, workbench
 
 from airrace.errors import SolverCrash
@@ -56,20 +57,21 @@ def test_results_come_in_the_order_of_the_jobs_whoever_is_first(size: int) -> No
 
 def test_nobody_works_on_two_jobs_at_once() -> None:
     crew, own, added = crew_of(3)
-    most, lock = [0], threading.Lock()
+    all_at_work = threading.Barrier(3, timeout=PATIENCE)
 
-    def do(service: SolverService, _: int) -> None:
+    def do(service: SolverService, job: int) -> None:
         assert isinstance(service, Idle)
         assert not service.working
         service.working = True
-        with lock:
-            most[0] = max(most[0], sum(one.working for one in (own, *added)))
-        time.sleep(0.01)
+        if job < 3:
+            all_at_work.wait()
+            assert all(one.working for one in (own, *added))
+            all_at_work.wait()
+        time.sleep(0.001)
         service.working = False
 
     with crew:
         crew.work(range(20), do)
-    assert most == [3]
 
 
 def test_those_that_were_added_are_ended_and_the_first_one_works_on() -> None:

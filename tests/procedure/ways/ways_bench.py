@@ -19,7 +19,7 @@ from airrace.procedure.ways.window import COLD_BARRIER
 @contextmanager
 def workbench(settings: Settings = PLAN, threads: int = 1) -> Iterator[Workbench]:
     """A solver process of its own, ended afterwards."""
-    with SolverService(compiled=settings.solver.compile_kernels) as service:
+    with SolverService() as service:
         yield Workbench(service, settings, Silent(), threads)
 
 

@@ -1,0 +1,41 @@
+/* Sums of weighted numbers, added in one order whatever evaluates them, see sums.py and repeated.py. Both functions
+ * return whether all sums are finite.
+ */
+#include "evaluator.h"
+
+/* Sum i adds up weights[k] * drawn[sources[k]] for k from begins[i] to begins[i + 1], at least one, in this order, and
+ * goes to memory[places[i]]. */
+EXPORT int airrace_add_up(int64_t count, const int32_t *begins, const double *weights, const int32_t *sources, const double *drawn,
+           const int64_t *places, double *memory)
+{
+    int finite = 1;
+    for (int64_t i = 0; i < count; i++) {
+        int32_t k = begins[i];
+        double sum = weights[k] * drawn[sources[k]];
+        for (k++; k < begins[i + 1]; k++) sum += weights[k] * drawn[sources[k]];
+        memory[places[i]] = sum;
+        finite &= sum - sum == 0.0;
+    }
+    return finite;
+}
+
+/* Sums that repeat from stage to stage. A stage of kind j has the sums from first[j] to first[j + 1]; numbers of block b
+ * begin at at[b], its matrices of family f at to[f], its factors at own[0]. */
+EXPORT int airrace_add_up_repeated(int64_t stages, int64_t blocks, int64_t families, const int32_t *kind, const int32_t *first,
+                    const int32_t *begins, const double *weights, const int32_t *sources, const int32_t *block,
+                    const int32_t *family, const int32_t *offsets, const int32_t *factor, const int64_t *at,
+                    const int64_t *to, const int64_t *own, const double *factors, const double *drawn, double *memory)
+{
+    int finite = 1;
+    for (int64_t stage = 0; stage < stages; stage++, at += blocks, to += families, own++) {
+        for (int32_t i = first[kind[stage]]; i < first[kind[stage] + 1]; i++) {
+            int32_t k = begins[i];
+            double sum = weights[k] * drawn[at[block[k]] + sources[k]];
+            for (k++; k < begins[i + 1]; k++) sum += weights[k] * drawn[at[block[k]] + sources[k]];
+            if (factor[i] >= 0) sum *= factors[*own + factor[i]];
+            memory[to[family[i]] + offsets[i]] = sum;
+            finite &= sum - sum == 0.0;
+        }
+    }
+    return finite;
+}

@@ -1,0 +1,121 @@
+"""A program's evaluation as functions of casadi, for IPOPT: callbacks that hand over the bits of `evaluation.py`."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+
+from airrace.optimal_control.evaluation import Evaluation
+from airrace.trajectory import Array
+
+
+class ProgramFunctions:
+    """The functions of a program in the scaled unknowns x and the parameters p, named as casadi's solvers name them.
+
+    Attributes:
+        nlp: (x, p) -> f, g.
+        derivatives: casadi's names to functions: `nlp_grad_f` (x, p) -> f, gradient of f; `nlp_jac_g` (x, p) -> g,
+            Jacobian of g; `nlp_hess_l` (x, p, lam_f, lam_g) -> upper triangle of the Hessian of the Lagrangian;
+            `nlp_grad` (x, p, lam_f, lam_g) -> f, g, gradient of the Lagrangian in x, and in p, for which nobody asks.
+    """
+
+    def __init__(self, functions: Evaluation) -> None:
+        self._functions = functions
+        assembly, layout = functions.assembly, functions.assembly.layout
+        x, p, g = layout.unknowns, functions.p.size, layout.constraints
+        hessian = assembly.hessian.sparsity
+        self._upper = np.flatnonzero(np.asarray(hessian.row()) <= assembly.hessian.columns)
+        point, adjoint = {"x": x, "p": p}, {"x": x, "p": p, "lam_f": 1, "lam_g": g}
+        dense = ca.Sparsity.dense
+        gradient, jacobian = dense(x), assembly.jacobian.sparsity
+        self.nlp = _Callback("nlp", point, {"f": dense(1), "g": dense(g)}, self._values)
+        self.derivatives: Mapping[str, ca.Function] = {
+            "nlp_grad_f": _Callback("nlp_grad_f", point, {"f": dense(1), "grad_f_x": gradient}, self._gradient),
+            "nlp_jac_g": _Callback("nlp_jac_g", point, {"g": dense(g), "jac_g_x": jacobian}, self._jacobian),
+            "nlp_hess_l": _Callback("nlp_hess_l", adjoint, {"hess_gamma_x_x": ca.triu(hessian)}, self._hessian),
+            "nlp_grad": _Callback(
+                "nlp_grad",
+                adjoint,
+                {"f": dense(1), "g": dense(g), "grad_gamma_x": gradient, "grad_gamma_p": ca.Sparsity(0, 1)},
+                self._lagrangian_gradient,
+            ),
+        }
+
+    def begin(self, p: Array) -> None:
+        """Take the parameters of the next solve."""
+        self._functions.p[:] = p
+        self._functions.forget()
+
+    def _values(self, x: Array, _: Array) -> Sequence[Array | float]:
+        self._functions.w[:] = x
+        self._functions.values()
+        return self._functions.f, self._functions.g
+
+    def _gradient(self, x: Array, p: Array) -> Sequence[Array | float]:
+        self._values(x, p)
+        self._functions.objective_gradient()
+        return self._functions.f, self._functions.f_gradient
+
+    def _jacobian(self, x: Array, p: Array) -> Sequence[Array | float]:
+        self._values(x, p)
+        self._functions.linearise()
+        return self._functions.g, self._functions.jacobian
+
+    def _hessian(self, x: Array, _: Array, lam_f: Array, lam_g: Array) -> Sequence[Array | float]:
+        self._take(x, lam_f, lam_g)
+        self._functions.curve()
+        return (self._functions.hessian[self._upper],)
+
+    def _lagrangian_gradient(self, x: Array, p: Array, lam_f: Array, lam_g: Array) -> Sequence[Array | float]:
+        self._values(x, p)
+        self._take(x, lam_f, lam_g)
+        self._functions.slope()
+        return self._functions.f, self._functions.g, self._functions.gradient, np.zeros(0)
+
+    def _take(self, x: Array, lam_f: Array, lam_g: Array) -> None:
+        self._functions.w[:], self._functions.lam_g[:] = x, lam_g
+        self._functions.lam_f = float(lam_f[0])
+
+
+class _Callback(ca.Callback):
+    """A function of casadi that a function of numpy's arrays evaluates, without conversions."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Mapping[str, int],
+        outputs: Mapping[str, ca.Sparsity],
+        evaluate: Callable[..., Sequence[Array | float]],
+    ) -> None:
+        super().__init__()
+        self._inputs, self._outputs, self._evaluate = inputs, outputs, evaluate
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._inputs)
+
+    def get_n_out(self) -> int:
+        return len(self._outputs)
+
+    def get_name_in(self, i: int) -> str:
+        return list(self._inputs)[i]
+
+    def get_name_out(self, i: int) -> str:
+        return list(self._outputs)[i]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(list(self._inputs.values())[i])
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return list(self._outputs.values())[i]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
+        """Evaluate; the results that casadi does not ask for have no buffer."""
+        results = self._evaluate(*(np.frombuffer(one) for one in arg))
+        for buffer, result in zip(res, results, strict=True):
+            if buffer:
+                np.frombuffer(buffer)[:] = result
+        return 0

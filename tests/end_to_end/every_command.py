@@ -1,0 +1,59 @@
+"""Every command of the command line, to be run in a folder that holds a course, a log and a run."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, airrace
+from kept import kept
+
+COURSE = "course.yaml"
+LOG = "log.csv"
+RUN = "run.h5"
+BATCH = ("batch", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
+OPTIMIZE = ("optimize", COURSE, *ALONG_THE_PLAN)
+
+COMMANDS: tuple[tuple[str, ...], ...] = (
+    (*OPTIMIZE, "--explore", "quick", "--threads", "2"),
+    ("resume", RUN, "--from", "point-mass", *POINT_MASS),
+    BATCH,
+    *(("export", form, RUN) for form in ("csv", "parquet", "netcdf", "mat")),
+    *(("export", form, RUN, "--origin", "45,16,150") for form in ("kml", "acmi", "fdr", "czml", "gpx", "geojson")),
+    ("import", LOG, "--course", "rovinj_2014", "--time-zone", "Europe/Zagreb"),
+    ("report", RUN),
+    ("report", RUN, "--prices", "--output", "prices.html"),
+    ("show", RUN),
+    ("compare", RUN, RUN),
+    ("compare", RUN, RUN, "--plot", "compared.svg"),
+    ("plot", RUN),
+    ("verify", RUN),
+    ("prices", RUN),
+    ("check", COURSE),
+    ("tracks",),
+    ("init", "mine"),
+    ("schema", "track"),
+    ("--help",),
+)
+
+
+def furnish(folder: Path) -> Path:
+    """Put the course, the log and the run there."""
+    put_inputs(folder)
+    (folder / RUN).write_bytes(run_file())
+    return folder
+
+
+def put_inputs(folder: Path) -> None:
+    shutil.copy(HALF_CUBAN, folder / COURSE)
+    shutil.copy(ROOT / "tests" / "logs" / "rovinj_2014.csv", folder / LOG)
+
+
+@kept
+def run_file() -> bytes:
+    """The run, flown once for all that read it."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        put_inputs(place)
+        ran = airrace(*OPTIMIZE, "--out", RUN, cwd=place)
+        assert ran.code == 0, ran.err
+        return (place / RUN).read_bytes()
