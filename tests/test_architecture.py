@@ -172,7 +172,6 @@ MAY_READ_A_CLOCK = {
     "waiting.py": "what hangs is given up, after minutes",
     "test_architecture.py": "it names the clocks",
     "shipped/test_benchmark_ladder_script.py": "it puts a clock of its own in the place of the real one",
-    "optimal_control/test_kernels.py": "what hangs is given up, and a file is made to seem old",
 }
 """The only files of tests that do, and why none of them fails beside other work."""
 

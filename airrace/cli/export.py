@@ -1,8 +1,9 @@
 """The command `airrace export`: a flight for other programs. There is one subcommand per format."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO, cast
 
 import typer
 
@@ -54,11 +55,13 @@ def csv_table(
     """
     with answering(as_json=False) as answer:
         from airrace.errors import UsageError
+        from airrace.runs.exit_codes import ExitCode
         from airrace.runs.flight_sources import opened_file, source_of
         from airrace.runs.flown_log import FlownLog
         from airrace.runs.named import Named
         from airrace.runs.output import ensure_free
         from airrace.runs.splits import Splits
+        from airrace.views.streams import Shown, abandon_stdout
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
@@ -68,8 +71,17 @@ def csv_table(
         named = Named.of(name)
         flown = source_of(opened_file(named.path), named.stage or stage)
         passings = flown.splits if isinstance(flown, FlownLog) else Splits(flown.result.splits)
-        text = passings.to_csv(output) if splits else flown.to_csv(output, rate)
-        answer.texts.extend([text] if output is None else [])
+        if splits:
+            text = passings.to_csv(output)
+            answer.texts.extend([text] if output is None else [])
+        elif output is None:
+            try:
+                flown.write_csv(cast(TextIO, Shown(sys.stdout)), rate)
+            except BrokenPipeError:  # the reader has seen enough and needs no message
+                answer.code = ExitCode.SYSTEM
+                abandon_stdout()
+        else:
+            flown.to_csv(output, rate)
         for path in beside:
             passings.to_csv(path)
 

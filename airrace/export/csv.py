@@ -4,13 +4,13 @@ The stream is to be opened with `newline=""`. Numbers have ten significant digit
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TextIO
 
 import numpy as np
 
 from airrace.export.columns import Column, Derived, displayed
-from airrace.export.flight_table import NO_DERIVED, flight_table, split_columns
+from airrace.export.flight_table import NO_DERIVED, flight_tables, pieces, split_columns
 from airrace.export.globe import printable
 from airrace.export.sampling import Sampler
 from airrace.flights import Flight
@@ -52,35 +52,26 @@ def export_csv(
     Raises:
         UsageError: the rate cannot be exported.
     """
-    flight = flight_table(result.trajectory, rate_hz=rate_hz, derived=derived, sampler=sampler)
+    tables = flight_tables(result.trajectory, rate_hz=rate_hz, derived=derived, sampler=sampler)
     if comments:
         _write_comments(result, provenance, stream)
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*(column.header for column in flight.columns), "phase"])
-    writer.writerows(zip(*(_formatted(column.values) for column in flight.columns), flight.phases, strict=True))
+    _write_rows(((table.columns, table.phases) for table in tables), stream)
 
 
-def export_flight_csv(flight: Flight, stream: TextIO) -> None:
-    """Write a flight of any source: all of its histories over its times, with the leg that each row belongs to.
+def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None = None) -> None:
+    """Write a flight of any source: all of its histories, with the leg that each row belongs to.
 
     Args:
-        flight: at the times that are wanted.
+        flight: the flight.
         stream: receives the text.
+        rate_hz: rows per second, positive; None for one row per time of the flight.
     """
     race_time = f"{flight.race_time:.6f} s" if np.isfinite(flight.race_time) else "not finished"
     entries = {"track": flight.course.name, "aircraft": flight.aircraft.name, "flight": flight.label}
     for key, value in {**entries, "race time": race_time, "airrace version": flight.source.version}.items():
         stream.write(f"# {key}: {printable(value)}\n")
-    columns = [Column("time_s", flight.time)]
-    for one in flight.histories.values():
-        columns.extend(displayed(one.quantity, one.values))
-    made = [crossing for crossing in flight.crossings if crossing.found]
-    last = np.clip(np.searchsorted([one.time for one in made], flight.time), 0, len(made) - 1)
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([*(column.header for column in columns), "phase"])
-    places: list[int] = last.tolist()
-    phases = [made[place].name for place in places]
-    writer.writerows(zip(*(_formatted(column.values) for column in columns), phases, strict=True))
+    parts = [flight] if rate_hz is None else (flight.at(times) for times in pieces(flight.times_at_rate(rate_hz)))
+    _write_rows(map(_columns_and_phases, parts), stream)
 
 
 def export_splits_csv(splits: Sequence[GateSplit], stream: TextIO) -> None:
@@ -108,6 +99,25 @@ def _write_comments(result: StageResult, provenance: Provenance | None, stream: 
         entries = {**names, **entries, "airrace version": provenance.version}
     for key, value in entries.items():
         stream.write(f"# {key}: {printable(value)}\n")
+
+
+def _columns_and_phases(flight: Flight) -> tuple[Sequence[Column], Sequence[str]]:
+    columns = [Column("time_s", flight.time)]
+    for one in flight.histories.values():
+        columns.extend(displayed(one.quantity, one.values))
+    made = [crossing for crossing in flight.crossings if crossing.found]
+    last = np.clip(np.searchsorted([one.time for one in made], flight.time), 0, len(made) - 1)
+    places: list[int] = last.tolist()
+    return columns, [made[place].name for place in places]
+
+
+def _write_rows(parts: Iterable[tuple[Sequence[Column], Sequence[str]]], stream: TextIO) -> None:
+    """Write a table that comes in pieces, each with its columns and the names of the legs of its rows."""
+    writer = csv.writer(stream, lineterminator="\n")
+    for number, (columns, phases) in enumerate(parts):
+        if number == 0:
+            writer.writerow([*(column.header for column in columns), "phase"])
+        writer.writerows(zip(*(_formatted(column.values) for column in columns), phases, strict=True))
 
 
 def _formatted(values: Array) -> list[str]:

@@ -1,18 +1,20 @@
 """A flight as columns over time, ready to be written in any format."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
 from airrace.export.columns import DEGREE, Column, Derived, columns_of
-from airrace.export.sampling import Sampler, Samples, at_nodes, at_rate
+from airrace.export.sampling import Sampler, Samples, at_nodes, at_rate, at_times, times_at_rate
 from airrace.procedure.result import GateSplit
 from airrace.quantities import KNOT, Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
 NO_DERIVED: Derived = MappingProxyType({})
+ROWS_AT_ONCE = 10_000
+"""The largest number of rows of a piece of a table."""
 
 
 @record
@@ -50,7 +52,32 @@ def flight_table(
     Raises:
         UsageError: the rate cannot be exported.
     """
-    samples = at_nodes(trajectory) if rate_hz is None else at_rate(trajectory, rate_hz, sampler)
+    return _table(
+        trajectory, at_nodes(trajectory) if rate_hz is None else at_rate(trajectory, rate_hz, sampler), derived
+    )
+
+
+def flight_tables(
+    trajectory: Trajectory,
+    *,
+    rate_hz: float | None = None,
+    derived: Derived = NO_DERIVED,
+    sampler: Sampler | None = None,
+) -> Iterator[FlightTable]:
+    """Return the same table in pieces of `ROWS_AT_ONCE` rows, of which only one needs memory; see `flight_table`."""
+    if rate_hz is None:
+        return iter([_table(trajectory, at_nodes(trajectory), derived)])
+    times = times_at_rate(trajectory, rate_hz)
+    return (_table(trajectory, at_times(trajectory, some, sampler), derived) for some in pieces(times))
+
+
+def pieces(times: Array) -> Iterator[Array]:
+    """Yield times in pieces of `ROWS_AT_ONCE`."""
+    for first in range(0, len(times), ROWS_AT_ONCE):
+        yield times[first : first + ROWS_AT_ONCE]
+
+
+def _table(trajectory: Trajectory, samples: Samples, derived: Derived) -> FlightTable:
     columns = columns_of(trajectory, samples, derived)
     phases = tuple(np.array(trajectory.phases)[samples.phase].tolist())
     return FlightTable(samples, (*trajectory.states, *trajectory.controls), tuple(columns), phases)

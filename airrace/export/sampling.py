@@ -57,14 +57,19 @@ def at_rate(trajectory: Trajectory, rate: float, sampler: Sampler | None = None)
     Raises:
         UsageError: the rate is not positive or gives more than ten million rows, or the flight has no finite duration.
     """
-    time = _times(trajectory, rate)
+    return at_times(trajectory, times_at_rate(trajectory, rate), sampler)
+
+
+def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None) -> Samples:
+    """Return rows at any times of a flight; see `at_rate`."""
     intervals = np.searchsorted(trajectory.time, time, side="right") - 1
     intervals = np.clip(intervals, 0, trajectory.control.shape[1] - 1)
     states = _interpolated(trajectory, time) if sampler is None else sampler(time)
     return Samples(time, {**_controls(trajectory, intervals), **states}, _phases(trajectory, intervals))
 
 
-def _times(trajectory: Trajectory, rate: float) -> Array:
+def times_at_rate(trajectory: Trajectory, rate: float) -> Array:
+    """Return the times of rows at a fixed rate, s; errors as of `at_rate`."""
     start, end = float(trajectory.time[0]), float(trajectory.time[-1])
     if not np.all(np.isfinite(trajectory.time)):
         raise UsageError("this flight has no finite duration: it can only be exported on its mesh")

@@ -199,9 +199,13 @@ class Flight:
         Args:
             rate_hz: samples per second, positive.
         """
+        return self.at(self.times_at_rate(rate_hz))
+
+    def times_at_rate(self, rate_hz: float) -> Array:
+        """Return the times of the flight at a fixed rate, s; see `at_rate`."""
         first, last = float(self.time[0]), float(self.time[-1])
         steps = int(np.ceil((last - first) * rate_hz - 1e-6))
-        return self.at(np.append(first + np.arange(steps) / rate_hz, last))
+        return np.append(first + np.arange(steps) / rate_hz, last)
 
 
 def _interpolated(name: str, time: Array, values: Array, wanted: Array) -> Array:

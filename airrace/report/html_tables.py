@@ -1,10 +1,10 @@
 """Tables and lists of a report as HTML; every text is escaped here."""
 
-import html
 import math
 from collections.abc import Iterable, Sequence
 
 from airrace.records import record
+from airrace.views.plain_text import escaped
 
 DASH = "\N{EN DASH}"
 """Stands where nothing is known."""
@@ -64,32 +64,32 @@ def with_minus(text: str) -> str:
 
 def table(heads: Sequence[Head], rows: Iterable[Row], caption: str = "") -> str:
     """Return a table that scrolls within its place where it is too wide."""
-    head = "".join(f'<th scope="col"{_class(one)}>{html.escape(one.title)}{_unit(one.unit)}</th>' for one in heads)
+    head = "".join(f'<th scope="col"{_class(one)}>{escaped(one.title)}{_unit(one.unit)}</th>' for one in heads)
     body = "".join(_row(row, heads) for row in rows)
-    told = f"<caption>{html.escape(caption)}</caption>" if caption else ""
+    told = f"<caption>{escaped(caption)}</caption>" if caption else ""
     return f'<div class="scroll"><table>{told}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def section(title: str, body: str, *, half: bool = False) -> str:
     """Return a part of the page with a heading; `body` is HTML."""
     width = " half" if half else ""
-    return f'<section class="panel{width}"><h2>{html.escape(title)}</h2>{body}</section>'
+    return f'<section class="panel{width}"><h2>{escaped(title)}</h2>{body}</section>'
 
 
 def note(text: str) -> str:
     """Return a sentence below a table."""
-    return f'<p class="note">{html.escape(text)}</p>' if text else ""
+    return f'<p class="note">{escaped(text)}</p>' if text else ""
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
     """Return a list of names and what they stand for."""
-    entries = "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>" for name, text in pairs)
+    entries = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in pairs)
     return f'<dl class="facts">{entries}</dl>'
 
 
 def folded(title: str, text: str) -> str:
     """Return a longer text that is unfolded by a click."""
-    return f"<details><summary>{html.escape(title)}</summary><pre>{html.escape(text)}</pre></details>"
+    return f"<details><summary>{escaped(title)}</summary><pre>{escaped(text)}</pre></details>"
 
 
 def _row(row: Row, heads: Sequence[Head]) -> str:
@@ -100,7 +100,7 @@ def _row(row: Row, heads: Sequence[Head]) -> str:
 
 def _cell(cell: Cell | str, head: Head) -> str:
     one = cell if isinstance(cell, Cell) else Cell(cell)
-    text = html.escape(one.text)
+    text = escaped(one.text)
     if one.time is not None:
         text = f'<button data-time="{one.time:.6f}" title="To this instant">{text}</button>'
     if one.flight is not None:
@@ -114,4 +114,4 @@ def _class(head: Head, *, bad: bool = False) -> str:
 
 
 def _unit(unit: str) -> str:
-    return f"<small>{html.escape(unit)}</small>" if unit else ""
+    return f"<small>{escaped(unit)}</small>" if unit else ""

@@ -16,6 +16,7 @@ from airrace.records import record
 from airrace.report.contents import Contents
 from airrace.report.html_tables import number
 from airrace.report.script import LIBRARIES, page_script
+from airrace.views.plain_text import escaped, plain
 
 FOLDER = Path(__file__).parent
 STYLES = (
@@ -67,14 +68,15 @@ class Page:
         style, script = page_style(), page_script()
         return _template().substitute(
             policy=policy(style, script),
-            title=html.escape(self.title),
-            subtitle=html.escape(self.subtitle),
+            title=html.escape(plain(self.title)),
+            heading=escaped(self.title),
+            subtitle=escaped(self.subtitle),
             race_time=number(self.race_time, 3),
-            verdict=f'<div class="verdict {"good" if self.good else "bad"}">{html.escape(self.verdict)}</div>',
+            verdict=f'<div class="verdict {"good" if self.good else "bad"}">{escaped(self.verdict)}</div>',
             readings="".join(_reading(one) for one in self.readings),
             plan=self.plan,
             sections="\n".join(self.sections),
-            footer=html.escape(self.footer),
+            footer=escaped(self.footer),
             style=style,
             contents=self.contents.as_json(),
             script=script,

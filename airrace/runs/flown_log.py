@@ -1,11 +1,10 @@
 """A flown log: the flight that was made of it, what it would be penalised for, and what there is to tell of it."""
 
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from airrace.export.csv import export_flight_csv
 from airrace.flights import Basis, Crossing, Flight, History, Source
 from airrace.logs.breach import Breach
 from airrace.procedure.result import GateSplit
-from airrace.runs.output import write_text
+from airrace.runs.output import written_or_returned
 from airrace.runs.splits import Splits
 from airrace.runs.stored import document_of, library_versions, stored_inputs
 
@@ -108,24 +107,26 @@ class FlownLog:
         )
 
     def to_csv(self, path: str | Path | None = None, rate: float | None = None) -> str:
-        """Return all histories as comma-separated values.
+        """Return or write all histories as comma-separated values.
 
         Args:
             path: a file to be written; None for none.
             rate: rows per second; None for all times of the flight.
 
+        Returns:
+            The text; empty where a file is written, which may be larger than the memory.
+
         Raises:
             UsageError: the rate cannot be exported.
             StorageError: the system refused.
         """
+        return written_or_returned(path, lambda stream: self.write_csv(stream, rate))
+
+    def write_csv(self, stream: TextIO, rate: float | None = None) -> None:
+        """Write all histories as comma-separated values, as `to_csv` does, to a stream that is open."""
         if rate is not None and not RATES[0] <= rate <= RATES[1]:
             raise UsageError(f"a rate of {rate:g} Hz cannot be exported; it must lie in {RATES[0]:g} to {RATES[1]:g}")
-        flight = self.flight()
-        stream = io.StringIO(newline="")
-        export_flight_csv(flight if rate is None else flight.at_rate(rate), stream)
-        if path is not None:
-            write_text(Path(path), stream.getvalue())
-        return stream.getvalue()
+        export_flight_csv(self.flight(), stream, rate_hz=rate)
 
     def save(self, path: str | Path) -> None:
         """Write it into a file, replacing what is there.

@@ -1,11 +1,10 @@
 """A finished stage of a run: its flight, and what can be told of it."""
 
-import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from airrace.flights.derivation import table_columns
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import reading
 from airrace.procedure.result import Stage, StageResult
-from airrace.runs.output import write_text
+from airrace.runs.output import written_or_returned
 from airrace.runs.run_object import stage_object
 from airrace.runs.run_page import run_line, stage_page
 from airrace.runs.splits import Splits
@@ -157,25 +156,25 @@ class FlownStage:
         return flight_dataset(self._flight(rate), self.result, self._provenance)
 
     def to_csv(self, path: str | Path | None = None, rate: float | None = None) -> str:
-        """Return the flight as comma-separated values, as `airrace export csv` writes them.
+        """Return or write the flight as comma-separated values, as `airrace export csv` writes them.
 
         Args:
             path: a file to be written; None for none.
             rate: see `to_dataframe`.
 
         Returns:
-            The text.
+            The text; empty where a file is written, which may be larger than the memory.
 
         Raises:
             UsageError: the rate cannot be exported.
             StorageError: the system refused.
         """
-        stream = io.StringIO(newline="")
+        return written_or_returned(path, lambda stream: self.write_csv(stream, rate))
+
+    def write_csv(self, stream: TextIO, rate: float | None = None) -> None:
+        """Write the flight as comma-separated values, as `to_csv` does, to a stream that is open."""
         derived, sampler = self._derived, self._sampler(rate)
         export_csv(self.result, stream, rate_hz=rate, derived=derived, sampler=sampler, provenance=self._provenance)
-        if path is not None:
-            write_text(Path(path), stream.getvalue())
-        return stream.getvalue()
 
     def prices(self, by: str | None = None) -> "Prices":
         """Return what every number of the inputs costs, in seconds per unit, by the multipliers of this optimum.

@@ -1,11 +1,13 @@
 """Files that commands write: where they go; refused before anything is computed, and replaced as a whole."""
 
+import io
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TextIO
 
-from airrace.checkpoint.atomic import replace_file
+from airrace.checkpoint.atomic import replace_file, replacing
 from airrace.errors import StorageError, UsageError
 from airrace.runs.named import Named
 
@@ -55,3 +57,20 @@ def write_text(path: Path, text: str) -> None:
         StorageError: the system refused.
     """
     replace_file(path, text.encode("utf-8", "replace"))
+
+
+def written_or_returned(path: str | Path | None, write: Callable[[TextIO], None]) -> str:
+    """Return a text, or write it into a file piece by piece, and return nothing of it.
+
+    Raises:
+        StorageError: the system refused.
+    """
+    if path is None:
+        stream = io.StringIO(newline="")
+        write(stream)
+        return stream.getvalue()
+    with replacing(Path(path)) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
+        write(text)
+        text.detach()
+    return ""

@@ -1,12 +1,12 @@
 """A run in a line, and as a piece of HTML for notebooks."""
 
-import html
 from collections.abc import Sequence
 
 from airrace.planning.race import Race
 from airrace.procedure.result import StageResult, State
 from airrace.runs.run_object import is_certified, verdict
 from airrace.runs.splits import Splits
+from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
 from airrace.views.scenery import scenery
 from airrace.views.tables import html_table
@@ -30,7 +30,7 @@ def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
     title = f"{race.course.name}, flown by {race.aircraft.name}"
     stages = html_table(title, HEADS, [_stage_cells(result) for result in results])
     sentence = verdict(results)[1] if results else "no stage is finished yet"
-    remark = f"<p>{html.escape(sentence)}</p>" if sentence else ""
+    remark = f"<p>{escaped(sentence)}</p>" if sentence else ""
     return f"<div>{stages}{remark}{_flight(race, results[-1]) if results else ''}</div>"
 
 
@@ -44,9 +44,7 @@ def stage_page(race: Race, result: StageResult) -> str:
             for item in certificate.items
         ]
         measured = html_table(f"certificate ({certificate.solver_status})", ITEMS, cells)
-    return (
-        f"<div><p><b>{html.escape(run_line(race.course.name, [result]))}</b></p>{_flight(race, result)}{measured}</div>"
-    )
+    return f"<div><p><b>{escaped(run_line(race.course.name, [result]))}</b></p>{_flight(race, result)}{measured}</div>"
 
 
 def _stage_cells(result: StageResult) -> tuple[str, ...]:

@@ -1,11 +1,11 @@
 """A course before it is flown, as a piece of HTML for notebooks."""
 
-import html
 import math
 from collections.abc import Sequence
 
 from airrace.planning.race import Race
 from airrace.views.course_rows import rows
+from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
 from airrace.views.scenery import Scenery
 from airrace.views.tables import html_table
@@ -22,7 +22,7 @@ def course_page(race: Race, seen: Scenery, warnings: Sequence[str]) -> str:
         for row in rows(race)
     ]
     title = f"{race.course.name}, flown by {race.aircraft.name}"
-    listed = "".join(f"<li>{html.escape(text)}</li>" for text in warnings)
+    listed = "".join(f"<li>{escaped(text)}</li>" for text in warnings)
     remarks = f"<ul>{listed}</ul>" if listed else ""
     return f"<div>{html_table(title, HEADS, cells[:ROWS_MAX])}{plan_svg(seen)}{remarks}</div>"
 

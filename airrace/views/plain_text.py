@@ -1,10 +1,12 @@
-"""Texts of strangers on a terminal: names, messages and paths cannot command it.
+"""Texts of strangers on a terminal and in pages: names, messages and paths cannot command them.
 
 A track file may name a gate with the sequence that sets a terminal's title, moves its cursor or answers in the user's
 name, or with marks that turn the direction of reading. Such characters are shown as what they are, one sign each.
 """
 
+import html
 import re
+import unicodedata
 
 _CONTROLS = {code: 0x2400 + code for code in range(0x20) if chr(code) not in "\t\n"} | {0x7F: 0x2421}
 _UNSEEN = (*range(0x80, 0xA0), 0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
@@ -23,6 +25,13 @@ def plain(text: str) -> str:
 def one_line(text: str) -> str:
     """Return a text in which line breaks and tabs are shown as well, so that it cannot pass for two messages."""
     return plain(text).translate({0x09: 0x2409, 0x0A: 0x240A, 0x2028: 0xFFFD, 0x2029: 0xFFFD})
+
+
+def escaped(text: str) -> str:
+    """Return a text as HTML, apart from what stands around it: names that are read from the right turn nothing else."""
+    shown = html.escape(plain(text))
+    from_the_right = any(unicodedata.bidirectional(sign) in ("R", "AL", "AN") for sign in text)
+    return f"<bdi>{shown}</bdi>" if from_the_right else shown
 
 
 def styled(text: str) -> str:

@@ -13,6 +13,7 @@ from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
 from airrace.views.labels import Box, placed
+from airrace.views.plain_text import plain
 from airrace.views.scenery import Scenery, round_length
 
 LONGER_EDGE = 560.0
@@ -60,7 +61,7 @@ def plan_svg(seen: Scenery, flight: Trajectory | None = None) -> str:
     sheet = _sheet(seen, flight)
     way = _planned(sheet, seen) if flight is None else _flown(sheet, flight)
     parts = [*_surroundings(sheet, seen), *way, *_marks(sheet, seen), *_labels(sheet, seen), *_scale(sheet, flight)]
-    title = html.escape(seen.course.name)
+    title = html.escape(plain(seen.course.name))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{sheet.width:.0f}" height="{sheet.height:.0f}" '
         f'viewBox="0 0 {sheet.width:.0f} {sheet.height:.0f}" role="img" '
@@ -162,7 +163,8 @@ def _labels(sheet: _Sheet, seen: Scenery) -> list[str]:
     frame = Box(0.0, -sheet.height, sheet.width, sheet.height)
     boxes = placed(anchors, sizes, drawn, frame, 7.0)
     return [
-        f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * FONT:.1f}" fill="{BLACK}">{html.escape(mark.label)}</text>'
+        f'<text x="{box.left:.1f}" y="{-box.bottom - 0.15 * FONT:.1f}" fill="{BLACK}">'
+        f"{html.escape(plain(mark.label))}</text>"
         for box, mark in zip(boxes, named, strict=True)
     ]
 

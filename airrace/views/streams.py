@@ -6,7 +6,7 @@ import os
 import sys
 from typing import Any, TextIO, cast
 
-from airrace.views.plain_text import plain
+from airrace.views.plain_text import plain, styled
 
 
 class Watched(io.TextIOBase):
@@ -57,6 +57,22 @@ class Watched(io.TextIOBase):
     def buffer(self) -> Any:  # Any: as `TextIO.buffer` of streams without one
         """The binary stream behind it."""
         return self._stream.buffer
+
+
+class Shown(io.TextIOBase):
+    """A stream of a long text for people or programs, in which control characters are shown as in `styled`.
+
+    Args:
+        stream: what is written to.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text; return its length."""
+        self._stream.write(styled(text))
+        return len(text)
 
 
 def secure() -> None:

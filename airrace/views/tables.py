@@ -1,7 +1,8 @@
 """Tables of ready texts, as lines of text and as HTML for notebooks: a column of names, then columns of numbers."""
 
-import html
 from collections.abc import Sequence
+
+from airrace.views.plain_text import escaped
 
 STYLE = "text-align: right; padding: 0 0.6em; white-space: nowrap"
 
@@ -18,7 +19,7 @@ def html_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) 
     body = "".join(
         f"<tr>{''.join(_cell('td', text, first=not number) for number, text in enumerate(row))}</tr>" for row in rows
     )
-    caption = f'<caption style="text-align: left; font-weight: bold">{html.escape(title)}</caption>' if title else ""
+    caption = f'<caption style="text-align: left; font-weight: bold">{escaped(title)}</caption>' if title else ""
     return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
@@ -30,4 +31,4 @@ def _line(row: Sequence[str], widths: Sequence[int]) -> str:
 
 def _cell(tag: str, text: str, *, first: bool) -> str:
     style = STYLE.replace("right", "left") if first else STYLE
-    return f'<{tag} style="{style}">{html.escape(text)}</{tag}>'
+    return f'<{tag} style="{style}">{escaped(text)}</{tag}>'

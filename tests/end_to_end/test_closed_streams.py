@@ -62,3 +62,13 @@ def test_a_checkpoint_is_whole_although_all_streams_are_closed(tmp_path: Path) -
     """Its file would get the number of a closed stream, and what is printed would get into it."""
     assert shell(f"airrace {QUICKLY} --out x.h5 <&- >&- 2>&-", tmp_path).code == 8
     assert shell("airrace show x.h5 --json", tmp_path).answer["certified"] is True
+
+
+def test_a_reader_of_a_long_table_may_leave_early_and_a_full_disk_is_told(tmp_path: Path) -> None:
+    assert shell(f"airrace {QUICKLY} --out x.h5", tmp_path).code == 0
+    ran = shell("airrace export csv x.h5 --rate 2000 | head -2; exit ${PIPESTATUS[0]}", tmp_path)
+    assert (ran.code, ran.err) == (8, "")
+    assert ran.out.startswith("# track: Half Cuban Eight\n")
+    ran = shell("airrace export csv x.h5 --rate 2000 >/dev/full", tmp_path)
+    assert ran.code == 8
+    assert "No space left on device" in ran.err

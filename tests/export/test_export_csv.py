@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airrace.errors import UsageError
-from airrace.export import Provenance, export_csv, export_splits_csv
+from airrace.export import Provenance, export_csv, export_splits_csv, flight_table
 from airrace.export.columns import unit_suffix
 from airrace.export.sampling import at_nodes, at_rate
 from airrace.frames import quaternion
@@ -275,3 +275,20 @@ def test_a_flight_without_passages_has_an_empty_table_of_splits() -> None:
     stream = io.StringIO(newline="")
     export_splits_csv((), stream)
     assert table(stream.getvalue())["passage"] == []
+
+
+def test_a_table_of_any_rate_is_made_in_pieces_and_stays_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def sampler(time: Array) -> dict[str, Array]:
+        asked.append(len(time))
+        return {quantity.name: 2.0 + np.sin(time) for quantity in flight().states}
+
+    options = ({"rate_hz": 500.0}, {"rate_hz": 500.0, "sampler": sampler}, {})
+    whole = [exported(**one) for one in options]
+    (rows,) = asked
+    assert rows == len(whole[1]["time_s"]) > 1000
+    monkeypatch.setattr(flight_table, "ROWS_AT_ONCE", 7)
+    assert [exported(**one) for one in options] == whole
+    assert sum(asked[1:]) == rows
+    assert max(asked[1:]) == 7

@@ -63,6 +63,15 @@ def test_hostile_labels_of_flights_beside_it_are_shown_as_they_are(name: str) ->
     assert len(parsed.named("script")) == 2
 
 
+def test_names_that_are_read_from_the_right_turn_nothing_beside_them() -> None:
+    name = "\u05de\u05e8\u05d5\u05e5\u202e 2014"
+    page = flight_page([renamed(name)], []).as_html()
+    shown = "\u05de\u05e8\u05d5\u05e5\ufffd 2014"
+    assert f'<h1 class="long"><bdi>{shown}</bdi></h1>' in page
+    assert f"<title>{shown}</title>" in page
+    assert "\u202e" not in page
+
+
 def test_a_dollar_in_a_name_is_a_dollar() -> None:
     assert read(flight_page([renamed("$script ${style} $$")]).as_html()).texts["h1"] == ["$script ${style} $$"]
 

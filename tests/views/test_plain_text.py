@@ -1,5 +1,6 @@
 """Texts of strangers cannot command a terminal."""
 
+import html
 import io
 import re
 import subprocess
@@ -14,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.views.plain_console import PlainConsole
-from airrace.views.plain_text import plain, styled
+from airrace.views.plain_text import escaped, plain, styled
 from airrace.views.streams import Watched
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +35,7 @@ def test_no_control_character_is_left(text: str) -> None:
     assert plain(plain(text)) == plain(text)
 
 
-@given(st.text(st.characters(exclude_categories=["Cc", "Cf"])))
+@given(st.text(st.characters(exclude_categories=["Cc", "Cf", "Cs"])))
 def test_what_is_harmless_stays_as_it_is(text: str) -> None:
     assert plain(text) == styled(text) == text
 
@@ -46,6 +47,25 @@ def test_of_escapes_only_colours_are_left(text: str) -> None:
 
 def test_the_direction_of_reading_is_not_turned() -> None:
     assert plain("g1\u202e2g") == "g1\ufffd2g"
+
+
+def test_what_is_no_character_is_shown_as_that() -> None:
+    name = b"caf\xe9.yaml".decode("utf-8", "surrogateescape")
+    assert plain(name) == styled(name) == "caf\ufffd.yaml"
+
+
+@given(st.text())
+def test_a_text_in_a_page_is_apart_from_the_rest_and_can_be_written(text: str) -> None:
+    isolated = escaped(text)
+    isolated.encode("utf-8")
+    inside = isolated.removeprefix("<bdi>").removesuffix("</bdi>")
+    assert not set("<>\"'\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\x00") & set(inside)
+    assert html.unescape(inside) == plain(text)
+
+
+def test_a_name_that_is_read_from_the_right_is_isolated_in_a_page() -> None:
+    assert escaped("\u05e9\u05e2\u05e8 1") == "<bdi>\u05e9\u05e2\u05e8 1</bdi>"
+    assert escaped("g1\u202e2g & \u2212 1.5") == "g1\ufffd2g &amp; \u2212 1.5"
 
 
 def test_a_table_on_a_terminal_keeps_its_own_colours_alone() -> None:
