@@ -15,7 +15,7 @@ TEMPLATE = resources.files("airrace.documents") / "templates" / "course.yaml"
 SCHEMA_FILE = "track.schema.json"
 """The name of the file that holds the JSON Schema of tracks."""
 EDITORS_LINE = "# yaml-language-server: $schema="
-"""What stands in front of the path of its schema in a file of YAML."""
+"""The line that names the schema of a file to editors, up to the path."""
 
 
 def init(

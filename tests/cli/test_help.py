@@ -82,12 +82,15 @@ def test_the_batch_of_the_documentation_is_valid() -> None:
     assert len(entry.sweep) == 2
 
 
-def test_the_workflow_of_the_documentation_calls_the_command_as_it_is() -> None:
-    (example,) = [yaml.safe_load(text) for text in examples() if text.startswith("# .github/workflows/")]
-    (called,) = [step["run"] for step in example["jobs"]["fly"]["steps"] if "airrace batch" in step.get("run", "")]
-    program, command, *arguments = shlex.split(called)
-    assert (program, command) == ("airrace", "batch")
-    assert {word for word in arguments if word.startswith("--")} <= set(dict(commands())["airrace batch"])
+def test_the_action_calls_commands_as_they_are() -> None:
+    action = yaml.safe_load((ROOT / ".github" / "actions" / "fly" / "action.yml").read_text(encoding="utf-8"))
+    scripts = "\n".join(step.get("run", "") for step in action["runs"]["steps"])
+    called = re.findall(r"airrace (batch|report) (.*?)(?: \|\||$)", scripts, re.MULTILINE)
+    assert [command for command, _ in called] == ["batch", "report"]
+    for command, arguments in called:
+        options = {word for word in shlex.split(arguments) if word.startswith("--")}
+        assert options <= set(dict(commands())[f"airrace {command}"])
+        assert options
 
 
 def test_the_course_of_the_documentation_is_valid(tmp_path: Path) -> None:

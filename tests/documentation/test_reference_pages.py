@@ -2,14 +2,19 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import h5py
 import pytest
 import yaml
 from pages import DOCS, README, ROOT
 
+from airrace.checkpoint import envelope
+from airrace.checkpoint.encode import SCHEMA
+from airrace.checkpoint.recorded_tree import RECORDED_SCHEMA
 from airrace.documents import load_inputs
-from airrace.documents.json_schema import json_schema
+from airrace.documents.json_schema import LANGUAGES, json_schema
+from airrace.documents.rules_schema import PresetEntry
 
 TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
 CHECKPOINT = (DOCS / "reference" / "checkpoint.md").read_text(encoding="utf-8")
@@ -121,3 +126,12 @@ def test_every_example_of_an_element_is_valid(example: str, tmp_path: Path) -> N
     path.write_text(yaml.safe_dump(track), encoding="utf-8")
     inputs = load_inputs(path, aircraft=ROOT / "configs" / "edge540.yaml")
     assert len(inputs.race.course.passages) >= 3
+
+
+def test_the_page_on_versions_tells_the_numbers_that_are_read() -> None:
+    page = (DOCS / "versions.md").read_text(encoding="utf-8")
+    models = [*(model() for model in LANGUAGES.values()), PresetEntry]
+    languages = {tag for model in models for tag in get_args(model.model_fields["schema_"].annotation)}
+    assert set(re.findall(r"`schema: (airrace/\w+/\d+)`", page)) == languages
+    numbers = re.findall(r"^\| (?:\[checkpoints|flown logs|the user block).*?\| (\d+) \|", page, re.MULTILINE)
+    assert [int(number) for number in numbers] == [SCHEMA, RECORDED_SCHEMA, envelope.VERSION]
