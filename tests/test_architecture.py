@@ -171,6 +171,7 @@ READS_A_CLOCK = re.compile(
 MAY_READ_A_CLOCK = {
     "waiting.py": "what hangs is given up, after minutes",
     "test_architecture.py": "it names the clocks",
+    "end_to_end/without_posix/sitecustomize.py": "it names the clocks that POSIX alone has, and hides them",
     "shipped/test_benchmark_ladder_script.py": "it puts a clock of its own in the place of the real one",
 }
 """The only files of tests that do, and why none of them fails beside other work."""
