@@ -77,11 +77,7 @@ class Library:
 
 @cache
 def library() -> Library | None:
-    """Return the library; None where it is missing or switched off.
-
-    Raises:
-        KernelError: the processor does not execute the variant that `AIRRACE_NATIVE` names.
-    """
+    """Return the library; None where it is missing or switched off, or has no such variant for this processor."""
     wanted = os.environ.get("AIRRACE_NATIVE", "")
     if wanted == "off":
         return None
@@ -90,8 +86,8 @@ def library() -> Library | None:
         return None
     try:
         return open_library(path, wanted or None)
-    except OSError as error:
-        logger.warning("the native library %s cannot be loaded: %s", path, error)
+    except (OSError, KernelError) as error:
+        logger.warning("casadi evaluates, slower, instead of the native library %s: %s", path, error)
         return None
 
 
@@ -124,7 +120,7 @@ def open_library(path: Path, variant: str | None = None) -> Library:
     names.argtypes, names.restype = (), ctypes.c_char_p
     chosen = choose(variant.encode() if variant else None)
     if not chosen:
-        raise KernelError(f"AIRRACE_NATIVE={variant}: this processor executes no such variant of the native library")
+        raise KernelError(f"this processor executes no variant {variant}")
     for function, numbers, pointers in ((loaded.airrace_add_up, 1, 6), (loaded.airrace_add_up_repeated, 3, 15)):
         function.argtypes, function.restype = (*[_INT64] * numbers, *[_POINTER] * pointers), ctypes.c_int
     evaluator = chosen.contents

@@ -27,13 +27,13 @@ def test_the_widest_variant_is_taken_unless_another_is_named() -> None:
     assert chosen(AIRRACE_NATIVE="") == known[-1]
     for name in known:
         assert chosen(AIRRACE_NATIVE=name) == name
-    assert chosen(AIRRACE_NATIVE="off") == "None"
+    assert chosen(AIRRACE_NATIVE="off") == chosen(AIRRACE_NATIVE="mmx") == "None"
 
 
 def test_a_variant_that_the_processor_does_not_execute_is_refused() -> None:
     path = library_path()
     assert path is not None
-    with pytest.raises(KernelError, match="AIRRACE_NATIVE=mmx"):
+    with pytest.raises(KernelError, match="no variant mmx"):
         open_library(path, "mmx")
 
 
@@ -48,4 +48,4 @@ def test_a_file_that_cannot_be_loaded_is_done_without(
         assert library() is None
     finally:
         library.cache_clear()
-    assert "cannot be loaded" in caplog.text
+    assert "casadi evaluates, slower" in caplog.text
