@@ -147,7 +147,7 @@ class LiveTable:
     def ended(self, step: Step, result: Result) -> None:
         self._forget(step)
         state = STATES.get(result.code, "failed")
-        self._ended[state] = self._ended.get(state, 0) + 1
+        self._ended = {**self._ended, state: self._ended.get(state, 0) + 1}
         self.live.console.print(Text(f"{step.name}: {ending_words(result)}"))
 
     def idle(self) -> None: ...
@@ -162,7 +162,7 @@ class LiveTable:
         self._seen = {name: seen for name, seen in self._seen.items() if name != step.name}
 
     def _render(self) -> RenderableType:
-        now, seen = self._clock(), self._seen
+        now, seen, counts = self._clock(), self._seen, self._ended
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for name in ("job", "stage", "race time s", "state", "elapsed s"):
             table.add_column(name, justify="right" if name.endswith(" s") else "left", no_wrap=True, style="none")
@@ -171,8 +171,8 @@ class LiveTable:
             race_time = "-" if one.race_time is None else f"{one.race_time:.3f}"
             state = f"{one.state}{_circumstances(one.attempt, one.where)}"
             table.add_row(Text(name), one.stage or "-", race_time, Text(state), f"{now - one.since:.0f}")
-        ended = sum(self._ended.values())
-        told = ", ".join(f"{number} {state}" for state, number in self._ended.items())
+        ended = sum(counts.values())
+        told = ", ".join(f"{number} {state}" for state, number in counts.items())
         line = f"{ended} of {self._total} done{f' ({told})' if told else ''}, {len(seen)} under way"
         return Group(table, Text(f"{line}, {now - self._began:.0f} s", style="bold"))
 
