@@ -6,13 +6,13 @@
 
 extern const struct evaluator evaluator_baseline;
 
-#if defined(__x86_64__)
+#ifdef X86_64
 extern const struct evaluator evaluator_avx2, evaluator_avx512;
 #endif
 
 EXPORT const struct evaluator *airrace_evaluator(const char *name)
 {
-#if defined(__x86_64__)
+#ifdef X86_64
     __builtin_cpu_init();
     const int avx2 = __builtin_cpu_supports("avx2");
     const int avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&

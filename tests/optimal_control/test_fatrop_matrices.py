@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop.library import fatrop
+from airrace.optimal_control.fatrop.library import blasfeo, fatrop
 from airrace.optimal_control.fatrop.matrices import MatrixFamily, entry_offsets, memory_of, struct_size
 
 Array = NDArray[np.int64]
@@ -35,7 +35,7 @@ class Matrices:
         """A matrix as blasfeo unpacks it."""
         rows, columns = self.shapes[number]
         result = np.zeros((rows, columns), order="F")
-        unpack = fatrop().blasfeo_unpack_dmat
+        unpack = blasfeo().blasfeo_unpack_dmat
         unpack.argtypes = [
             ctypes.c_int,
             ctypes.c_int,

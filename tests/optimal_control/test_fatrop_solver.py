@@ -1,6 +1,5 @@
 """fatrop called directly does what casadi's interface to it does, faster to set up and with better manners."""
 
-import os
 import signal
 import sys
 import threading
@@ -219,7 +218,7 @@ def test_ctrl_c_at_any_moment_is_not_lost() -> None:
     guess = random_iterate(problem, 1)
     ready = prepared(problem, "fatrop")
     for milliseconds in range(1, 9):
-        timer = threading.Timer(1e-3 * milliseconds, os.kill, (os.getpid(), signal.SIGINT))
+        timer = threading.Timer(1e-3 * milliseconds, signal.raise_signal, (signal.SIGINT,))
         with pytest.raises(KeyboardInterrupt):  # noqa: PT012 (it comes at any time)
             timer.start()
             for _ in range(100):

@@ -1,6 +1,7 @@
 """One call solves a problem, in a process that others can use too, and that ends with this one."""
 
 import multiprocessing
+import os
 import subprocess
 import sys
 import textwrap
@@ -87,6 +88,7 @@ def test_threads_take_turns_and_leave_a_process_that_serves() -> None:
     assert solve(*rest_to_rest()).success
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")  # of Python 3.12 and later, about threads
 def test_a_process_that_forks_leaves_its_solver_alone() -> None:
     assert solve(*rest_to_rest()).success
