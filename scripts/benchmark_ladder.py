@@ -184,13 +184,18 @@ def compared_rows(now: Measurement, before: Mapping[str, Any]) -> list[Row]:  # 
     return rows
 
 
-def ratio_rows(found: Mapping[str, Measurement]) -> list[Row]:
-    """One row per course that was flown by both versions: seconds of this one over those of the other."""
-    rows: list[Row] = [("course", "wall ratio", "processor ratio", "race time, ms")]
-    for name, run in found.items():
-        if (other := found.get(f"{name}{BESIDE}")) is not None:
-            ratios = f"{run.wall / other.wall:.3f}", f"{run.processor / other.processor:.3f}"
-            rows.append((name, *ratios, f"{1000.0 * (run.race - other.race):+.3f}"))
+def ratio_rows(runs: Mapping[str, Sequence[Measurement]]) -> list[Row]:
+    """One row per course that was flown by both versions: the least seconds of this one over those of the other."""
+    rows: list[Row] = [("course", "wall s", "beside", "ratio", "processor s", "beside", "ratio", "race time, ms")]
+    for name, own in runs.items():
+        if (other := runs.get(f"{name}{BESIDE}")) is not None:
+            row = [name]
+            for mine, theirs in (
+                (min(one.wall for one in own), min(one.wall for one in other)),
+                (min(one.processor for one in own), min(one.processor for one in other)),
+            ):
+                row += [f"{mine:.2f}", f"{theirs:.2f}", f"{mine / theirs:.2f}"]
+            rows.append((*row, f"{1000.0 * (own[0].race - other[0].race):+.3f}"))
     return rows
 
 
@@ -219,7 +224,7 @@ def print_rows(rows: Sequence[Row]) -> None:
     print()
 
 
-def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> dict[str, Measurement]:
+def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> dict[str, list[Measurement]]:
     """Fly all courses, as it is asked for beside another version and changed; the runs by what they are called."""
     options = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
 
@@ -233,14 +238,13 @@ def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> 
             if asked.beside:
                 runs.setdefault(f"{Path(course).stem}{BESIDE}", []).append(fly(course, asked.beside))
             runs.setdefault(Path(course).stem, []).append(fly(course, sys.executable))
-    found = {name: median(several) for name, several in runs.items()}
     for course in courses if asked.what_if else ():
         stored, new = (str(folder / f"{name}.h5") for name in (Path(course).stem, "changed"))
         sets = [part for change in asked.what_if for part in ("--set", change)]
         chosen = ("--until", asked.until, "--threads", str(asked.threads))
         changed = measured("resume", stored, *sets, "--output", new, "--force", *chosen, folder=folder)
-        found[f"{Path(course).stem}, {', '.join(asked.what_if)}"] = changed
-    return found
+        runs[f"{Path(course).stem}, {', '.join(asked.what_if)}"] = [changed]
+    return runs
 
 
 def shares_of(course: str, asked: argparse.Namespace, folder: Path) -> dict[str, Any]:  # Any: as read from JSON
@@ -272,15 +276,16 @@ def main() -> int:
     before = json.loads(asked.against.read_text()) if asked.against else {}
     try:
         with tempfile.TemporaryDirectory() as folder:
-            found = runs_of(asked.courses, asked, Path(folder))
+            runs = runs_of(asked.courses, asked, Path(folder))
             shares = {one: shares_of(one, asked, Path(folder)) for one in asked.courses if asked.shares}
     except Uncertified as error:
         print(error, file=sys.stderr)
         return 1
+    found = {name: median(several) for name, several in runs.items()}
     print(f"{asked.threads} threads, exploring {asked.explore}, proof {asked.proof}: medians of {asked.repeats} runs\n")
     print_rows([HEADLINES, *(headline(name, run) for name, run in found.items())])
     if asked.beside:
-        print_rows(ratio_rows(found))
+        print_rows(ratio_rows(runs))
     for name, run in found.items():
         print(f"**{name}**\n")
         print_rows(stage_rows(run))
