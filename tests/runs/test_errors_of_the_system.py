@@ -7,10 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from airrace import interrupts
 from airrace.__main__ import _ended_by
 from airrace.errors import OutOfTime, is_lack_of_memory
 from airrace.runs.answer import Answer, record_failure
 from airrace.runs.exit_codes import ExitCode, of_error
+
+interrupts.let_through()  # the command's module holds them back while it loads
 
 ROOT = Path(__file__).parents[2]
 UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared object"
