@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from same_bits import all_results, assert_same_bits, random_intervals, variants
+from same_bits import all_results, assert_as_casadi, assert_same_bits, random_intervals, variants
 from small_problems import PROBLEMS, rich_system
 
 from airrace.errors import KernelError, SolverCrash
@@ -88,7 +88,7 @@ def test_functions_have_the_bits_of_casadi(variant: str, name: str) -> None:
     x, u = (random.normal(size=(len(part), COUNT)) for part in (system.states, system.controls))
     p = random.normal(size=len(system.parameters))
     for function in functions:
-        assert_same_bits([native.at_points(function, u, p)(x)], [casadi_function_at_points(function, u, p)(x)])
+        assert_as_casadi([native.at_points(function, u, p)(x)], [casadi_function_at_points(function, u, p)(x)])
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -96,7 +96,7 @@ def test_path_quantities_and_derivatives_have_the_bits_of_casadi(variant: str) -
     _, mine = kernels_of(VARIANTS[variant], rich_system(), RK4)
     given = intervals(mine)
     theirs = Kernel(*path_functions(rich_system()).values())
-    assert_same_bits(all_results(mine, given), all_results(theirs, given))
+    assert_as_casadi(all_results(mine, given), all_results(theirs, given))
 
 
 def test_the_branching_system_has_all_operations() -> None:
@@ -206,7 +206,7 @@ def test_any_number_of_points_is_evaluated(count: int) -> None:
     x, u = random.normal(size=(3, count)), random.normal(size=(2, count))
     for native in VARIANTS.values():
         at = native.at_points(system.rates, u, p)
-        assert_same_bits(
+        assert_as_casadi(
             [at(x)], [np.hstack([np.asarray(system.rates(x[:, [c]], u[:, [c]], p)) for c in range(count)])]
         )
         with pytest.raises(ValueError, match="points"):
