@@ -27,7 +27,7 @@ SOLVING = (
     "airrace.optimal_control.layout",
     "airrace.optimal_control.service",
     "airrace.optimal_control.solvers",
-    "airrace.optimal_control.transcription",
+    "airrace.optimal_control.program_functions",
     "airrace.logs.flown",
     "airrace.prices.pricing",
     "multiprocessing",

@@ -82,8 +82,13 @@ def _opened_beside(target: Path) -> tuple[Path, BinaryIO]:
         # Shortened, so that it stays a valid name where the target's is one.
         partial = target.with_name(f".{target.name[:40]}.{secrets.token_hex(4)}.partial")
         file = partial.open("xb")
-        with contextlib.suppress(OSError):
+        try:
             _lock(file)
+        except BlockingIOError:  # somebody takes it for left behind
+            file.close()
+            continue
+        except OSError:  # no locks on this file system
+            pass
         if partial.exists():  # nobody took it for left behind before it was locked
             return partial, file
         file.close()
