@@ -15,7 +15,7 @@
 
 typedef double real __attribute__((vector_size(8 * LANES)));
 
-/* the same number in every lane */
+/* the same number in every lane; a difference, for -0.0 + 0.0 would be 0.0 */
 INLINE real broadcast(double number)
 {
     return number - (real){0.0};

@@ -16,7 +16,7 @@ from airrace.records import record
 logger = logging.getLogger(__name__)
 
 MISSING = (
-    "airrace was installed without its native library, for want of a C compiler: casadi evaluates the models, several "
+    "airrace was installed without its native library, for want of a C compiler: casadi evaluates the models, some ten "
     "times slower"
 )
 """The sentence for users where the library is missing."""

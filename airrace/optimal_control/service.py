@@ -171,11 +171,9 @@ class SolverService:
 
     def _answered(self, longest: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
         """Return the solution of the request that the process works on."""
-        patience = longest
         while True:
             with self._alive():
-                reply = self._receive(patience)
-            patience = math.inf if isinstance(reply, Notice) else longest
+                reply = self._receive(longest)
             if isinstance(reply, Solution):
                 return reply
             if isinstance(reply, WorkerFailure):

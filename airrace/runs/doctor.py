@@ -68,7 +68,7 @@ def examined() -> tuple[Component, ...]:
 def native_variant() -> str:
     """Return which variant of the native library is in use."""
     native = library()
-    return "none: casadi evaluates, several times slower" if native is None else native.variant
+    return "none: casadi evaluates, some ten times slower" if native is None else native.variant
 
 
 @vector

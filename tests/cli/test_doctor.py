@@ -59,4 +59,4 @@ def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPa
 def test_the_variant_of_the_native_library_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert doctor.native_variant() in ("baseline", "avx2", "avx512")
     monkeypatch.setattr(doctor, "library", lambda: None)
-    assert doctor.native_variant() == "none: casadi evaluates, several times slower"
+    assert doctor.native_variant() == "none: casadi evaluates, some ten times slower"

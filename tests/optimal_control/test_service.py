@@ -19,7 +19,7 @@ from waiting import has_passed, instant, wait_until_gone
 
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.kernels import Kernels, build_kernels
-from airrace.optimal_control.messages import Announcement, Inbox, IterationReport, SolveRequest
+from airrace.optimal_control.messages import Announcement, Inbox, IterationReport, Notice, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.service import SolverService, Stalled
@@ -149,6 +149,22 @@ def test_time_in_which_this_process_stands_still_is_no_stall(monkeypatch: pytest
 def test_stall_is_noticed_although_the_worker_is_busy() -> None:
     with SolverService(stall_seconds=0.01) as service, pytest.raises(Stalled):
         solve(service, rest_to_rest(400))
+
+
+def test_what_the_process_tells_besides_leaves_the_patience_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    replies = iter([Notice("casadi evaluates it, slower")])
+
+    def silent_afterwards(_: float) -> Notice:
+        for reply in replies:
+            return reply
+        raise queue.Empty
+
+    with SolverService(stall_seconds=0.01, on_notice=told.append) as service:
+        monkeypatch.setattr(service._replies, "next", silent_afterwards)
+        with pytest.raises(Stalled):
+            solve(service)
+    assert told == ["casadi evaluates it, slower"]
 
 
 def test_nothing_is_solved_after_the_deadline_and_no_process_is_left() -> None:
