@@ -1,6 +1,7 @@
 /* Functions and steps of models at many intervals, LANES in a batch: gathered, evaluated, scattered. */
 #include "evaluator.h"
 
+#include "products.h"
 #include "riccati.h"
 #include "step.h"
 
@@ -153,4 +154,7 @@ const struct evaluator VARIANT_NAME(evaluator) = {
     riccati_solve,
     riccati_rows,
     riccati_rows_transposed,
+    gemm_nt,
+    gemv_n,
+    gemv_t,
 };

@@ -49,6 +49,16 @@ struct evaluator {
         int stages, const int *sizes, const int *rows, const double *C, const double *z, double *values);
     void (*riccati_rows_transposed)(
         int stages, const int *sizes, const int *rows, const double *C, const double *values, double *z);
+    /* see products.h */
+    void (*gemm_nt)(
+        int kmax, const double *alpha, const double *A, const double *B, const double *beta, const double *C,
+        double *D);
+    void (*gemv_n)(
+        int kmax, const double *alpha, const double *A, const double *x, const double *beta, const double *y,
+        double *z);
+    void (*gemv_t)(
+        int kmax, const double *alpha, int offset, const double *A, int width, const double *x, const double *beta,
+        const double *y, double *z);
 };
 
 /* The variant of a name, or the widest that this processor executes; null where it does not execute that variant. */

@@ -13,6 +13,12 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
+#if defined(__clang__)
+#define UNROLL _Pragma("clang loop unroll(full)")
+#else
+#define UNROLL _Pragma("GCC unroll 8") /* a short loop, whose sums then stay in registers */
+#endif
+
 typedef double real __attribute__((vector_size(8 * LANES)));
 
 /* the same number in every lane; a difference, for -0.0 + 0.0 would be 0.0 */

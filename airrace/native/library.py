@@ -52,6 +52,12 @@ class _Evaluator(ctypes.Structure):
         ("riccati_solve", ctypes.CFUNCTYPE(None, *[ctypes.c_int] * 2, *[_POINTER] * 10)),
         ("riccati_rows", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 5)),
         ("riccati_rows_transposed", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 5)),
+        ("gemm_nt", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 6)),
+        ("gemv_n", ctypes.CFUNCTYPE(None, ctypes.c_int, *[_POINTER] * 6)),
+        (
+            "gemv_t",
+            ctypes.CFUNCTYPE(None, ctypes.c_int, _POINTER, ctypes.c_int, _POINTER, ctypes.c_int, *[_POINTER] * 4),
+        ),
     ]
 
 

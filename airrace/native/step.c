@@ -22,12 +22,6 @@ enum { GROUP = 4, WIDEST = 2 * GROUP };
 /* of a Runge-Kutta scheme */
 enum { MOST_STAGES = 16 };
 
-#if defined(__clang__)
-#define UNROLL _Pragma("clang loop unroll(full)")
-#else
-#define UNROLL _Pragma("GCC unroll 8")
-#endif
-
 INLINE real *row(const struct model *model, real *matrix, int r)
 {
     return matrix + r * model->size->padded;

@@ -17,7 +17,7 @@ from functools import partial
 
 from airrace import memory, process
 from airrace.errors import SolverCrash, is_lack_of_memory
-from airrace.optimal_control.fatrop import arena
+from airrace.optimal_control.fatrop import interposition
 from airrace.optimal_control.fatrop.probe import require_known_interface
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
@@ -155,7 +155,7 @@ def main() -> None:
     replies = Outbox(answers)
     logging.getLogger("airrace").addHandler(NoticeHandler(replies))
     sys.stdout = ProgressReader(replies)
-    arena.install()  # before fatrop is loaded
+    interposition.install()  # before fatrop is loaded
     requests = Inbox(asked, partial(_received, Receiver(asked)))
     with contextlib.suppress(SolverCrash):  # which the first solve tells
         require_known_interface()  # while the other process prepares what is to be solved

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from airrace.native.library import library_path
-from airrace.optimal_control.fatrop import arena
-from airrace.optimal_control.fatrop.library import blasfeo
+from airrace.optimal_control.fatrop import interposition
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="takes the memory from Linux")
 
@@ -35,7 +34,7 @@ def copied(path: Path) -> ctypes.CDLL:
     assert found is not None
     shutil.copy(found, path)
     loaded = ctypes.CDLL(str(path))
-    arena.begin(loaded, LARGE, KEPT)
+    interposition.begin_arena(loaded, LARGE, KEPT)
     return loaded
 
 
@@ -55,7 +54,7 @@ class Matrix:
     def __post_init__(self) -> None:
         self.piece = Piece()
         self.library.blasfeo_allocate_dmat(self.rows, self.columns, ctypes.byref(self.piece))
-        size = blasfeo().blasfeo_memsize_dmat(self.rows, self.columns)
+        size = interposition.lazily_loaded().blasfeo_memsize_dmat(self.rows, self.columns)
         self.numbers = np.ctypeslib.as_array((ctypes.c_double * (size // 8)).from_address(self.piece.memory))
         self.numbers[:] = 0.0
 
@@ -76,7 +75,7 @@ def test_what_is_written_stays_though_zeros_around_it_are_given_back(small: ctyp
         if number % 7 == 0:  # at once, as nobody does, so that they lie in pages that are looked at
             matrices[-1].numbers[:] = random.normal(size=matrices[-1].numbers.shape)
         kept.append(matrices[-1].numbers.copy())
-    assert arena.use_of(small).returned > 0
+    assert interposition.use_of(small).returned > 0
     for matrix, numbers in zip(matrices, kept, strict=True):
         assert np.array_equal(matrix.numbers, numbers)
         matrix.numbers[:] = random.normal(size=numbers.shape)  # pages that were given back come again
@@ -85,7 +84,7 @@ def test_what_is_written_stays_though_zeros_around_it_are_given_back(small: ctyp
         assert np.array_equal(matrix.numbers, numbers)
     for matrix in matrices:
         matrix.free()
-    assert arena.use_of(small).in_use == 0
+    assert interposition.use_of(small).in_use == 0
 
 
 def test_pieces_begin_at_lines_of_the_cache_and_overlap_nowhere(small: ctypes.CDLL) -> None:
@@ -98,7 +97,7 @@ def test_pieces_begin_at_lines_of_the_cache_and_overlap_nowhere(small: ctypes.CD
     order: list[int] = random.permutation(len(matrices)).tolist()
     for one in order:
         matrices[one].free()
-    assert arena.use_of(small).in_use == 0
+    assert interposition.use_of(small).in_use == 0
 
 
 def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
@@ -109,15 +108,15 @@ def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
     assert resident() - before < 0.5 * filled  # what is left is mostly what Python keeps of the matrices
     for matrix in matrices:
         matrix.free()
-    assert arena.use_of(small).in_use == 0
+    assert interposition.use_of(small).in_use == 0
 
 
 SOLVE = """
 import sys
 sys.path.insert(0, sys.argv[2])
-from airrace.optimal_control.fatrop import arena
+from airrace.optimal_control.fatrop import interposition
 if sys.argv[1] == "arena":
-    assert arena.install()
+    assert interposition.install()
 from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
@@ -130,7 +129,7 @@ for _ in range(2):
     assert solution.success
     print("answer", solution.iterations, solution.iterate.state.tobytes().hex())
 if sys.argv[1] == "arena":
-    use = arena.use()
+    use = interposition.use()
     assert use is not None and use.in_use == 0 and use.most > 0
 """
 
@@ -148,5 +147,5 @@ def test_a_solve_has_the_same_bits_wherever_its_memory_lies() -> None:
 
 
 def test_without_the_native_library_blasfeo_keeps_its_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arena, "library", lambda: None)
-    assert not arena.install.__wrapped__()
+    monkeypatch.setattr(interposition, "library", lambda: None)
+    assert not interposition.install.__wrapped__()
