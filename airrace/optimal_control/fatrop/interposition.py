@@ -139,7 +139,7 @@ def lazily_loaded() -> ctypes.CDLL:
         OSError: there is none.
     """
     path = str(Path(ca.__file__).parent / "libblasfeo.so.0")
-    load = ctypes.CDLL(None).dlopen
+    load = ctypes.pythonapi.dlopen
     load.argtypes, load.restype = (ctypes.c_char_p, ctypes.c_int), ctypes.c_void_p
     handle: int | None = load(path.encode(), os.RTLD_LAZY)
     if handle is None:
