@@ -27,17 +27,14 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.checkpoint import read_checkpoint
-from airrace.crosscheck.accelerations import differences
-from airrace.crosscheck.course import fly_course
-from airrace.crosscheck.flown import flown_by_jsbsim
-from airrace.crosscheck.geopotential import at_geopotential_height
-from airrace.crosscheck.planet import EARTH, FLAT, Planet
-from airrace.crosscheck.states import random_states
 from airrace.documents import load_inputs
 from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
+from airrace.jsbsim.accelerations import at_geopotential_height, differences, random_states
+from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
+from airrace.jsbsim.simulation import flown_by_jsbsim, fly_course
 from airrace.procedure import reading
 from airrace.runs.run import Run
 from airrace.runs.stored import stored_run

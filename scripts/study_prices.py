@@ -21,8 +21,6 @@ from airrace.errors import InputError
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.service import SolverService
 from airrace.planning.race import Race
-from airrace.prices.price import Activity, Price
-from airrace.prices.pricing import STEP, prices
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
@@ -31,6 +29,8 @@ from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.varied import VariedProblem
 from airrace.runs.stored import stored_run
+from airrace.sensitivity.lagrangian import STEP, prices
+from airrace.sensitivity.sensitivity import Activity, Price
 
 WIDER = 50.0  # than the step of a price
 TOLERANCE = 1e-9

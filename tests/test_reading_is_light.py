@@ -28,8 +28,8 @@ SOLVING = (
     "airrace.optimal_control.service",
     "airrace.optimal_control.solvers",
     "airrace.optimal_control.program_functions",
-    "airrace.logs.flown",
-    "airrace.prices.pricing",
+    "airrace.logs.recovery",
+    "airrace.sensitivity.lagrangian",
     "multiprocessing",
     "scipy",
 )
@@ -52,5 +52,5 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs(reader: str) -> No
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
     program = "import airrace.runs.flying, airrace.runs.priced, airrace.runs.imported, scipy"
-    program += "\nimport airrace.optimal_control.worker, multiprocessing, airrace.prices.pricing"
+    program += "\nimport airrace.optimal_control.worker, multiprocessing, airrace.sensitivity.lagrangian"
     assert set(SOLVING) <= loaded(program)

@@ -1,4 +1,4 @@
-"""The plan of a batch: its jobs, which of them are done already, and why the others are flown."""
+"""The way round in which a job was flown, and the one that came next."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -7,10 +7,38 @@ from typing import Any
 from airrace.batch.job import Job
 from airrace.batch.record import Record, checkpoint_path, record_path
 from airrace.batch.sweep import Combination
-from airrace.batch.ways import Ways, ways_of
 from airrace.errors import Finding
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
+
+
+@record
+class Ways:
+    """The ways round that a job has tried, in short.
+
+    Attributes:
+        flown: the way that was proved, in words.
+        tried: how many there were, this one among them.
+        next: the fastest of the others, in words; empty where there is none.
+        behind: the time by which that one is behind on the rough mesh, s; None if there is none.
+    """
+
+    flown: str
+    tried: int
+    next: str = ""
+    behind: float | None = None
+
+
+# Any: JSON
+def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
+    """Return the ways of the stage that explored, from the object of `airrace optimize --json`; None without one."""
+    told = [stage["ways"] for stage in (run or {}).get("stages", ()) if stage.get("ways")]
+    if not told:
+        return None
+    flown, *others = told[0]
+    if not others:
+        return Ways(flown["way"], 1)
+    return Ways(flown["way"], 1 + len(others), others[0]["way"], others[0]["difference_s"])
 
 
 @record

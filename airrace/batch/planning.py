@@ -4,13 +4,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from airrace.batch.cache import Choice, reason_to_fly
 from airrace.batch.checking import Family, Findings, refused_jobs
 from airrace.batch.job import Job
-from airrace.batch.naming import job_name, refuse_clashes
 from airrace.batch.plan import Plan, Step, invalid, result_of
+from airrace.batch.record import Choice, reason_to_fly
 from airrace.batch.sources import Group, Manner, Sources
-from airrace.batch.sweep import Combination, combinations, count
+from airrace.batch.sweep import Combination, combinations, count, job_name, refuse_clashes
 from airrace.documents import Document, read_documents
 from airrace.documents.document import read_document
 from airrace.errors import Finding, InputError, UsageError

@@ -6,15 +6,20 @@ checkpoint well enough to notice one that is missing or was changed.
 
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
+from enum import Enum
 from pathlib import Path
 from typing import Any, Self
 
-from airrace.batch.job import Fingerprint
+from airrace.batch.job import Fingerprint, Job
 from airrace.checkpoint.atomic import replace_file
-from airrace.errors import AirraceError, Finding
+from airrace.errors import AirraceError, Finding, StorageError, UsageError
 from airrace.records import record
+from airrace.runs.exit_codes import ExitCode
+from airrace.runs.run_lock import held
 
 SCHEMA = "airrace/job/1"
 SIZE_MAX = 64 * 1024 * 1024
@@ -149,3 +154,79 @@ def _record_of(plain: Mapping[str, Any]) -> Record:
         findings=tuple(Finding(**finding) for finding in plain["findings"]),
         checkpoint=None if mark is None else FileMark(int(mark["size"]), str(mark["sha256"]), int(mark["changed_ns"])),
     )
+
+
+VERDICTS = (ExitCode.DONE, ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED)
+"""The exit codes to which the same inputs would lead again: these ends are answers, not accidents."""
+
+REASONS: Mapping[int, str] = {
+    ExitCode.INVALID_INPUT: "its input was not valid",
+    ExitCode.INTERRUPTED: "it was interrupted",
+}
+"""The reason for which a job is flown again, by the exit code that it ended with."""
+
+
+class Choice(Enum):
+    """A choice of the finished jobs that are flown again."""
+
+    NONE = "none"
+    FAILED = "failed"
+    ALL = "all"
+
+
+def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, Record | None]:
+    """Return why a job has to be flown, as a clause, and its record.
+
+    Returns:
+        The reason, empty if the job is finished and nothing it depends on has changed; the record where there is one.
+    """
+    try:
+        record = read_record(folder, job.name)
+    except RecordError as error:
+        return str(error), None
+    if choice is Choice.ALL:
+        return "asked for", record
+    if record is None:
+        known = checkpoint_path(folder, job.name).exists()
+        return ("its record is missing" if known else "new"), None
+    return _reason(job, record, folder, choice), record
+
+
+def _reason(job: Job, record: Record, folder: Path, choice: Choice) -> str:
+    changes = job.fingerprint.changes(record.fingerprint)
+    if changes:
+        return "; ".join(changes)
+    if not record.ended:
+        return "it was not finished"
+    if record.code not in VERDICTS:
+        return REASONS.get(record.code, f"it failed: {record.message}")
+    if record.code != ExitCode.DONE and choice is Choice.FAILED:
+        return f"asked for, since it failed: {record.message}"
+    if record.checkpoint is None:
+        return "it left no checkpoint"
+    return record.checkpoint.difference(checkpoint_path(folder, job.name))
+
+
+NAME = ".batch.lock"
+
+
+@contextmanager
+def locked(folder: Path) -> Generator[None, None, None]:
+    """Create the folder if it is missing, and lock it. The system releases the lock when this process ends in any way.
+
+    Raises:
+        UsageError: another batch holds it, or it is no folder.
+        StorageError: the system refused.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise UsageError(f"{folder} is not a folder; name one with --output") from error
+    except OSError as error:
+        raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
+    if not os.access(folder, os.W_OK):
+        raise StorageError(f"cannot write to the folder {folder}: permission denied")
+    with held(folder / NAME) as refused:
+        if refused:
+            raise UsageError(f"another batch is at work in {folder}; wait for it, or give --output")
+        yield

@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from airrace.batch.cache import Choice
 from airrace.batch.executor import Ended, Ending, Executor, Fault, Order, StageFinished, StageStarted, Started
 from airrace.batch.job import Job
 from airrace.batch.plan import Plan, Result, Step, result_of
-from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record
+from airrace.batch.record import Choice, FileMark, Record, checkpoint_path, record_path, write_record
 from airrace.errors import StorageError
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import StoredInputs
-from airrace.logs.breach import Breach
+from airrace.logs.violations import Breach
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array

@@ -26,7 +26,7 @@ from airrace.checkpoint.possible import ensure_attitudes, ensure_sizes
 from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredHistory, StoredPassing
 from airrace.checkpoint.tree import Group, Node, Series, Table, rows_of, table_of
 from airrace.errors import CheckpointError
-from airrace.logs.breach import Breach
+from airrace.logs.violations import Breach
 
 FLOWN_LOG = "flown log"
 """The content of such a file."""

@@ -74,9 +74,8 @@ def batch(
     only what is not finished, or has changed.
     """
     with answering({"certified": False, "jobs": []}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.batch.cache import Choice
-        from airrace.batch.lock import locked
         from airrace.batch.planning import make_plan
+        from airrace.batch.record import Choice, locked
         from airrace.batch.sources import Manner, find_sources, parse_sweeps
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan

@@ -8,12 +8,9 @@ from pathlib import Path
 
 from airrace.batch import github
 from airrace.batch.plan import Plan, Result
-from airrace.batch.ranking import Row, counts, ranked
+from airrace.batch.ranking import Row, WindSummary, counts, ranked, wind_summaries
 from airrace.batch.record import checkpoint_path
-from airrace.batch.report_csv import csv_text
-from airrace.batch.report_junit import junit_text, stages_of
-from airrace.batch.report_markdown import markdown_text
-from airrace.batch.wind import WindSummary, wind_summaries
+from airrace.batch.reports import csv_text, junit_text, markdown_text, stages_of
 from airrace.cli.batch_tables import ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError

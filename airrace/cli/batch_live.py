@@ -19,8 +19,8 @@ from airrace.batch.supervision import Watcher
 from airrace.cli.batch_answer import plan_line
 from airrace.records import record
 from airrace.views.plain_console import PlainConsole
+from airrace.views.progress_view import commands_cursor
 from airrace.views.streams import Watched
-from airrace.views.watching import commands_cursor
 
 REASONS_MAX = 20
 """The largest number of reasons that are told one by one before anything is flown."""

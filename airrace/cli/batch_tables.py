@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from airrace.batch.ranking import Row, counts
-from airrace.batch.wind import WindSummary, wind_words
+from airrace.batch.ranking import Row, WindSummary, counts, wind_words
 from airrace.cli.tables import full_columns, plain_table
 
 MESSAGE_MAX = 90

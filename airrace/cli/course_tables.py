@@ -14,7 +14,7 @@ from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
-from airrace.views.course_rows import Row, rows, safety_lines
+from airrace.views.course_page import Row, rows, safety_lines
 
 ROWS_MAX = 200
 """The largest number of passages in the table; of more, only the first and the last are printed."""

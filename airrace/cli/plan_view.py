@@ -13,7 +13,7 @@ from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
-from airrace.views.scenery import Mark, Scenery, round_length
+from airrace.views.map_model import Mark, Scenery, round_length
 
 COLUMNS, ROWS = 100, 35
 """The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""

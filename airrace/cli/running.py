@@ -7,7 +7,7 @@ from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode
 from airrace.runs.flying import fly_stages
 from airrace.runs.task import Step, Task, described
-from airrace.views.watching import watching
+from airrace.views.progress_view import watching
 
 
 def fly(answer: Answer, task: Task, *, threads: int, timeout: float | None, quiet: bool) -> None:

@@ -28,7 +28,7 @@ from airrace.documents.validation import validate
 from airrace.documents.weather import build_air
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError
-from airrace.logs.penalties import NONE_KNOWN, Penalties
+from airrace.logs.violations import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 from airrace.records import record

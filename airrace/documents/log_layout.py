@@ -16,8 +16,7 @@ from airrace.documents.schema import Schema
 from airrace.documents.validation import validate
 from airrace.documents.yaml_reader import read_yaml
 from airrace.errors import Finding, InputError, UsageError
-from airrace.logs.fields import FIELDS, split_unit, unit_named
-from airrace.logs.recording import Layout
+from airrace.logs.recording import FIELDS, Layout, split_unit, unit_named
 
 LOG_SCHEMA = "airrace/log/1"
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")

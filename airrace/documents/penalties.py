@@ -4,7 +4,7 @@ from typing import Literal
 
 from airrace.documents.presets import preset_names, read_preset
 from airrace.documents.rules_schema import PenaltiesEntry, RulesEntry
-from airrace.logs.penalties import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.quantities import KNOT
 
 

@@ -9,8 +9,8 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from airrace.documents.document import SIZE_MAX
+from airrace.logs.gpx_log import xml_tree
 from airrace.logs.recording import refuse
-from airrace.logs.safe_xml import xml_tree
 from airrace.records import record
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 

@@ -1,16 +1,195 @@
-"""A flight as columns over time, ready to be written in any format."""
+"""Flights and splits as tables: samples of a trajectory, columns with their units, data frames."""
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from airrace.export.columns import DEGREE, Column, Derived, columns_of
-from airrace.export.sampling import Sampler, Samples, at_nodes, at_rate, at_times, times_at_rate
+from airrace.errors import UsageError
+from airrace.export.extras import extra
+from airrace.frames import rotation
 from airrace.procedure.result import GateSplit
 from airrace.quantities import KNOT, Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+# Returns named histories at given times (s, shape (n,)), at least of all states, e.g. by integration between nodes.
+Sampler = Callable[[Array], Mapping[str, Array]]
+
+QUATERNION = ("q0", "q1", "q2", "q3")
+ROWS_MAX = 10_000_000
+"""The largest number of rows that are sampled at a fixed rate."""
+
+
+@record
+class Samples:
+    """The histories of a flight at the times of the rows.
+
+    Attributes:
+        time: s; shape (n,).
+        histories: every state and control by name; each of shape (n,).
+        phase: index of the phase each row lies in; a gate belongs to the phase it begins. Shape (n,).
+    """
+
+    time: Array
+    histories: Mapping[str, Array]
+    phase: NDArray[np.int64]
+
+
+def at_nodes(trajectory: Trajectory) -> Samples:
+    """Return the samples of a flight, one row per node; the last node repeats the controls of the last interval."""
+    intervals = np.minimum(np.arange(len(trajectory.time)), trajectory.control.shape[1] - 1)
+    return Samples(
+        trajectory.time,
+        {**_states(trajectory, trajectory.state), **_controls(trajectory, intervals)},
+        _phases(trajectory, intervals),
+    )
+
+
+def at_rate(trajectory: Trajectory, rate: float, sampler: Sampler | None = None) -> Samples:
+    """Return rows at a fixed rate from the start, and a last one at the very end.
+
+    Controls are those of the interval the time lies in. States come from the sampler; without one they are interpolated
+    linearly between the nodes (which cuts corners by up to `a dt^2 / 8`, e.g. 0.35 m at 10 g and intervals of 0.17 s),
+    quaternions along the shorter way and renormalised.
+
+    Args:
+        trajectory: the flight.
+        rate: rows per second, Hz.
+        sampler: gives states, and perhaps controls, at given times.
+
+    Raises:
+        UsageError: the rate is not positive or gives more than ten million rows, or the flight has no finite duration.
+    """
+    return at_times(trajectory, times_at_rate(trajectory, rate), sampler)
+
+
+def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None) -> Samples:
+    """Return rows at any times of a flight; see `at_rate`."""
+    intervals = np.searchsorted(trajectory.time, time, side="right") - 1
+    intervals = np.clip(intervals, 0, trajectory.control.shape[1] - 1)
+    states = _interpolated(trajectory, time) if sampler is None else sampler(time)
+    return Samples(time, {**_controls(trajectory, intervals), **states}, _phases(trajectory, intervals))
+
+
+def times_at_rate(trajectory: Trajectory, rate: float) -> Array:
+    """Return the times of rows at a fixed rate, s; errors as of `at_rate`."""
+    start, end = float(trajectory.time[0]), float(trajectory.time[-1])
+    if not np.all(np.isfinite(trajectory.time)):
+        raise UsageError("this flight has no finite duration: it can only be exported on its mesh")
+    if not 0.0 < rate < float("inf") or (end - start) * rate > ROWS_MAX:
+        raise UsageError(
+            f"a rate of {rate:g} Hz cannot be exported: it must be positive and give at most {ROWS_MAX} rows"
+        )
+    # A last step shorter than a millionth of a step is the end itself, met up to rounding.
+    steps = int(np.ceil((end - start) * rate - 1e-6))
+    return np.append(start + np.arange(steps) / rate, end)
+
+
+def _states(trajectory: Trajectory, values: Array) -> dict[str, Array]:
+    return {quantity.name: row for quantity, row in zip(trajectory.states, values, strict=True)}
+
+
+def _controls(trajectory: Trajectory, intervals: NDArray[np.int64]) -> dict[str, Array]:
+    values = trajectory.control[:, intervals]
+    return {quantity.name: row for quantity, row in zip(trajectory.controls, values, strict=True)}
+
+
+def _phases(trajectory: Trajectory, intervals: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.searchsorted(trajectory.first_node[1:-1], intervals, side="right")
+
+
+def _interpolated(trajectory: Trajectory, time: Array) -> dict[str, Array]:
+    nodes = _states(trajectory, trajectory.state)
+    if all(name in nodes for name in QUATERNION):
+        q = _without_sign_flips(np.array([nodes[name] for name in QUATERNION]))
+        nodes.update(zip(QUATERNION, q, strict=True))
+    histories = {name: np.interp(time, trajectory.time, values) for name, values in nodes.items()}
+    if all(name in histories for name in QUATERNION):
+        q = np.array([histories[name] for name in QUATERNION])
+        histories.update(zip(QUATERNION, q / np.linalg.norm(q, axis=0), strict=True))
+    return histories
+
+
+def _without_sign_flips(q: Array) -> Array:
+    """Return the same attitudes, shape (4, n), each quaternion in the hemisphere of the one before.
+
+    A quaternion and its negative are one attitude.
+    """
+    flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
+    signs = np.cumprod(np.where(flips, -1.0, 1.0))
+    return q * np.concatenate(([1.0], signs))
+
+
+DEGREE = math.pi / 180.0  # rad
+SPEEDS = ("V_K", "V_A", "V_I")
+
+# Further columns: a declaration, and its values from the sampled states and controls, in the declared unit.
+Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
+
+
+@record
+class Column:
+    """A column of a table: its header and its values, shape (n,)."""
+
+    header: str
+    values: Array
+
+
+def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> list[Column]:
+    """Return time, states, controls, what follows from position and attitude, and `derived`, in this order."""
+    columns = [Column("time_s", samples.time)]
+    for quantity in (*trajectory.states, *trajectory.controls):
+        columns.extend(displayed(quantity, samples.histories[quantity.name]))
+    columns.extend(_height(samples.histories))
+    columns.extend(_angles(samples.histories))
+    for quantity, function in derived.items():
+        columns.extend(displayed(quantity, function(samples.histories)))
+    return columns
+
+
+def displayed(quantity: Quantity, values: Array) -> Iterator[Column]:
+    """Yield the columns of a quantity in units for people: angles in degrees; speeds in m/s and in knots."""
+    unit = quantity.unit
+    if unit == "rad" or unit.startswith("rad/"):
+        unit, values = unit.replace("rad", "deg", 1), values / DEGREE
+    suffix = unit_suffix(unit)
+    yield Column(f"{quantity.name}_{suffix}" if suffix else quantity.name, values)
+    if quantity.name in SPEEDS:
+        yield Column(f"{quantity.name}_kt", values / KNOT)
+
+
+def unit_suffix(unit: str) -> str:
+    """Return a unit in letters, digits and underscores: `m/s^2` is `m_s2`, `1/s` is `per_s`, no unit is nothing."""
+    if unit in ("", "1", "-"):
+        return ""
+    if unit.startswith("1/"):
+        unit = "per_" + unit[2:]
+    for symbol, letters in (("%", "percent"), ("^", ""), ("²", "2"), ("³", "3"), ("°", "deg")):
+        unit = unit.replace(symbol, letters)
+    return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in unit)
+
+
+def _height(histories: Mapping[str, Array]) -> Iterator[Column]:
+    if "z" in histories:
+        yield Column("height_m", -histories["z"])
+
+
+def _angles(histories: Mapping[str, Array]) -> Iterator[Column]:
+    """Yield course, climb and bank of Kbar: `chi = atan2(R21, R11)`, `gamma = -asin(R31)`, `mu = atan2(R32, R33)`."""
+    if all(name in histories for name in QUATERNION):
+        R = rotation([histories[name] for name in QUATERNION])
+        yield Column("chi_deg", np.arctan2(R[1][0], R[0][0]) / DEGREE)
+        yield Column("gamma_deg", -np.arcsin(np.clip(R[2][0], -1.0, 1.0)) / DEGREE)
+        yield Column("mu_deg", np.arctan2(R[2][1], R[2][2]) / DEGREE)
+
 
 NO_DERIVED: Derived = MappingProxyType({})
 ROWS_AT_ONCE = 10_000
@@ -106,3 +285,30 @@ def split_columns(splits: Sequence[GateSplit]) -> tuple[Column, ...]:
 def _compass(heading: Array) -> Array:
     """Return headings in degrees from 0 up to, not including, 360, also after rounding."""
     return np.mod(np.round(heading / DEGREE, 7), 360.0)
+
+
+def flight_frame(flight: FlightTable) -> "DataFrame":
+    """Return a data frame of the flight, with one row per time.
+
+    `time_s` is the index, and the leg of each row is the category `phase`.
+
+    Raises:
+        UsageError: pandas is not installed.
+    """
+    pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
+    time, *columns = flight.columns
+    index = pandas.Index(time.values, name=time.header)
+    frame = pandas.DataFrame({column.header: column.values for column in columns}, index=index)
+    frame["phase"] = pandas.Categorical(flight.phases, categories=list(dict.fromkeys(flight.phases)))
+    return frame
+
+
+def splits_frame(splits: Sequence[GateSplit]) -> "DataFrame":
+    """Return a data frame of the gate splits, with one row per passing and its name, `passage`, as the index.
+
+    Raises:
+        UsageError: pandas is not installed.
+    """
+    pandas: Any = extra("pandas", "a data frame")  # Any: as above
+    index = pandas.Index([split.name for split in splits], name="passage")
+    return pandas.DataFrame({column.header: column.values for column in split_columns(splits)}, index=index)

@@ -152,7 +152,7 @@ class _Reader:
         return self._number(number, self._global[key], key) if key in self._global else 0.0
 
     def _begins(self, first: float) -> datetime | None:
-        from airrace.logs.clock import instant
+        from airrace.logs.recording import instant
 
         try:
             return instant(datetime.fromisoformat(self._global["ReferenceTime"]).timestamp() + first)

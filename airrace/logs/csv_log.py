@@ -7,9 +7,21 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from airrace.logs.clock import Clock, clock_for, first_backwards, instant, unwrapped
-from airrace.logs.fields import FIELDS, Field, recognised, unit_named
-from airrace.logs.recording import Layout, Recording, listed, refuse
+from airrace.logs.recording import (
+    FIELDS,
+    Clock,
+    Field,
+    Layout,
+    Recording,
+    clock_for,
+    first_backwards,
+    instant,
+    listed,
+    recognised,
+    refuse,
+    unit_named,
+    unwrapped,
+)
 from airrace.records import record
 from airrace.trajectory import Array
 

@@ -4,13 +4,46 @@ import math
 from array import array
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 import numpy as np
 
-from airrace.logs.clock import first_backwards, instant
 from airrace.logs.csv_log import ROWS_MAX
-from airrace.logs.recording import Layout, Recording, refuse
+from airrace.logs.recording import Layout, Recording, first_backwards, instant, refuse
+
+
+def xml_tree(path: str, content: bytes) -> Element:
+    """Return the root of a document; elements are named without their namespaces.
+
+    Args:
+        path: of the file, for messages.
+        content: of the file.
+
+    Raises:
+        InputError: it is no XML, or holds a document type.
+    """
+    builder, parser = TreeBuilder(), expat.ParserCreate(namespace_separator=" ")
+
+    def begin(name: str, attributes: Mapping[str, str]) -> None:
+        builder.start(name.rpartition(" ")[2], dict(attributes))
+
+    def end(name: str) -> None:
+        builder.end(name.rpartition(" ")[2])
+
+    def doctype(*_: object) -> None:
+        refuse(path, parser.CurrentLineNumber, "holds a document type; such a file needs none")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = doctype
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        refuse(path, error.lineno, f"is no XML: {expat.ErrorString(error.code)}")
+    return builder.close()
+
 
 _TOLD = {"time", "ele"}
 

@@ -11,8 +11,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from airrace.logs.clock import DAY, first_backwards, instant, unwrapped
-from airrace.logs.recording import Recording, refuse
+from airrace.logs.recording import DAY, Recording, first_backwards, instant, refuse, unwrapped
 
 _FIX = re.compile(r"B(\d\d)(\d\d)(\d\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([AV])(-\d{4}|\d{5})(-\d{4}|\d{5})")
 _DATE = re.compile(r"H[FOP]DTE(?:DATE)?:?\s*(\d\d)(\d\d)(\d\d)")

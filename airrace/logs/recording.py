@@ -1,14 +1,18 @@
-"""A recording as it was read: named columns over time, in SI units, with the lines that they come from."""
+"""A flown log as recorded: its samples, its clock, and the fields that its columns are recognised as."""
 
-from collections.abc import Mapping, Sequence
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from datetime import datetime, tzinfo
+from datetime import UTC, datetime, tzinfo
 from typing import Never
 
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.environment.atmosphere import g0
 from airrace.errors import Finding, InputError
+from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -48,7 +52,7 @@ class Layout:
 
     Attributes:
         columns: the header and the unit (empty for the usual one) of every quantity, by its name in
-            `airrace.logs.fields`; empty where headers are to be recognised.
+            `airrace.logs.recording`; empty where headers are to be recognised.
         zone: the time zone of times that name none; None for UTC.
         delimiter: between the columns of a CSV file; empty where it is to be found out.
         decimal_comma: whether numbers are written as `1,5`.
@@ -84,3 +88,221 @@ def listed(words: Sequence[str], most: int = 12) -> str:
     """Return words for a message, shortened and in quotes, at most so many of them."""
     shown = [f"`{word[:60]}`" for word in words[:most]]
     return ", ".join(shown) + (", ..." if len(words) > most else "")
+
+
+DAY = 86400.0
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?")
+_SINCE_1970 = 1e8
+"""The time beyond which a number counts from 1970, not from the beginning of a flight, s; this is March 1973."""
+_IN_MILLISECONDS = 1e11
+"""The number beyond which milliseconds are counted from 1970; as seconds it would be the year 5138."""
+
+
+@record
+class Clock:
+    """A way to write times.
+
+    Attributes:
+        seconds: from a text to seconds; it raises a ValueError where the text is no such time.
+        dated: whether the seconds count from 1970 (UTC).
+        wraps: whether the clock begins again at midnight.
+        zoned: whether times that name no zone need one.
+    """
+
+    seconds: Callable[[str], float]
+    dated: bool = False
+    wraps: bool = False
+    zoned: bool = False
+
+
+def clock_for(unit: str, sample: str, zone: tzinfo | None) -> Clock:
+    """Return the clock of a unit of `airrace.logs.recording.CLOCK_UNITS`, or for `auto` that of a sample.
+
+    Args:
+        unit: see above.
+        sample: the first time of the log.
+        zone: of times that name none; None for UTC.
+    """
+    match unit if unit != "auto" else _guessed(sample):
+        case "iso":
+            naive = bool(sample) and _naive(sample)
+            return Clock(lambda text: _iso(text, zone), dated=True, zoned=naive)
+        case "clock":
+            return Clock(clock_seconds, wraps=True)
+        case "unix":
+            return Clock(_number, dated=True)
+        case "unix ms":
+            return Clock(lambda text: _number(text) / 1000.0, dated=True)
+        case "ms":
+            return Clock(lambda text: _number(text) / 1000.0)
+        case _:
+            return Clock(_number)
+
+
+def clock_seconds(text: str) -> float:
+    """Return the seconds since midnight of `hh:mm`, `hh:mm:ss` or `hh:mm:ss.s`.
+
+    Raises:
+        ValueError: it is no such time.
+    """
+    found = _CLOCK.fullmatch(text.strip())
+    if not found:
+        raise ValueError(text)
+    hours, minutes, seconds = int(found[1]), int(found[2]), float((found[3] or "0").replace(",", "."))
+    if hours > 24 or minutes > 59 or seconds >= 61.0:
+        raise ValueError(text)
+    return 3600.0 * hours + 60.0 * minutes + seconds
+
+
+def unwrapped(seconds: Array) -> Array:
+    """Return times of a clock that begins again at midnight, without these jumps."""
+    jumps = np.diff(seconds) < -0.5 * DAY
+    return seconds + DAY * np.concatenate(([0.0], np.cumsum(jumps)))
+
+
+def instant(seconds: float) -> datetime | None:
+    """Return the instant so many seconds after 1970; None where no calendar reaches."""
+    try:
+        return datetime.fromtimestamp(seconds, UTC)
+    except (OverflowError, OSError, ValueError):
+        return None
+
+
+def first_backwards(time: Array) -> int | None:
+    """Return the index of the first time that lies before the one ahead of it; None if there is none."""
+    rows: Sequence[int] = np.flatnonzero(np.diff(time) < 0.0).tolist()
+    return rows[0] + 1 if rows else None
+
+
+def _guessed(sample: str) -> str:
+    text = sample.strip()
+    if re.match(r"\d{4}-\d{2}-\d{2}", text):
+        return "iso"
+    if ":" in text:
+        return "clock"
+    try:
+        value = abs(float(text))
+    except ValueError:
+        return "s"
+    return "unix ms" if value > _IN_MILLISECONDS else "unix" if value > _SINCE_1970 else "s"
+
+
+def _iso(text: str, zone: tzinfo | None) -> float:
+    when = datetime.fromisoformat(text.strip())
+    return (when if when.tzinfo is not None else when.replace(tzinfo=zone or UTC)).timestamp()
+
+
+def _naive(text: str) -> bool:
+    try:
+        return datetime.fromisoformat(text.strip()).tzinfo is None
+    except ValueError:
+        return False
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+FOOT = 0.3048
+"""The foot, m, exactly."""
+_ANGLE = {"deg": math.pi / 180.0, "rad": 1.0}
+_LENGTH = {"m": 1.0, "ft": FOOT, "km": 1000.0}
+_SPEED = {"m/s": 1.0, "kt": KNOT, "km/h": 1.0 / 3.6, "mph": 0.44704}
+CLOCK_UNITS = ("s", "ms", "iso", "clock", "unix", "unix ms")
+"""The ways in which a time may be written: seconds or milliseconds of any clock, ISO 8601, `hh:mm:ss.s`, since 1970."""
+
+
+@record
+class Field:
+    """One quantity that a log may record.
+
+    Attributes:
+        name: in a mapping.
+        history: the name of the history that it becomes; empty for the time.
+        units: the units it may be recorded in, each with its factor to SI; the first one is taken where none is said.
+        aliases: headers, in small letters and without their unit, by which it is known where there is no mapping.
+    """
+
+    name: str
+    history: str
+    units: Mapping[str, float]
+    aliases: tuple[str, ...]
+
+
+FIELDS = {
+    one.name: one
+    for one in (
+        Field("time", "", dict.fromkeys(("auto", *CLOCK_UNITS), 1.0), ("time", "t", "timestamp", "utc", "gps time")),
+        Field("latitude", "latitude", _ANGLE, ("latitude", "lat")),
+        Field("longitude", "longitude", _ANGLE, ("longitude", "lon", "lng", "long")),
+        Field("north", "x", _LENGTH, ("north", "x", "n")),
+        Field("east", "y", _LENGTH, ("east", "y", "e")),
+        Field("altitude", "altitude", _LENGTH, ("altitude", "alt", "elevation", "ele", "gps altitude")),
+        Field("height", "height", _LENGTH, ("height",)),
+        Field("ground_speed", "V_G", _SPEED, ("ground speed", "groundspeed", "gs")),
+        Field("true_airspeed", "V_A", _SPEED, ("true airspeed", "tas", "v a")),
+        Field("indicated_airspeed", "V_I", _SPEED, ("indicated airspeed", "ias", "v i")),
+        Field("load_factor", "n_z", {"g": 1.0, "1": 1.0, "m/s2": 1.0 / g0}, ("load factor", "g", "n z", "nz")),
+        Field("roll", "phi", _ANGLE, ("roll", "phi")),
+        Field("pitch", "theta", _ANGLE, ("pitch", "theta")),
+        Field("heading", "psi", _ANGLE, ("heading", "yaw", "psi")),
+    )
+}
+"""The quantities that may be recorded, by name."""
+
+_UNITS = {
+    "°": "deg",
+    "degrees": "deg",
+    "degree": "deg",
+    "radians": "rad",
+    "feet": "ft",
+    "metres": "m",
+    "meters": "m",
+    "kts": "kt",
+    "knots": "kt",
+    "kmh": "km/h",
+    "kph": "km/h",
+    "mps": "m/s",
+    "sec": "s",
+    "seconds": "s",
+}
+_BRACKETED = re.compile(r"^(?P<header>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
+_SUFFIXED = re.compile(r"^(?P<header>.+?)[_ ](?P<unit>m_s|m/s|km_h|km/h|deg|rad|kts?|ft|m|s|ms|g)$", re.IGNORECASE)
+
+
+def unit_named(field: Field, unit: str) -> str | None:
+    """Return the unit of a field that a text means; None if it has no such unit."""
+    plain = " ".join(unit.lower().replace("_", "/").split())
+    plain = _UNITS.get(plain, plain)
+    return plain if plain in field.units else None
+
+
+def split_unit(text: str) -> tuple[str, str]:
+    """Split `HEADER [UNIT]`; the unit is empty where there is none."""
+    found = _BRACKETED.match(text)
+    return (found["header"].strip(), found["unit"].strip()) if found else (text.strip(), "")
+
+
+def recognised(header: str) -> tuple[Field, str] | None:
+    """Return the field and the unit that a header without a mapping names; None if it is not known.
+
+    A unit may follow in brackets or behind an underscore: `alt [ft]`, `height_m`, `Ground speed (kt)`.
+    """
+    for base, unit in _readings(header):
+        plain = " ".join(base.lower().replace("_", " ").split())
+        for one in FIELDS.values():
+            known = unit_named(one, unit) if unit else next(iter(one.units))
+            if known is not None and plain in one.aliases:
+                return one, known
+    return None
+
+
+def _readings(header: str) -> list[tuple[str, str]]:
+    bracketed = split_unit(header)
+    if bracketed[1]:
+        return [bracketed]
+    suffixed = _SUFFIXED.match(header.strip())
+    return [(header, ""), *([(suffixed["header"], suffixed["unit"])] if suffixed else [])]

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from airrace.records import record
 from airrace.report.contents import Contents
-from airrace.report.html_tables import number
 from airrace.report.script import LIBRARIES, page_script
+from airrace.report.sections import number
 from airrace.views.plain_text import escaped, plain
 
 FOLDER = Path(__file__).parent

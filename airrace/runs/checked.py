@@ -7,18 +7,17 @@ from pathlib import Path
 
 from airrace.documents import Document, Inputs, load_inputs
 from airrace.documents.unused import unused_gates
-from airrace.flights import Flight
-from airrace.flights.clearance import Clearance
-from airrace.flights.plan_review import plan_clearances, remarks_on_line
-from airrace.flights.planned import planned_flight
 from airrace.planning.race import Race
 from airrace.planning.review import Kind, Remark, in_order, review
+from airrace.results import Flight
+from airrace.results.clearances import Clearance
+from airrace.results.plan_review import plan_clearances, remarks_on_line
+from airrace.results.planned import planned_flight
 from airrace.runs.leg_object import planned_object
 from airrace.views.course_figure import draw_course
-from airrace.views.course_page import course_page
-from airrace.views.course_rows import course_object
+from airrace.views.course_page import course_object, course_page
 from airrace.views.drawing import ensure_drawable
-from airrace.views.scenery import Scenery, scenery
+from airrace.views.map_model import Scenery, scenery
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -33,7 +33,7 @@ from airrace.runs.shipped import ShippedTrack, shipped
 from airrace.runs.starting import Changes, other_run
 from airrace.runs.stored import opened_run
 from airrace.runs.task import Task
-from airrace.views.watching import watching
+from airrace.views.progress_view import watching
 
 # Without a handler Python itself prints the warnings of a library.
 logging.getLogger("airrace").addHandler(logging.NullHandler())

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from airrace.checkpoint import Recorded, read_stored
 from airrace.errors import UsageError
-from airrace.flights import Flight
 from airrace.logs.reading import is_log
+from airrace.results import Flight
 from airrace.runs.flown_log import FlownLog, opened_log
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.named import Named

@@ -18,15 +18,15 @@ from airrace.checkpoint import (
 from airrace.documents import Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
-from airrace.flights import Basis, Crossing, Flight, History, Source
-from airrace.logs.breach import Breach
+from airrace.logs.violations import Breach
 from airrace.procedure.result import GateSplit
+from airrace.results import Basis, Crossing, Flight, History, Source
 from airrace.runs.output import written_or_returned
 from airrace.runs.splits import Splits
 from airrace.runs.stored import document_of, library_versions, stored_inputs
 
 if TYPE_CHECKING:
-    from airrace.logs.flown import Flown
+    from airrace.logs.recovery import Flown
 
 RATES = 1e-3, 1e4
 """Rows per second that may be asked for, Hz."""
@@ -61,7 +61,7 @@ class FlownLog:
         return float(sum(known))
 
     def flight(self, label: str | None = None) -> Flight:
-        """Return the flight; see `airrace.flights`.
+        """Return the flight; see `airrace.results`.
 
         Args:
             label: what people call it; None for the name of the log.

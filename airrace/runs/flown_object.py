@@ -2,8 +2,8 @@
 
 import math
 
-from airrace.flights import Flight
-from airrace.logs.breach import Breach
+from airrace.logs.violations import Breach
+from airrace.results import Flight
 from airrace.runs.flown_log import FlownLog
 from airrace.runs.leg_object import legs_object
 from airrace.runs.run_object import finite

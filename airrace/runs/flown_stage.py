@@ -11,14 +11,12 @@ import numpy as np
 from airrace.documents import Inputs
 from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export import Provenance, export_csv
-from airrace.export.columns import Derived
-from airrace.export.flight_table import FlightTable, flight_table
-from airrace.export.sampling import Sampler
-from airrace.flights import Flight, Source, flight_of
-from airrace.flights.derivation import table_columns
+from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import reading
 from airrace.procedure.result import Stage, StageResult
+from airrace.results import Flight, Source, flight_of
+from airrace.results.derivation import table_columns
 from airrace.runs.output import written_or_returned
 from airrace.runs.run_object import stage_object
 from airrace.runs.run_page import run_line, stage_page
@@ -102,7 +100,7 @@ class FlownStage:
         return Splits(self.result.splits if self.result.is_flight else ())
 
     def flight(self, label: str | None = None) -> Flight:
-        """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.flights`.
+        """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.results`.
 
         Args:
             label: what people call it; None for the track's name and the stage.
@@ -138,7 +136,7 @@ class FlownStage:
         Raises:
             UsageError: pandas is not installed, or the rate cannot be exported.
         """
-        from airrace.export.dataframe import flight_frame
+        from airrace.export.flight_table import flight_frame
 
         return flight_frame(self._flight(rate))
 
@@ -151,7 +149,7 @@ class FlownStage:
         Raises:
             UsageError: xarray is not installed, or the rate cannot be exported.
         """
-        from airrace.export.xarray_dataset import flight_dataset
+        from airrace.export.netcdf import flight_dataset
 
         return flight_dataset(self._flight(rate), self.result, self._provenance)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from airrace.documents import Inputs, load_inputs
 from airrace.documents.log_layout import read_layout, with_columns, with_zone
 from airrace.errors import UsageError
-from airrace.logs.flown import flown_flight
 from airrace.logs.reading import read_log
 from airrace.logs.recording import Layout
+from airrace.logs.recovery import flown_flight
 from airrace.runs.flown_log import FlownLog, new_flown_log
 from airrace.runs.given import AircraftGiven, TrackGiven, Values, aircraft_of, document_or_path, value_texts
 from airrace.standard_streams import stem_of

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from airrace.documents import Inputs
 from airrace.errors import UsageError
 from airrace.export.extras import extra
-from airrace.prices.price import Activity, Group, Price
-from airrace.prices.pricing import prices
 from airrace.procedure.result import StageResult
+from airrace.sensitivity.lagrangian import prices
+from airrace.sensitivity.sensitivity import Activity, Group, Price
 from airrace.views.tables import html_table, text_table
 
 if TYPE_CHECKING:

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from airrace.errors import NotCertified
 from airrace.procedure.result import Stage
 from airrace.report.flight_page import flight_page
-from airrace.report.log_sections import breaches_section, recording_section
-from airrace.report.stage_sections import (
+from airrace.report.sections import (
+    breaches_section,
     certificate_section,
     given_section,
     inputs_section,
     prices_section,
+    recording_section,
     ways_section,
 )
 from airrace.runs.flight_sources import opened_file, opened_flights

@@ -22,7 +22,7 @@ from airrace.runs.splits import Splits
 from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
-    from airrace.flights import Flight
+    from airrace.results import Flight
     from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
     from airrace.runs.priced import Prices
     from airrace.runs.verification import Verification

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.errors import InputError, UsageError
-from airrace.flights import Flight
 from airrace.procedure.result import StageResult
 from airrace.records import record
+from airrace.results import Flight
 from airrace.runs.leg_object import legs_object
 from airrace.runs.run import Run
 from airrace.runs.run_object import is_certified, run_object, stage_object, standing

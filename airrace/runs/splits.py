@@ -58,7 +58,7 @@ class Splits(Sequence[GateSplit]):
         Raises:
             UsageError: pandas is not installed.
         """
-        from airrace.export.dataframe import splits_frame
+        from airrace.export.flight_table import splits_frame
 
         return splits_frame(self.rows)
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.trajectory import Array
-from airrace.views.course_drawing import draw_elements, draw_surroundings
+from airrace.views.course_figure import draw_elements, draw_surroundings
 from airrace.views.drawing import Axes
 from airrace.views.labels import Box
-from airrace.views.scenery import Scenery, Way, scenery
+from airrace.views.map_model import Scenery, Way, scenery
 
 COLOURS = "viridis"
 PAD = 0.06  # of the extent, around what is drawn

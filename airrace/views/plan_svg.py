@@ -13,8 +13,8 @@ from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
 from airrace.views.labels import Box, placed
+from airrace.views.map_model import Scenery, round_length
 from airrace.views.plain_text import plain
-from airrace.views.scenery import Scenery, round_length
 
 LONGER_EDGE = 560.0
 """The longer edge of the map, pixels."""

@@ -6,7 +6,7 @@ import airrace
 
 MODULES = {
     "Exports": ("airrace.export",),
-    "Prices": ("airrace.prices",),
+    "Prices": ("airrace.sensitivity",),
     "Checkpoints": ("airrace.checkpoint",),
     "Fidelities and kinds of gates": (
         "airrace.procedure.fidelity",

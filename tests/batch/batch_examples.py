@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from airrace.batch.cache import Choice
 from airrace.batch.executor import Ending, Executor, StageFinished
 from airrace.batch.job import Job
 from airrace.batch.local import LocalExecutor
 from airrace.batch.plan import Plan, Result, Step
 from airrace.batch.planning import make_plan
-from airrace.batch.record import FileMark, Record, checkpoint_path, write_record
+from airrace.batch.record import Choice, FileMark, Record, checkpoint_path, write_record
 from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.batch.supervision import Policy, supervise
 from airrace.documents import Document

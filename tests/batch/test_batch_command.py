@@ -8,8 +8,8 @@ from batch_examples import starts, write_course
 from batch_shell import Shell
 from junitparser import JUnitXml
 
-from airrace.batch.lock import locked
 from airrace.batch.ranking import STATES
+from airrace.batch.record import locked
 from airrace.errors import UsageError
 from airrace.runs.exit_codes import ExitCode
 

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from airrace.batch.plan import Plan, Result, Step
-from airrace.batch.ranking import STATES, Row, ranked
-from airrace.batch.ways import Ways
-from airrace.batch.wind import wind_summaries
+from airrace.batch.plan import Plan, Result, Step, Ways
+from airrace.batch.ranking import STATES, Row, ranked, wind_summaries
 from airrace.cli.batch_tables import NAME_MAX, folded, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.procedure.stage import STAGES

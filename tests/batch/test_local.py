@@ -9,12 +9,11 @@ import pytest
 from batch_examples import STAND_IN, flown, job, planned, starts, write_course
 from waiting import text_of, wait_until, wait_until_gone
 
-from airrace.batch.cache import Choice
 from airrace.batch.executor import Ended, Ending, Fault, Order
 from airrace.batch.local import LocalExecutor
 from airrace.batch.plan import Plan
 from airrace.batch.process import JOB_COMMAND
-from airrace.batch.record import read_record
+from airrace.batch.record import Choice, read_record
 from airrace.batch.supervision import Policy
 from airrace.process import started_apart
 from airrace.runs.exit_codes import ExitCode

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airrace.batch.naming import job_name, refuse_clashes
+from airrace.batch.sweep import job_name, refuse_clashes
 from airrace.errors import UsageError
 
 COURSE = Path("tracks/rovinj_2014.yaml")

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from batch_examples import planned, write_course
 
-from airrace.batch import patterns
-from airrace.batch.patterns import TooWideError, matching
+from airrace.batch import sources
+from airrace.batch.sources import TooWideError, matching
 
 
 def names(found: list[str], folder: Path) -> list[str]:
@@ -46,15 +46,15 @@ def test_pattern_may_begin_where_one_is(tree: Path, monkeypatch: pytest.MonkeyPa
 def test_links_in_a_circle_lead_nowhere(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one/up", "one/two/up"):
         (tree / name).symlink_to(tree)
-    monkeypatch.setattr(patterns, "FOLDERS_MAX", 3)  # as many as there are
+    monkeypatch.setattr(sources, "FOLDERS_MAX", 3)  # as many as there are
     assert names(matching(str(tree / "**" / "*.yaml")), tree) == ["a.yaml", "one/b.yaml", "one/two/c.yaml"]
 
 
 def test_pattern_that_is_too_wide_is_refused_in_words(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patterns, "FOLDERS_MAX", 2)
+    monkeypatch.setattr(sources, "FOLDERS_MAX", 2)
     with pytest.raises(TooWideError, match="leads through more than 2 folders"):
         matching(str(tree / "**" / "*.yaml"))
-    monkeypatch.setattr(patterns, "MATCHES_MAX", 1)
+    monkeypatch.setattr(sources, "MATCHES_MAX", 1)
     with pytest.raises(TooWideError, match="matches more than 1 files"):
         matching(str(tree / "one" / "two" / "*"))
 
@@ -69,10 +69,10 @@ def test_files_of_the_system_are_no_courses_and_soon_given_up(monkeypatch: pytes
 
     scanned = os.scandir
     monkeypatch.setattr(os, "scandir", scandir)
-    monkeypatch.setattr(patterns, "FOLDERS_MAX", 500)
+    monkeypatch.setattr(sources, "FOLDERS_MAX", 500)
     with pytest.raises(TooWideError):
         matching("/proc/**/*")
-    assert len(read) < 3 * patterns.FOLDERS_MAX  # twice each: what lies in it, what matches; some vanish meanwhile
+    assert len(read) < 3 * sources.FOLDERS_MAX  # twice each: what lies in it, what matches; some vanish meanwhile
 
 
 def test_batch_that_lists_itself_is_told_so(tmp_path: Path) -> None:

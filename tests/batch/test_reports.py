@@ -12,14 +12,10 @@ from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
 from airrace.batch import github
-from airrace.batch.plan import Plan, Result, Step, invalid
-from airrace.batch.ranking import Row, counts, ranked
-from airrace.batch.report_csv import csv_text
-from airrace.batch.report_junit import fit, junit_text
-from airrace.batch.report_markdown import markdown_text
+from airrace.batch.plan import Plan, Result, Step, Ways, invalid, ways_of
+from airrace.batch.ranking import Row, counts, ranked, wind_summaries, wind_words
+from airrace.batch.reports import csv_text, fit, junit_text, markdown_text
 from airrace.batch.supervision import Policy
-from airrace.batch.ways import Ways, ways_of
-from airrace.batch.wind import wind_summaries, wind_words
 from airrace.cli.batch_tables import ranking_tables
 from airrace.cli.tables import rendered
 from airrace.errors import Finding

@@ -16,7 +16,7 @@ from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
 from airrace.cli.plan_view import plan_view
 from airrace.cli.tables import rendered
 from airrace.environment.air import StaticWind
-from airrace.views.scenery import scenery
+from airrace.views.map_model import scenery
 
 INK = Layer("white", "#")
 

@@ -16,9 +16,9 @@ from airrace.cli.tables import certificate_table, rendered, result_tables, stage
 from airrace.documents import load_inputs
 from airrace.documents.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.prices.price import Activity, Group, Price
 from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, Why
 from airrace.procedure.stage import STAGES
+from airrace.sensitivity.sensitivity import Activity, Group, Price
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 

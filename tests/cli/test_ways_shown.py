@@ -20,11 +20,10 @@ from airrace.cli.main import app
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
 from airrace.documents import load_inputs
-from airrace.flights import Flight
-from airrace.flights.clearance import Clearance
-from airrace.flights.near_misses import NearMiss
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Explored, Stage, StageResult, Way
+from airrace.results import Flight
+from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import leg_object
 from airrace.runs.run_object import run_object, stage_object
 

@@ -6,14 +6,11 @@ from pathlib import Path
 import pytest
 from craft import COMPLETE, EDGE, HOT_AND_HIGH, PC9, STANDARD
 
-from airrace.crosscheck.accelerations import differences
-from airrace.crosscheck.aircraft_xml import NAME, write_model
-from airrace.crosscheck.flown import flown_by_jsbsim, loaded
-from airrace.crosscheck.geopotential import at_geopotential_height
-from airrace.crosscheck.planet import EARTH, FLAT, Planet
-from airrace.crosscheck.states import random_states
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.environment.atmosphere import AtmosphereParameters, density
+from airrace.jsbsim.accelerations import at_geopotential_height, differences, random_states
+from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
+from airrace.jsbsim.simulation import flown_by_jsbsim, loaded
 
 pytest.importorskip("jsbsim")
 

@@ -12,16 +12,15 @@ import pytest
 from craft import COMPLETE, HOT_AND_HIGH, PC9, ROOT, STANDARD
 from scipy.integrate import solve_ivp
 
-from airrace.crosscheck.accelerations import STILL
-from airrace.crosscheck.course import fly_course
-from airrace.crosscheck.flown import flown_by_jsbsim
-from airrace.crosscheck.planet import EARTH, FLAT, Planet
 from airrace.dynamics.inner_loop_controls import SurfaceControl
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.atmosphere import AtmosphereParameters
 from airrace.environment.weather import Weather
 from airrace.frames import quaternion
+from airrace.jsbsim.accelerations import STILL
+from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
+from airrace.jsbsim.simulation import flown_by_jsbsim, fly_course
 from airrace.trajectory import Array, Trajectory
 
 pytest.importorskip("jsbsim")

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from craft import EDGE, PC9, STANDARD
 
-from airrace.crosscheck.accelerations import own_accelerations
-from airrace.crosscheck.flown import flown_by_jsbsim
-from airrace.crosscheck.planet import FLAT
-from airrace.crosscheck.states import mirrored, random_states
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.jsbsim.accelerations import mirrored, own_accelerations, random_states
+from airrace.jsbsim.aircraft_xml import FLAT
+from airrace.jsbsim.simulation import flown_by_jsbsim
 
 pytest.importorskip("jsbsim")
 

@@ -8,9 +8,8 @@ import pytest
 from test_export_csv import PROVENANCE, SPLITS, flight, result
 
 from airrace.export import export_csv, export_splits_csv
-from airrace.export.dataframe import flight_frame, splits_frame
-from airrace.export.flight_table import flight_table
-from airrace.export.xarray_dataset import flight_dataset
+from airrace.export.flight_table import flight_frame, flight_table, splits_frame
+from airrace.export.netcdf import flight_dataset
 
 
 @pytest.mark.parametrize("rate", [None, 4.0])

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from airrace.errors import UsageError
 from airrace.export import Provenance, export_csv, export_splits_csv, flight_table
-from airrace.export.columns import unit_suffix
-from airrace.export.sampling import at_nodes, at_rate
+from airrace.export.flight_table import at_nodes, at_rate, unit_suffix
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, Timings

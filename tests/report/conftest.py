@@ -1,4 +1,4 @@
-"""The flights of `tests/flights/flown.py` serve the tests of reports as well; those in a browser share it and a report.
+"""The flights of `tests/results/flown.py` serve the tests of reports as well; those in a browser share it and a report.
 
 Pictures of every view are kept in the folder that the environment variable `AIRRACE_ARTEFACTS` names, for people.
 """
@@ -12,7 +12,7 @@ import pytest
 from opened_pages import SOFTWARE, Opened, browser_path, opened
 from playwright.sync_api import Browser, sync_playwright
 
-sys.path.append(str(Path(__file__).parents[1] / "flights"))
+sys.path.append(str(Path(__file__).parents[1] / "results"))
 
 
 @pytest.fixture(scope="module")

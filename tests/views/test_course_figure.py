@@ -13,7 +13,7 @@ from shown_courses import SHIPPED, everything, race
 from airrace.track.gates import Gate
 from airrace.views.course_figure import course_figure
 from airrace.views.labels import Box, placed
-from airrace.views.scenery import scenery
+from airrace.views.map_model import scenery
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

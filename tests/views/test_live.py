@@ -11,7 +11,7 @@ from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Outcome, Stage
 from airrace.views.lines import LINE_INTERVAL, PlainLines, outcome_line
 from airrace.views.live import LiveView
-from airrace.views.watching import watching
+from airrace.views.progress_view import watching
 
 STAGES = (Stage.HOMOTOPY, Stage.POINT_MASS)
 

@@ -15,8 +15,8 @@ from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 from airrace.views.course_page import course_page
+from airrace.views.map_model import scenery
 from airrace.views.plan_svg import COLOURS, plan_svg
-from airrace.views.scenery import scenery
 
 SVG = "{http://www.w3.org/2000/svg}"
 

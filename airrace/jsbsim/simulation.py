@@ -1,0 +1,287 @@
+"""Our aircraft in JSBSim: single motions, and an optimum that is put back onto its path at every full second.
+
+    R_OB = R_OKbar R_BKbar^T        V_B = R_BKbar V_K e_x
+
+O is the local frame where the flight begins; JSBSim measures the way from there in the plane that touches its sea
+level.
+
+Between the nodes deflections are linear, and the lever follows its command:
+`delta_T_dot = (delta_T_cmd - delta_T) / tau_T`.
+
+What is left is mostly JSBSim's rate of alpha, which lags by one step: in a hard pull-up 8 mm after a second, half of
+that with half the step, and 0.5 mm for an aircraft without `C_malphadot`.
+"""
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from airrace.dynamics.attitude import rotation_to_body
+from airrace.dynamics.inner_loop_controls import SurfaceControl
+from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.six_dof import SixDofState
+from airrace.environment.atmosphere import T_ISA, AtmosphereParameters, density
+from airrace.errors import UsageError
+from airrace.frames import angles, rotation
+from airrace.jsbsim.aircraft_xml import (
+    DENSITY,
+    FOOT,
+    MOVED,
+    NAME,
+    POUND_FORCE,
+    PRESSURE,
+    RANKINE,
+    SLUG,
+    Planet,
+    write_model,
+)
+from airrace.records import record
+from airrace.trajectory import Array, Trajectory
+
+ADAMS_BASHFORTH_3, BUSS_2 = 4.0, 7.0
+"""JSBSim's numbers of its integrators: third order with a memory; second order on the sphere of the quaternions."""
+INTEGRATORS = {
+    "rate/rotational": ADAMS_BASHFORTH_3,
+    "rate/translational": ADAMS_BASHFORTH_3,
+    "position/rotational": BUSS_2,
+    "position/translational": ADAMS_BASHFORTH_3,
+}
+
+
+class Simulator:
+    """A simulation of one aircraft over one planet.
+
+    Properties are read and set by their names, `simulator["aero/alpha-rad"]`.
+    """
+
+    def __init__(self, folder: Path, step: float) -> None:
+        """Load the model that `write_model` wrote into the folder; `step` of the integration in s.
+
+        Raises:
+            UsageError: JSBSim is not installed, or does not take the model.
+        """
+        try:
+            import jsbsim
+        except ImportError as error:
+            raise UsageError("JSBSim is not installed; it comes with the extra `crosscheck` of airrace") from error
+        jsbsim.FGJSBBase().debug_lvl = 0
+        self._jsbsim = jsbsim.FGFDMExec(None)
+        self._jsbsim.set_debug_level(0)
+        if not self._jsbsim.load_model_with_paths(NAME, str(folder), str(folder), str(folder)):
+            raise UsageError(f"JSBSim does not take the model in {folder}")
+        self._jsbsim.set_dt(step)
+        for name, kind in INTEGRATORS.items():
+            self[f"simulation/integrator/{name}"] = kind
+
+    def __getitem__(self, name: str) -> float:
+        return self._jsbsim[name]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self._jsbsim[name] = value
+
+    def restart(self) -> None:
+        """Begin anew from the initial conditions, the properties `ic/...`."""
+        self._jsbsim.run_ic()
+
+    def advance(self) -> None:
+        """Advance by one step: first the state with the earlier rates, then the rates with the present controls."""
+        self._jsbsim.run()
+
+    def attitude(self) -> Array:
+        """Return the attitude `R_OB`, shape (3, 3)."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PendingDeprecationWarning)  # JSBSim's own use of numpy.matrix
+            return np.asarray(self._jsbsim.get_propagate().get_Tl2b(), dtype=np.float64).T
+
+
+STEP = 1e-3
+"""The step of JSBSim's integration, s."""
+
+
+@record
+class Accelerations:
+    """The specific force (what accelerometers read, m/s2) and the angular acceleration (rad/s2).
+
+    Both are in body axes, shape (3,).
+    """
+
+    specific_force: Array
+    angular: Array
+
+
+def body_attitude(state: SixDofState[float]) -> Array:
+    """Return the attitude `R_OB` of a state, shape (3, 3)."""
+    return np.array(rotation(state.q)) @ np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64).T
+
+
+@record
+class Flown:
+    """An aircraft flown by JSBSim in still air.
+
+    Attributes:
+        simulator: JSBSim with the aircraft loaded.
+        atmosphere: the atmosphere of the day.
+        own_density: whether JSBSim's atmosphere makes the density; else it is ours where the flight starts, and stays.
+    """
+
+    simulator: Simulator
+    atmosphere: AtmosphereParameters[float]
+    own_density: bool = True
+
+    def start(self, state: SixDofState[float]) -> None:
+        """Put the aircraft into a state, deflections and lever included; its north and east are ignored."""
+        self.control({name: getattr(state, name) for name in MOVED})
+        if not self.own_density:
+            self.simulator["atmosphere/override/density"] = density(state.z, self.atmosphere) / DENSITY
+        psi, theta, phi = angles(body_attitude(state).tolist())
+        u, v, w = state.V_K * np.array(rotation_to_body(state.alpha_K, state.beta_K), dtype=np.float64)[:, 0]
+        initial = [("h-sl-ft", (self.atmosphere.elevation - state.z) / FOOT)]
+        # JSBSim reads the other angles back from the attitude, so the one that may be vertical comes last
+        initial += [("theta-rad", 0.0), ("phi-rad", phi), ("psi-true-rad", psi), ("theta-rad", theta)]
+        initial += [("u-fps", u / FOOT), ("v-fps", v / FOOT), ("w-fps", w / FOOT)]
+        initial += [("p-rad_sec", state.p_K), ("q-rad_sec", state.q_K), ("r-rad_sec", state.r_K)]
+        for name, value in initial:
+            self.simulator[f"ic/{name}"] = float(value)
+        self.simulator.restart()
+
+    def control(self, moved: Mapping[str, float]) -> None:
+        """Set deflections (rad) and power lever by name."""
+        for name, value in moved.items():
+            self.simulator[f"{NAME}/{name}"] = value
+
+    def advance(self) -> None:
+        """Advance the flight by one step."""
+        self.simulator.advance()
+
+    def accelerations(self) -> Accelerations:
+        """Return the accelerations that the present forces and moments cause."""
+        mass = self.simulator["inertia/mass-slugs"] * SLUG
+        force = np.array([self.simulator[f"forces/fb{axis}-total-lbs"] for axis in "xyz"]) * POUND_FORCE
+        angular = np.array([self.simulator[f"accelerations/{axis}dot-rad_sec2"] for axis in "pqr"])
+        return Accelerations(force / mass, angular)
+
+    def density(self) -> float:
+        """Return the density of the air, kg/m3."""
+        return self.simulator["atmosphere/rho-slugs_ft3"] * DENSITY
+
+    def position(self) -> Array:
+        """Return north and east of the start and down from the track's origin, m; shape (3,)."""
+        north, east, up = (self.simulator[f"position/from-start-neu-{axis}-ft"] * FOOT for axis in "neu")
+        return np.array([north, east, self.atmosphere.elevation - up])
+
+    def attitude(self) -> Array:
+        """Return the attitude `R_OB`, shape (3, 3)."""
+        return self.simulator.attitude()
+
+
+def flown_by_jsbsim(
+    folder: Path,
+    aircraft: InnerLoopParameters[float],
+    atmosphere: AtmosphereParameters[float],
+    planet: Planet,
+    *,
+    own_density: bool = True,
+) -> Flown:
+    """Write the model into the folder and load it.
+
+    Args:
+        folder: receives the model.
+        aircraft: its numbers.
+        atmosphere: the atmosphere of the day; there is no wind.
+        planet: what it flies over.
+        own_density: see `Flown`.
+
+    Raises:
+        UsageError: JSBSim does not take the model.
+    """
+    write_model(folder, aircraft, planet)
+    return loaded(folder, atmosphere, planet, own_density=own_density)
+
+
+def loaded(folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True) -> Flown:
+    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `flown_by_jsbsim`."""
+    simulator = Simulator(folder, STEP)
+    simulator["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
+    simulator["atmosphere/P-sl-psf"] = atmosphere.p_0 / PRESSURE
+    simulator["ic/lat-geod-rad"] = planet.latitude
+    return Flown(simulator, atmosphere, own_density)
+
+
+PIECE = 1.0
+"""The time for which JSBSim flies without being put back onto the optimum, s."""
+
+
+@record
+class Miss:
+    """The distance from the optimum at which a piece of a flight by JSBSim ends.
+
+    Attributes:
+        start, end: the ends of the piece, s from the start of the race.
+        distance: the distance between the positions at its end, m.
+        angle: the angle between the attitudes of the body there, rad.
+    """
+
+    start: float
+    end: float
+    distance: float
+    angle: float
+
+
+def fly_course(
+    flown: Flown, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
+) -> tuple[Miss, ...]:
+    """Fly every piece of the optimum by JSBSim with the optimum's controls; the last piece may be shorter.
+
+    Args:
+        flown: the aircraft in the air of the day.
+        optimum: an optimum of the six-dof model, in still air.
+        at: states of the optimum at any times (s, shape (n,)), by name.
+        tau_T: the time constant of the lever, s.
+    """
+    steps = round(PIECE / STEP)
+    last = math.floor(optimum.race_time / STEP + 1e-6)  # a race of whole steps is flown to its end
+    first = np.arange(0, last, steps)
+    ends = np.minimum(first + steps, last)
+    starts, goals = (_states(at(count.astype(np.float64) * STEP)) for count in (first, ends))
+    misses: list[Miss] = []
+    for start, goal, begin, end in zip(starts, goals, first.tolist(), ends.tolist(), strict=True):
+        flown.start(start)
+        below = np.array([start.x, start.y, 0.0])
+        for moved in _controls(optimum, np.arange(begin + 1.0, end + 1.0) * STEP, tau_T):
+            flown.control(moved)
+            flown.advance()
+        distance = np.linalg.norm(below + flown.position() - np.array([goal.x, goal.y, goal.z]))
+        angle = _angle(flown.attitude(), body_attitude(goal))
+        misses.append(Miss(begin * STEP, end * STEP, float(distance), angle))
+    return tuple(misses)
+
+
+def _states(histories: Mapping[str, Array]) -> list[SixDofState[float]]:
+    rows = [histories[name].tolist() for name in SixDofState.names()]
+    return [SixDofState[float].split(column) for column in zip(*rows, strict=True)]
+
+
+def _controls(optimum: Trajectory, times: Array, tau_T: float) -> list[dict[str, float]]:
+    """Return deflections (rad) and lever at given times."""
+    interval = np.clip(np.searchsorted(optimum.time, times, side="right") - 1, 0, len(optimum.time) - 2)
+    since = times - optimum.time[interval]
+    histories = {
+        rate.rate_of: optimum.of(rate.rate_of)[interval] + optimum.of(rate.name)[interval] * since
+        for rate in SurfaceControl.quantities()
+        if rate.rate_of
+    }
+    commanded = optimum.of("delta_T_cmd")[interval]
+    histories["delta_T"] = commanded + (optimum.of("delta_T")[interval] - commanded) * np.exp(-since / tau_T)
+    rows = zip(*(values.tolist() for values in histories.values()), strict=True)
+    return [dict(zip(histories, row, strict=True)) for row in rows]
+
+
+def _angle(R_1: Array, R_2: Array) -> float:
+    """Return the angle of the rotation from one attitude to the other, rad.
+
+    It follows from `|R_1 - R_2| = 2 sqrt(2) sin(angle / 2)`.
+    """
+    return float(2.0 * np.arcsin(min(1.0, np.linalg.norm(R_1 - R_2) / np.sqrt(8.0))))

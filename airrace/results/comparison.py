@@ -1,0 +1,379 @@
+"""Two flights of the same passings on one clock: the difference of time along the course, leg by leg, and its causes.
+
+Progress is the way flown, counted leg by leg: at a share `s` of a leg both flights have flown that share of their own
+way through it. So the difference of time
+
+    D(s) = t_other(s) - t_reference(s),        D(start) = 0,        D(finish) = difference of the race times
+
+is zero for a flight and itself, and changes its sign when the flights change places. A leg takes `t = L w` with its
+way `L` and the mean `w` of the time per metre, so what is lost on it is, exactly,
+
+    t' - t = (L' - L) (w + w')/2 + (w' - w) (L + L')/2        by the longer way and by the lower speed
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from airrace.environment.air import Air
+from airrace.errors import UsageError
+from airrace.procedure.passings import passings_of
+from airrace.quantities import KNOT, Interval
+from airrace.records import record
+from airrace.results.flight import Basis, Flight
+from airrace.results.legs import Lap, Leg, laps_of, legs_of, way
+from airrace.track.course import Course, Rules
+from airrace.track.limits import Crowd, SafetyLine
+from airrace.trajectory import Array
+
+ROLLING = 1.0
+"""The roll rate from which the aircraft is said to roll, rad/s."""
+MOST = 4
+"""The greatest number of differences that are told of one leg."""
+
+
+@record
+class Difference:
+    """One thing that two flights do otherwise on a leg.
+
+    Attributes:
+        name: what it is, e.g. `roll_begins`.
+        reference, other: its values in the one and in the other flight.
+        unit: of both.
+        text: the difference in words, said of the other flight, e.g. "rolls 0.06 s later".
+        weight: the difference over the least that is worth telling; at least 1.
+    """
+
+    name: str
+    reference: float
+    other: float
+    unit: str
+    text: str
+    weight: float
+
+
+@record
+class Measure:
+    """The way in which one thing is measured on a leg.
+
+    Attributes:
+        name: of the difference.
+        of: from a flight and its leg to the value; NaN where it cannot be told.
+        unit: of the value.
+        least: the smallest difference worth telling, in that unit.
+        more, less: what is said of a flight whose value is larger or smaller; `{}` stands for the difference.
+        digits: decimals of the difference in words.
+        most: a larger difference is not told: something else has been measured in the one flight than in the other.
+    """
+
+    name: str
+    of: Callable[[Flight, Leg], float]
+    unit: str
+    least: float
+    more: str
+    less: str
+    digits: int
+    most: float = math.inf
+
+
+def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tuple[Difference, ...]:
+    """Return what the other flight does otherwise on a leg that both have flown; the most telling first, at most
+    `MOST`.
+
+    Args:
+        reference, before: the flight that is compared with, and its leg.
+        other, after: the flight that is told of, and the same leg of it.
+    """
+    told: list[Difference] = []
+    for measure in MEASURES:
+        first, second = measure.of(reference, before), measure.of(other, after)
+        apart = abs(second - first)
+        if not measure.least <= apart <= measure.most:  # NaN is no difference
+            continue
+        words = measure.more if second > first else measure.less
+        text = words.format(f"{apart:.{measure.digits}f}")
+        told.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
+    return tuple(sorted(told, key=lambda one: -one.weight)[:MOST])
+
+
+def _roll_begins(flight: Flight, leg: Leg) -> float:
+    """Return when the aircraft first rolls fast, s after the passing that begins the leg; NaN where it never does."""
+    rolling = np.abs(flight.values("p_Kbar")[leg.rows]) >= ROLLING
+    if not rolling.any():
+        return math.nan
+    return float(flight.time[leg.rows][int(np.argmax(rolling))]) - leg.before.time
+
+
+def _way(flight: Flight, leg: Leg) -> float:
+    """Return the length of the way flown on the leg, m."""
+    return float(way(flight, leg)[-1])
+
+
+def _highest(flight: Flight, leg: Leg) -> float:
+    return float(flight.values("height")[leg.rows].max())
+
+
+def _mean_load_factor(flight: Flight, leg: Leg) -> float:
+    time, n_z = flight.time[leg.rows], flight.values("n_z")[leg.rows]
+    return float(np.sum(0.5 * (n_z[1:] + n_z[:-1]) * np.diff(time)) / (time[-1] - time[0]))
+
+
+def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
+    """Return the greatest load factor, g; NaN where it is derived from a recording, for that flattens its peaks."""
+    if not flight.source.stage and "n_z" in flight and flight.basis("n_z") is Basis.DERIVED:
+        return math.nan
+    return float(flight.values("n_z")[leg.rows].max())
+
+
+def _entry_speed(flight: Flight, leg: Leg) -> float:
+    """Return the speed over ground at the passing that begins the leg, kt."""
+    return leg.before.value("V_K") / KNOT
+
+
+def _slowest(flight: Flight, leg: Leg) -> float:
+    """Return the least speed over ground on the leg, kt."""
+    return float(flight.values("V_K")[leg.rows].min()) / KNOT
+
+
+def _energy_lost(flight: Flight, leg: Leg) -> float:
+    """Return the energy height that is lost from the beginning of the leg to its end, m."""
+    return leg.before.value("h_E") - leg.after.value("h_E")
+
+
+MEASURES = (
+    Measure("roll_begins", _roll_begins, "s", 0.02, "rolls {} s later", "rolls {} s earlier", 2, most=1.0),
+    Measure("speed_in", _entry_speed, "kt", 0.5, "{} kt faster in", "{} kt slower in", 1),
+    Measure("least_speed", _slowest, "kt", 1.0, "slowest {} kt faster", "slowest {} kt slower", 1),
+    Measure("way", _way, "m", 1.0, "{} m longer way", "{} m shorter way", 0),
+    Measure("greatest_height", _highest, "m", 1.0, "{} m higher", "{} m lower", 0),
+    Measure("mean_load_factor", _mean_load_factor, "g", 0.1, "{} g more on average", "{} g less on average", 1),
+    Measure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} g more", "pulls {} g less", 1),
+    Measure("energy_lost", _energy_lost, "m", 3.0, "loses {} m more energy", "loses {} m less energy", 0),
+)
+"""The measures that are taken on every leg."""
+
+
+def _safety_lines(course: Course) -> tuple[SafetyLine, ...]:
+    return tuple(dict.fromkeys(line for passage in course.passages for line in passage.safety_lines))
+
+
+SURROUNDINGS: Mapping[str, Callable[[Course], Sequence[SafetyLine | Crowd]]] = {
+    "safety lines": _safety_lines,
+    "people": lambda course: course.crowd,
+}
+"""The things that a flight keeps away from, by the words for them."""
+NAMED = 3
+"""The greatest number of gates that are named as standing elsewhere."""
+
+
+def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str]]:
+    """Yield every condition that differs: what it is, and how it is in the one flight and in the other, in words."""
+    if reference.source.stage != other.source.stage:
+        yield "stage", reference.source.stage or "as flown", other.source.stage or "as flown"
+    if reference.aircraft != other.aircraft:
+        first, second = reference.aircraft.name, other.aircraft.name
+        yield ("aircraft", first, second) if first != second else ("aircraft", first, f"{second} with other numbers")
+    if reference.air.wind != other.air.wind:
+        yield "wind", _wind(reference.air), _wind(other.air)
+    if dataclasses.replace(reference.air, wind=None) != dataclasses.replace(other.air, wind=None):
+        yield "air of the day", _day(reference.air), _day(other.air)
+    for field in dataclasses.fields(Rules):
+        first, second = (getattr(flight.course.rules, field.name) for flight in (reference, other))
+        if first != second:
+            yield f"rules: {field.name}", _allowed(first), _allowed(second)
+    for what, named in SURROUNDINGS.items():
+        first, second = (named(flight.course) for flight in (reference, other))
+        if first != second:
+            names = [", ".join(one.name for one in some) or "none" for some in (first, second)]
+            yield what, names[0], names[1] if names[0] != names[1] else f"{names[1]} otherwise"
+    if moved := _moved(reference, other):
+        yield "gates", "as in its course", f"otherwise: {moved}"
+
+
+def _moved(reference: Flight, other: Flight) -> str:
+    pairs = zip(reference.course.passages, other.course.passages, strict=True)
+    names = dict.fromkeys(mine.element.name for mine, its in pairs if mine.element != its.element)
+    return ", ".join([*list(names)[:NAMED], *(["..."] if len(names) > NAMED else [])])
+
+
+def _wind(air: Air) -> str:
+    if air.wind is None:
+        return "none"
+    return f"{air.wind.speed / KNOT:.0f} kt from {math.degrees(air.wind.origin) % 360.0:.0f} deg"
+
+
+def _day(air: Air) -> str:
+    thermals = f", {len(air.thermals)} thermals" if air.thermals else ""
+    return f"{air.temperature_offset:+.1f} K and {air.pressure_offset / 100.0:+.1f} hPa from the standard{thermals}"
+
+
+def _allowed(value: Interval | float) -> str:
+    if isinstance(value, Interval):
+        return f"{value.lower:g} to {value.upper:g}"
+    return f"{value:g}"
+
+
+TIE = 0.005
+"""The difference of time below which two flights are a tie, s.
+
+Race times are certified to a few thousandths of a second (`race_time_change`).
+"""
+SHARES = np.linspace(0.0, 1.0, 41)
+"""The shares of every leg at which the difference of time is told."""
+
+
+@record
+class LegComparison:
+    """One leg in two flights.
+
+    Attributes:
+        reference, other: the leg in the one and in the other.
+        cumulative: what the other has lost from the start up to the end of this leg, s; negative where it has won.
+        by_way, by_speed: what it loses on the leg by its longer way and by its lower speed, s; they add up.
+        differences: what it flies otherwise, the most telling first.
+    """
+
+    reference: Leg
+    other: Leg
+    cumulative: float
+    by_way: float
+    by_speed: float
+    differences: tuple[Difference, ...]
+
+    @property
+    def name(self) -> str:
+        """The name of the passing that the leg ends in."""
+        return self.reference.name
+
+    @property
+    def difference(self) -> float:
+        """The time that the other loses on the leg, s; negative where it wins, NaN where one of them did not fly it."""
+        return self.other.time - self.reference.time
+
+    @property
+    def tie(self) -> bool:
+        """Whether the leg takes both equally long, within `TIE`."""
+        return abs(self.difference) <= TIE
+
+
+@record
+class Progress:
+    """The difference of time along the course.
+
+    Attributes:
+        distance: way of the reference from the start, m, rising, shape (k,); of a leg that it lacks, that of the other.
+        difference: what the other has lost up to there, s, shape (k,); NaN on legs that one of them lacks.
+        passings: at which distance the passings are made, m, shape (n,).
+    """
+
+    distance: Array
+    difference: Array
+    passings: Array
+
+
+@record
+class Comparison:
+    """One flight held against a reference.
+
+    Attributes:
+        reference, other: the flights.
+        legs: in the order flown.
+        progress: the difference of time along the course.
+    """
+
+    reference: Flight
+    other: Flight
+    legs: tuple[LegComparison, ...]
+    progress: Progress
+
+    @property
+    def difference(self) -> float:
+        """The time that the other loses in all, s; negative where it is faster, NaN where one has no race time."""
+        return self.other.race_time - self.reference.race_time
+
+    @property
+    def tie(self) -> bool:
+        """Whether the race takes both equally long, within `TIE`."""
+        return abs(self.difference) <= TIE
+
+    @property
+    def by_loss(self) -> tuple[LegComparison, ...]:
+        """The legs, first the one on which the other loses most; those that were not flown last."""
+        return tuple(sorted(self.legs, key=lambda leg: math.inf if math.isnan(leg.difference) else -leg.difference))
+
+    @property
+    def laps(self) -> tuple[tuple[Lap, Lap], ...]:
+        """Every lap of the reference with that of the other."""
+        return tuple(zip(laps_of(self.reference), laps_of(self.other), strict=True))
+
+
+def compared(reference: Flight, other: Flight) -> Comparison:
+    """Hold one flight against another of the same passings.
+
+    Aircraft, rules, wind and fidelity may differ, and so may the places of the gates.
+
+    Raises:
+        UsageError: the courses have other passings; names the first that differs.
+    """
+    ensure_comparable(reference, other)
+    legs: list[LegComparison] = []
+    for before, after in zip(legs_of(reference), legs_of(other), strict=True):
+        by_way, by_speed = _shares(_length(reference, before), before.time, _length(other, after), after.time)
+        so_far = (after.after.time - other.crossings[0].time) - (before.after.time - reference.crossings[0].time)
+        told = differences(reference, before, other, after) if before.flown and after.flown else ()
+        legs.append(LegComparison(before, after, so_far, by_way, by_speed, told))
+    return Comparison(reference, other, tuple(legs), _progress(reference, other, legs))
+
+
+def ensure_comparable(reference: Flight, other: Flight) -> None:
+    """Refuse flights of courses with other passings.
+
+    Raises:
+        UsageError: naming the first passing that differs.
+    """
+    here, there = (passings_of(flight.course) for flight in (reference, other))
+    for number, (mine, its) in enumerate(zip(here, there, strict=False)):
+        if mine != its:
+            first, second = (f"{name} ({kind})" for name, kind in (its, mine))
+            raise UsageError(
+                f"{other.label} and {reference.label} cannot be compared: passing {number} "
+                f"is {first} in the one and {second} in the other"
+            )
+    if len(here) != len(there):
+        raise UsageError(
+            f"{other.label} and {reference.label} cannot be compared: "
+            f"the one has {len(there)} passings, the other {len(here)}"
+        )
+
+
+def _length(flight: Flight, leg: Leg) -> float:
+    return float(way(flight, leg)[-1]) if leg.flown else math.nan
+
+
+def _shares(L: float, t: float, L_other: float, t_other: float) -> tuple[float, float]:
+    w, w_other = t / L, t_other / L_other
+    return (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
+
+
+def _progress(reference: Flight, other: Flight, legs: Sequence[LegComparison]) -> Progress:
+    """Return the difference of time, leg by leg at the same shares of both ways."""
+    starts = reference.crossings[0].time, other.crossings[0].time
+    distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
+    for leg in legs:
+        lengths = [_length(*pair) for pair in ((reference, leg.reference), (other, leg.other))]
+        length = next((one for one in lengths if math.isfinite(one)), 0.0)
+        distance.append((passings[-1] + SHARES * length)[1:])
+        passings.append(passings[-1] + length)
+        lost = np.full(len(SHARES), np.nan)
+        if leg.reference.flown and leg.other.flown:
+            mine, its = _time_at_shares(reference, leg.reference), _time_at_shares(other, leg.other)
+            lost = (its - starts[1]) - (mine - starts[0])
+        difference.append(lost[1:])
+    return Progress(np.concatenate(distance), np.concatenate(difference), np.array(passings))
+
+
+def _time_at_shares(flight: Flight, leg: Leg) -> Array:
+    flown = way(flight, leg)
+    return np.interp(SHARES, flown / flown[-1], flight.time[leg.rows])
