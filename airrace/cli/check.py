@@ -36,7 +36,7 @@ def check(
         from airrace.cli.clearance_tables import planned_table
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
-        from airrace.cli.tables import rendered, takes_unicode, terminal_columns
+        from airrace.cli.tables import render, takes_unicode, terminal_columns
         from airrace.runs.checked import checked
 
         course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
@@ -50,5 +50,5 @@ def check(
             view = plan_view(course.scenery, race.air.wind, columns=columns, plain=plain)
             tables = course_tables(race)
             tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
-            answer.texts += [*(rendered(table) for table in tables), rendered(view)]
+            answer.texts += [*(render(table) for table in tables), render(view)]
             answer.texts += [remarks_text(remarks)] if remarks else []

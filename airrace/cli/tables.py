@@ -30,7 +30,7 @@ ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
-def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
+def render(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
     """Return a table or a picture as text for stdout.
 
     Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules

@@ -30,7 +30,7 @@ def verify(
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import read_sealed
-        from airrace.cli.tables import certificate_table, rendered
+        from airrace.cli.tables import certificate_table, render
         from airrace.errors import UsageError
         from airrace.procedure.result import HEARSAY
         from airrace.runs.exit_codes import ExitCode
@@ -56,7 +56,7 @@ def verify(
         for stage in stages:
             answer.texts.append(f"{stage.result.stage.value}: {stage.finding}")
             if stage.certificate is not None:
-                answer.texts.append(rendered(certificate_table(stage.certificate)))
+                answer.texts.append(render(certificate_table(stage.certificate)))
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         elif hearsay:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from airrace.environment.atmosphere import g0
 from airrace.logs.passings import PassedRun, in_frame, in_order, runs, standing
-from airrace.logs.recording import Recording, counted, refuse
+from airrace.logs.recording import Recording, count_text, refuse
 from airrace.logs.smoothing import (
     DERIVED,
     EDGE,
@@ -21,13 +21,13 @@ from airrace.logs.smoothing import (
     measured_histories,
     path_attitude,
     roll_rate,
-    smoothed,
+    smooth,
 )
-from airrace.logs.violations import NONE_KNOWN, Breach, Deviations, Penalties, breaches
+from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results import Crossing, Flight, History, Source, attitude
-from airrace.results.derivation import completed
+from airrace.results.derivation import complete_histories
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE, Basis, Histories
 from airrace.track.course import Passage
 from airrace.trajectory import Array
@@ -81,12 +81,12 @@ TOLD = 5
 
 
 @record
-class Flown:
+class RecoveredFlight:
     """A flown run through a course.
 
     Attributes:
         flight: with its histories and crossings; its clock starts at the start.
-        breaches: the rules that it would break.
+        violations: the rules that it would break.
         known: how well every passing is known, by the names of the passages.
         recording: the part of the log that it was made from, on the clock of the log.
         offset: the time of the log at which the flight's clock starts, s.
@@ -94,14 +94,14 @@ class Flown:
     """
 
     flight: Flight
-    breaches: tuple[Breach, ...]
-    known: Mapping[str, Deviations]
+    violations: tuple[Violation, ...]
+    known: Mapping[str, StandardDeviations]
     recording: Recording
     offset: float
     remarks: tuple[str, ...]
 
 
-def flown_flight(
+def recover_flight(
     recording: Recording,
     race: Race,
     *,
@@ -109,7 +109,7 @@ def flown_flight(
     penalties: Penalties = NONE_KNOWN,
     noise: float | None = None,
     run: int | None = None,
-) -> Flown:
+) -> RecoveredFlight:
     """Return the flight that a recording tells of.
 
     Args:
@@ -131,7 +131,7 @@ def flown_flight(
         )
     within = (placed.time >= chosen.begin - MARGIN) & (placed.time <= chosen.end + MARGIN)
     part = placed.kept(within, *told)
-    path = smoothed(part.time, np.stack([part.columns[name] for name in ("x", "y", "height")]), noise)
+    path = smooth(part.time, np.stack([part.columns[name] for name in ("x", "y", "height")]), noise)
     fine = _fine_times(path)
     position, _, _ = path.at(fine)
     again = runs(race, fine, position[0], position[1])
@@ -142,7 +142,7 @@ def flown_flight(
     known = _deviations(part, path, final, flight)
     axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
     remarks = (*part.remarks, *_remarks(part, path, flight))
-    return Flown(flight, breaches(flight, axes, known, penalties), known, part, final.begin, remarks)
+    return RecoveredFlight(flight, violations(flight, axes, known, penalties), known, part, final.begin, remarks)
 
 
 def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[PassedRun, tuple[str, ...]]:
@@ -218,7 +218,7 @@ def _histories(race: Race, part: Recording, path: Path, time: Array) -> Historie
         given |= _attitudes(PATH_ATTITUDE, path_frame) | _attitudes(BODY_ATTITUDE, attitude.quaternions(R_OB))
         rate = roll_rate(attitude.path_axes(path_frame), time)
         given["p_Kbar"] = History(DERIVED["p_Kbar"], rate, Basis.DERIVED)
-    return completed(race, {**given, **measured})
+    return complete_histories(race, {**given, **measured})
 
 
 def _attitudes(names: Sequence[str], rows: Sequence[Array]) -> dict[str, History]:
@@ -268,7 +268,7 @@ def _nearest(passage: Passage, flight: Flight, rows: NDArray[np.int64]) -> int:
     return int(best[np.argmax(flight["height"][rows][best])])
 
 
-def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> Mapping[str, Deviations]:
+def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> Mapping[str, StandardDeviations]:
     """Return how well every passing is known, by the names of the passages; see `INFLATION` and `BANK_AT_A_GATE`.
 
     A bank that was recorded is known as well as the lines between its samples tell it.
@@ -280,7 +280,7 @@ def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> 
     estimated = np.full(len(times), BANK_AT_A_GATE * noise**0.4)
     banks = between_samples(part, "phi", times) if _is_measured(flight, "phi") else estimated
     load = math.nan if _is_measured(flight, "n_z") else LOAD_FACTOR_AT_A_GATE * noise**0.25
-    found: dict[str, Deviations] = {}
+    found: dict[str, StandardDeviations] = {}
     for column, (_, crossing) in enumerate(made):
         north, east, up = places[:, column].tolist()
         across = max(north, east)
@@ -290,7 +290,7 @@ def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> 
         bank = float(banks[column])
         tip = 0.0 if math.isnan(bank) else 0.5 * flight.aircraft.airframe.b * math.sin(min(bank, 0.5 * math.pi))
         wing = math.hypot(across, tip)
-        found[crossing.name] = Deviations(across, wing, up, bank, path_angle, SPEED_OFF * worst**0.6, load)
+        found[crossing.name] = StandardDeviations(across, wing, up, bank, path_angle, SPEED_OFF * worst**0.6, load)
     return found
 
 
@@ -305,7 +305,7 @@ def _remarks(part: Recording, path: Path, flight: Flight) -> list[str]:
     ]
     if count := int(path.outliers.sum()):
         first = int(part.lines[np.flatnonzero(path.outliers)[0]])
-        told.append(f"{counted(count, 'outlier')} left out, the first one in line {first}")
+        told.append(f"{count_text(count, 'outlier')} left out, the first one in line {first}")
     gaps = np.flatnonzero((steps > GAP) & (steps > 2.5 * usual))
     for row in gaps[:TOLD].tolist():
         told.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")

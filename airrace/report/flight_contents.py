@@ -7,14 +7,14 @@ import numpy as np
 
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.report.contents import Contents, Difference, FlightContents, Scale, Strip, course_contents
+from airrace.report.contents import Contents, FlightContents, Scale, Strip, TimeDifference, course_contents
 from airrace.report.page import Reading
 from airrace.results import Flight
 from airrace.results.comparison import SHARES, Comparison
 from airrace.results.flight import BODY_ATTITUDE
 from airrace.results.legs import Leg, way
 from airrace.trajectory import Array
-from airrace.views.map_model import Scenery
+from airrace.views.map_model import MapModel
 
 DEGREE = math.pi / 180.0
 
@@ -120,13 +120,13 @@ def _limits(drawn: Drawn, flight: Flight) -> list[tuple[float, str]]:
     return list(bounds.items())
 
 
-def started(flight: Flight) -> float:
+def start_time(flight: Flight) -> float:
     """Return when the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
     found = flight.crossings and flight.crossings[0].found
     return flight.crossings[0].time if found else float(flight.time[0])
 
 
-def difference_of(comparison: Comparison, number: int) -> Difference:
+def difference_of(comparison: Comparison, number: int) -> TimeDifference:
     """Return what the other flight has lost along the course, and when the reference was there.
 
     Args:
@@ -137,7 +137,7 @@ def difference_of(comparison: Comparison, number: int) -> Difference:
     times = [np.array([reference.crossings[0].time]), *(_times(reference, leg.reference) for leg in comparison.legs)]
     time, lost = np.concatenate(times), comparison.progress.difference
     known = np.isfinite(time)
-    return Difference(number, time[known] - started(reference), lost[known])
+    return TimeDifference(number, time[known] - start_time(reference), lost[known])
 
 
 def _times(flight: Flight, leg: Leg) -> Array:
@@ -148,7 +148,7 @@ def _times(flight: Flight, leg: Leg) -> Array:
     return np.interp(SHARES[1:], flown / flown[-1], flight.time[leg.rows])
 
 
-def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: Scenery) -> Contents:
+def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: MapModel) -> Contents:
     """Return all that the script is told of some flights.
 
     Args:
@@ -174,7 +174,7 @@ def short_labels(flights: Sequence[Flight]) -> list[str]:
 
 def flight_contents(flight: Flight, label: str) -> FlightContents:
     """Return the contents of one flight under a label, with its clock beginning at its first passing."""
-    begin = started(flight)
+    begin = start_time(flight)
     pose = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
     attitude = {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
     return FlightContents(

@@ -17,7 +17,7 @@ from airrace.runs.leg_object import planned_object
 from airrace.views.course_figure import draw_course
 from airrace.views.course_page import course_object, course_page
 from airrace.views.drawing import ensure_drawable
-from airrace.views.map_model import Scenery, scenery
+from airrace.views.map_model import MapModel, map_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,9 +40,9 @@ class Checked:
         return self.inputs.race
 
     @cached_property
-    def scenery(self) -> Scenery:
+    def scenery(self) -> MapModel:
         """The course from above, with the line of the planned flight."""
-        return scenery(self.race, self.planned)
+        return map_of(self.race, self.planned)
 
     @cached_property
     def clearances(self) -> tuple[Clearance, ...]:

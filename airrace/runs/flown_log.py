@@ -18,7 +18,7 @@ from airrace.checkpoint import (
 from airrace.documents import Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Crossing, Flight, History, Source
 from airrace.runs.output import written_or_returned
@@ -26,7 +26,7 @@ from airrace.runs.splits import Splits
 from airrace.runs.stored import document_of, library_versions, stored_inputs
 
 if TYPE_CHECKING:
-    from airrace.logs.recovery import Flown
+    from airrace.logs.recovery import RecoveredFlight
 
 RATES = 1e-3, 1e4
 """Rows per second that may be asked for, Hz."""
@@ -45,7 +45,7 @@ class FlownLog:
     recorded: Recorded
 
     @property
-    def breaches(self) -> tuple[Breach, ...]:
+    def breaches(self) -> tuple[Violation, ...]:
         """The rules that the flight would break, in the order of the course."""
         return self.recorded.breaches
 
@@ -138,7 +138,7 @@ class FlownLog:
         write_recorded(Path(path), self.recorded)
 
 
-def new_flown_log(inputs: Inputs, flown: "Flown") -> FlownLog:
+def new_flown_log(inputs: Inputs, flown: "RecoveredFlight") -> FlownLog:
     """Return a flown log that is stored nowhere yet."""
     flight, log = flown.flight, flown.recording
     recorded = Recorded(
@@ -157,7 +157,7 @@ def new_flown_log(inputs: Inputs, flown: "Flown") -> FlownLog:
         time=flight.time,
         histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
         passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
-        breaches=flown.breaches,
+        breaches=flown.violations,
         label=flight.label,
     )
     return FlownLog(inputs, recorded)

@@ -29,14 +29,14 @@ from airrace.views.drawing import (
     save_figure,
 )
 from airrace.views.labels import Box, placed
-from airrace.views.map_model import Mark, Scenery
+from airrace.views.map_model import MapModel, Mark
 
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 ARROW = 0.045  # of the extent, through gates
 RASTER = 300  # points along an edge, for the distance from people
 
 
-def draw_surroundings(axes: Axes, seen: Scenery, frame: Box) -> None:
+def draw_surroundings(axes: Axes, seen: MapModel, frame: Box) -> None:
     for crowd in seen.course.crowd:
         _draw_crowd(axes, crowd, frame)
     if seen.course.crowd:
@@ -91,7 +91,7 @@ def joined(lines: list[Array]) -> Array:
     return np.concatenate([piece for line in lines for piece in (line, gap)])
 
 
-def draw_elements(axes: Axes, seen: Scenery, frame: Box) -> None:
+def draw_elements(axes: Axes, seen: MapModel, frame: Box) -> None:
     """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places."""
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
     for mark in seen.marks:
@@ -157,7 +157,7 @@ def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
     )
 
 
-def write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None:
+def write_labels(figure: Figure, axes: Axes, seen: MapModel, frame: Box) -> None:
     """Write names with the numbers of their passings, and names of crowds, where they hide least."""
     named = [
         (f"{mark.label}  {_numbers(mark, seen)}", (mark.east, mark.north), BLACK) for mark in seen.marks if mark.label
@@ -195,7 +195,7 @@ def _span(mark: Mark, arrow: float) -> Array:
     return centre + np.concatenate([np.zeros((1, 2)), *points])
 
 
-def _numbers(mark: Mark, seen: Scenery) -> str:
+def _numbers(mark: Mark, seen: MapModel) -> str:
     """Return the numbers of all passings of what stands on a spot, the second half of a quad among them."""
     here = [one for one in seen.marks if one is mark or (not one.label and _same_spot(one, mark))]
     return ", ".join(str(number) for number in sorted(number for one in here for number, _ in one.passings))
@@ -213,7 +213,7 @@ LAPS_MAX = 6  # with an entry of their own in the legend
 PAD = 0.06  # of the extent, around what is drawn
 
 
-def draw_course(race: Race, seen: Scenery, path: Path) -> None:
+def draw_course(race: Race, seen: MapModel, path: Path) -> None:
     """Draw a course into a file, replacing it as a whole.
 
     Raises:
@@ -223,7 +223,7 @@ def draw_course(race: Race, seen: Scenery, path: Path) -> None:
 
 
 @names_as_they_are
-def course_figure(race: Race, seen: Scenery) -> Figure:
+def course_figure(race: Race, seen: MapModel) -> Figure:
     """Return the drawing: equal axes in metres, north up."""
     pad = PAD * max(seen.north - seen.south, seen.east - seen.west)
     frame = Box(seen.west - pad, seen.south - pad, seen.east - seen.west + 2 * pad, seen.north - seen.south + 2 * pad)
@@ -258,7 +258,7 @@ def _subtitle(race: Race) -> str:
     return f"{race.aircraft.name}, at most {n_z:g} g\nnumbers count the passings; 0 is the start"
 
 
-def _draw_ways(axes: Axes, seen: Scenery) -> None:
+def _draw_ways(axes: Axes, seen: MapModel) -> None:
     """Draw one colour per lap; earlier laps are wider, so that all are seen where they coincide."""
     if not all(way.planned for way in seen.ways):
         axes.plot([], [], color=GREY, linewidth=1.4, linestyle=(0, (2, 2)), label="straight, turns not planned")
@@ -288,7 +288,7 @@ def _draw_directions(axes: Axes, lines: list[Array], colour: str) -> None:
             axes.annotate("", xy=(east, north), xytext=(before_east, before_north), arrowprops=style, zorder=4)
 
 
-def _draw_wind(axes: Axes, seen: Scenery, wind: StaticWind | None) -> None:
+def _draw_wind(axes: Axes, seen: MapModel, wind: StaticWind | None) -> None:
     """Draw an arrow of the wind in the corner that has least in it."""
     if wind is None or wind.speed == 0.0:
         return

@@ -12,14 +12,14 @@ from airrace.records import record
 from airrace.track.course import Passage
 from airrace.track.limits import Crowd, Roll, SafetyLine
 from airrace.track.polygons import Point
-from airrace.views.map_model import Scenery
+from airrace.views.map_model import MapModel
 from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import html_table
 
 
 @record
-class Row:
+class CourseRow:
     """A passage in a table; SI and radians, None for what the element leaves free.
 
     `leg` is the straight distance from the passage before, `turn` the change of direction between the straight lines
@@ -86,7 +86,7 @@ def safety_lines(race: Race) -> list[SafetyLine]:
     return list({line.name: line for passage in race.course.passages for line in passage.safety_lines}.values())
 
 
-def rows(race: Race) -> list[Row]:
+def rows(race: Race) -> list[CourseRow]:
     """Return one row per passage, in the order flown."""
     passages = race.course.passages
     places = [passage.element.place for passage in passages]
@@ -99,11 +99,11 @@ def rows(race: Race) -> list[Row]:
     ]
 
 
-def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[float, float] | None) -> Row:
+def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[float, float] | None) -> CourseRow:
     element = passage.element
     north, east = element.place or (None, None)
     course = element.course(passage.direction)
-    return Row(
+    return CourseRow(
         passage=passage,
         kind=element.type_name,
         north=north,
@@ -178,7 +178,7 @@ ROWS_MAX = 60
 """The largest number of passages in the table; of more, only the first are listed."""
 
 
-def course_page(race: Race, seen: Scenery, warnings: Sequence[str]) -> str:
+def course_page(race: Race, seen: MapModel, warnings: Sequence[str]) -> str:
     """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
     cells = [
         (

@@ -59,7 +59,7 @@ class Way:
 
 
 @record
-class Scenery:
+class MapModel:
     """A course from above, and the frame to show: least and largest north and east, m."""
 
     course: Course
@@ -72,7 +72,7 @@ class Scenery:
     east: float
 
 
-def scenery(race: Race, planned: Flight | None = None) -> Scenery:
+def map_of(race: Race, planned: Flight | None = None) -> MapModel:
     """Return all there is to see of a course.
 
     Ways are those of the planned flight, before anything is optimised, on very long courses straight.
@@ -87,7 +87,7 @@ def scenery(race: Race, planned: Flight | None = None) -> Scenery:
     ways = _straight(course) if long else _planned(planned_flight(race) if planned is None else planned)
     lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
     south, north, west, east = _frame(course, marks, ways, tuple(lines.values()))
-    return Scenery(course, marks, ways, tuple(lines.values()), south, north, west, east)
+    return MapModel(course, marks, ways, tuple(lines.values()), south, north, west, east)
 
 
 def _marks(course: Course) -> tuple[Mark, ...]:

@@ -17,7 +17,7 @@ import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import clearance_tables
 from airrace.cli.main import app
-from airrace.cli.tables import rendered, result_tables
+from airrace.cli.tables import render, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
 from airrace.documents import load_inputs
 from airrace.procedure import run as procedure
@@ -222,7 +222,7 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
 def test_stage_that_has_not_explored_tells_no_ways() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
     assert (told["ways"], told["explored"], told["rivals"]) == ([], None, [])
-    shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
+    shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
     assert "ways round" not in shown
 
 
@@ -236,7 +236,7 @@ def test_object_of_a_way_without_a_number_is_json() -> None:
 def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", rendered(ways_table(explored(count)))).splitlines()
+    lines = STYLE.sub("", render(ways_table(explored(count)))).splitlines()
     told = [line for line in lines if "over the top" in line]
     assert len(told) == min(count, SHOWN)
     assert " best " in told[0]
@@ -250,7 +250,7 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     whole = "; ".join(way.text for way in explored(6).ways)
     long = replace(explored(1), ways=(Way(whole, 10.0, 0.0, "jointly"),))
-    shown = STYLE.sub("", rendered(ways_table(long)))
+    shown = STYLE.sub("", render(ways_table(long)))
     assert "\u2026" not in shown
     for word in whole.split():
         assert word in shown
@@ -259,4 +259,4 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
 def test_markup_in_names_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     odd = replace(explored(1), ways=(Way("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "jointly"),))
-    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(ways_table(odd))
+    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in render(ways_table(odd))
