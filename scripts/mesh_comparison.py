@@ -22,7 +22,7 @@ from airrace.procedure.joint import REFINED_BARRIER
 from airrace.procedure.ladder import Ladder, wanted_stages
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Explore, GuessKind, Settings
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solving import Workbench
 
 COARSER = (0.17 * math.sqrt(2.0), 0.34)  # s, intervals of uniform meshes
@@ -225,7 +225,7 @@ def compared(name: str, race: Race, settings: Settings, stage: Stage) -> Compari
     Raises:
         NotComparable: no certified flight, or the uniform meshes lead to another one.
     """
-    settings = dataclasses.replace(settings, guess=GuessKind.PLAN, explore=Explore.OFF)
+    settings = dataclasses.replace(settings, guess=GuessKind.PLAN, search=SearchEffort.OFF)
     with SolverService(threads=1) as service:
         ladder, bench = Ladder(race, settings, ()), RecordingBench(service, settings, Silent())
         for one in wanted_stages(settings, stage):

@@ -23,7 +23,7 @@ from airrace.errors import InputError
 WAIT = 30.0  # s, which any course may take
 TIMES = 1.5  # as many seconds as this times the race time (without one, the planned time) may be taken as well
 LONGEST = 900.0  # s, after which nobody waits any more
-FLY = ("--until", "point-mass", "--guess", "plan", "--explore", "off", "--json")
+FLY = ("--until", "point-mass", "--guess", "plan", "--search", "off", "--json")
 
 
 def course(places: list[tuple[float, float, float]], rules: str = "", rest: str = "", height: str = "") -> str:

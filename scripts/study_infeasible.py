@@ -24,7 +24,7 @@ FLY = (
     "point-mass",
     "--guess",
     "plan",
-    "--explore",
+    "--search",
     "off",
     "--json",
     "--set",

@@ -1,6 +1,6 @@
 """Print the tables of the documents as Markdown from runs of the command, or write them where they stand.
 
-    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.proof=all --output RUNS
+    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.mesh_check=all --output RUNS
     python scripts/tables.py ladder RUNS [--write]              docs/ladder.md: what every stage found
     python scripts/tables.py courses RUNS [--write]             docs/courses.md: optima and winners
     python scripts/tables.py evidence RUNS                      the worst of every item, by stage, for docs/evidence.md
@@ -85,7 +85,7 @@ def shown(run: Path) -> Answer:
     unproved = [stage["stage"] for stage in answer["stages"] if stage["certificate"] and not stage["certified"]]
     if unproved or not answer["certified"]:
         told = ", ".join(unproved)
-        raise MissingRun(f"{run}: not certified{told and f': {told}'}; fly it with --proof all")
+        raise MissingRun(f"{run}: not certified{told and f': {told}'}; fly it with --mesh-check all")
     return answer
 
 

@@ -23,7 +23,7 @@ MODULES = sorted(
 @cache
 def example_run() -> Run:
     """The run that the docstrings speak of."""
-    return airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+    return airrace.optimize("half_cuban_eight", until="point-mass", search="off")
 
 
 def test_the_doors_of_the_package_have_examples() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, ExploredSummary, Version
+from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, SearchSummary, Version
 from airrace.checkpoint.place import Place
 from airrace.checkpoint.possible import ensure_possible
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
@@ -14,12 +14,12 @@ from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import (
     Attempt,
-    Explored,
     Facts,
     GateSplit,
     MeshRecord,
     Outcome,
     Remedy,
+    SearchReport,
     StageResult,
     Timings,
     Way,
@@ -79,16 +79,16 @@ _TEXTS = ("outcome", "message")
 _MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
 _TABLES = ("splits", "attempts", "timings", "facts")
 _OPTIONAL = ("certificate", "remedies")
-_MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "explored")
+_MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "search")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_MEMBERS, *_HASHES, "rivals", optional=_OPTIONAL)
-    rivals = place.group("rivals")
-    numbers = [str(number) for number in range(1, len(rivals.node.members) + 1)]
-    rivals.expecting(*numbers)
-    found = tuple(_result(rivals.group(one).expecting(*_MEMBERS, optional=_OPTIONAL), stage) for one in numbers)
-    result = replace(_result(place, stage), rivals=found)
+    place.expecting(*_MEMBERS, *_HASHES, "alternatives", optional=_OPTIONAL)
+    alternatives = place.group("alternatives")
+    numbers = [str(number) for number in range(1, len(alternatives.node.members) + 1)]
+    alternatives.expecting(*numbers)
+    found = tuple(_result(alternatives.group(one).expecting(*_MEMBERS, optional=_OPTIONAL), stage) for one in numbers)
+    result = replace(_result(place, stage), alternatives=found)
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
 
@@ -107,7 +107,7 @@ def _result(place: Place, stage: Stage) -> StageResult:
         timings=_one_row(place, "timings", Timings),
         facts=_one_row(place, "facts", Facts),
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
-        explored=_explored(place.group("explored")),
+        search=_explored(place.group("search")),
         remedies=_remedies(place) if "remedies" in place.node.members else (),
     )
     ensure_possible(result, place.path)
@@ -139,11 +139,13 @@ def _certificate(place: Place) -> Certificate:
     return Certificate(place.text("solver_status"), items)
 
 
-def _explored(place: Place) -> Explored:
+def _explored(place: Place) -> SearchReport:
     place.expecting("ways", "loops", "summary")
-    summary = _one_row(place, "summary", ExploredSummary)
+    summary = _one_row(place, "summary", SearchSummary)
     ways = rows_of(Way, place.table("ways"), f"{place.path}/ways")
-    return Explored(ways, summary.led, summary.elsewhere, summary.lost, summary.seconds, place.texts("loops", "loop"))
+    return SearchReport(
+        ways, summary.led, summary.elsewhere, summary.lost, summary.seconds, place.texts("loops", "loop")
+    )
 
 
 def _mesh(place: Place, intervals: int) -> MeshRecord:

@@ -13,6 +13,7 @@ from airrace.cli.options import (
     DryRun,
     Force,
     LastStage,
+    MeshChecked,
     Overrides,
     Quiet,
     RunFile,
@@ -21,7 +22,6 @@ from airrace.cli.options import (
     Threads,
     Timeout,
     Verbose,
-    WhatIsProved,
     output_option,
 )
 from airrace.runs.answer import unflown
@@ -42,7 +42,7 @@ def resume(
             help="Compute this stage and all after it again.",
         ),
     ] = None,
-    proof: WhatIsProved = None,
+    mesh_check: MeshChecked = None,
     dry_run: DryRun = False,
     overrides: Overrides = None,
     track: Annotated[
@@ -69,8 +69,8 @@ def resume(
 ) -> None:
     """Continue a run, or change it.
 
-    It goes on after the last stage that still stands, in the same file. With --proof all the proof of stages that were
-    solved on one mesh is completed first. With --set, --track, --aircraft or --settings the changed run is started from
+    It goes on after the last stage that still stands, in the same file. With --mesh-check all the mesh check of stages
+    that were solved on one mesh comes first. With --set, --track, --aircraft or --settings the changed run is started from
     the highest stage of this one that holds and written to --output; this file stays as it is.
     """
     with answering(unflown(None), as_json=as_json, verbose=verbose) as answer:
@@ -91,11 +91,11 @@ def resume(
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
         _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
         if output is not None:
-            changes = changes.with_overrides(settings_texts(proof=proof))
+            changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
             task = changed_task(other_run(run_file), changes, until=until, out=output)
         else:
             ensure_own(run_file, signer)
-            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, proof=proof)
+            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
         if dry_run:
             describe_task(answer, task, quiet=quiet)
             return

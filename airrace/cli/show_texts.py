@@ -33,7 +33,7 @@ def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str
     if results:
         yield UNVERIFIED
     yield from (f"{result.stage.value}: {result.message}" for result in results if result.message)
-    yield from (f"a needless loop: {loop}" for result in results for loop in result.explored.loops)
+    yield from (f"a needless loop: {loop}" for result in results for loop in result.search.loops)
     for result in results:
         yield from _stage_texts(result, certificates=certificates)
         if result.stage.value == shown.stage:

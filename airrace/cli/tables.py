@@ -82,7 +82,7 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
         certificate: whether the items of its certificate are listed.
     """
     tables = [splits_table(result)] if result.splits and result.is_flight else []
-    tables += [ways_table(result.explored)] if result.explored.ways else []
+    tables += [ways_table(result.search)] if result.search.ways else []
     if certificate and result.certificate is not None:
         stands = result.outcome is Outcome.SOLVED or not result.certificate.holds
         tables.append(certificate_table(result.certificate, "" if stands else DOES_NOT_STAND))

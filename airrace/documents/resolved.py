@@ -14,14 +14,14 @@ from airrace.procedure.settings import Settings
 def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
     """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians.
 
-    `settings.proof` is left out: a stage stands however much of a run is to be proved, and its certificate says what
-    was measured of it.
+    `settings.mesh_check` is left out: a stage stands whichever stages are to have a mesh check, and its certificate says
+    what was measured of it.
     """
     return {
         "course": _plain(race.course),
         "aircraft": _plain(race.aircraft),
         "air": _plain(race.air),
-        "settings": {name: _plain(getattr(settings, name)) for name in field_names(Settings) if name != "proof"},
+        "settings": {name: _plain(getattr(settings, name)) for name in field_names(Settings) if name != "mesh_check"},
     }
 
 

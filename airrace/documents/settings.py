@@ -11,10 +11,10 @@ from airrace.documents.nodes import Reporter
 from airrace.documents.schema import Schema
 from airrace.procedure.settings import (
     CertificateLimits,
-    Explore,
     GuessKind,
+    MeshCheck,
     MeshSettings,
-    Proof,
+    SearchEffort,
     Settings,
     SolverSettings,
 )
@@ -103,17 +103,17 @@ class SettingsEntry(Schema):
     guess: Literal["homotopy", "plan"] | None = Field(
         default=None, description="where the point mass starts from: phase by phase, or straight from the plan"
     )
-    explore: Literal["off", "quick", "thorough"] | None = Field(
+    search: Literal["off", "quick", "thorough"] | None = Field(
         default=None,
-        description="how much is tried to find the fastest way round, before one is proved",
+        description="how much is tried to find the fastest route",
     )
-    climb: Annotated[int, Ge(1), Le(20)] | None = Field(
+    alternatives: Annotated[int, Ge(1), Le(20)] | None = Field(
         default=None,
-        description="how many of the best ways round climb the ladder side by side",
+        description="how many of the best routes are taken through all stages",
     )
-    proof: Literal["last", "all"] | None = Field(
+    mesh_check: Literal["last", "all"] | None = Field(
         default=None,
-        description="which stages are proved on a second mesh: the last one of a run, or all",
+        description="which stages have their race time confirmed on a second mesh: the last one of a run, or all",
     )
     regularisation: Annotated[float, Ge(0), Le(1)] | None = Field(
         default=None, description="weight of the squared, scaled control rates against seconds"
@@ -134,9 +134,9 @@ def build_settings(entry: SettingsEntry, reporter: Reporter) -> Settings:
     return _given(
         silent,
         guess=None if entry.guess is None else GuessKind(entry.guess),
-        explore=None if entry.explore is None else Explore(entry.explore),
-        climb=entry.climb,
-        proof=None if entry.proof is None else Proof(entry.proof),
+        search=None if entry.search is None else SearchEffort(entry.search),
+        alternatives=entry.alternatives,
+        mesh_check=None if entry.mesh_check is None else MeshCheck(entry.mesh_check),
         regularisation=entry.regularisation,
         mesh=_given(
             silent.mesh,

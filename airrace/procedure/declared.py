@@ -10,7 +10,7 @@ from airrace.quantities import Quantity
 
 
 def ensure_declared(race: Race, result: StageResult) -> None:
-    """Refuse a stored stage whose histories are not those of its model, and its rivals likewise.
+    """Refuse a stored stage whose histories are not those of its model, and its alternatives likewise.
 
     Names, their order and units decide, for whatever reads a flight goes by them. How a history is described, and
     which values are allowed, may differ.
@@ -25,7 +25,7 @@ def ensure_declared(race: Race, result: StageResult) -> None:
         InputError: aircraft and rules leave no allowed value of some quantity.
     """
     system, legs = stage_model(result.stage, race).system, len(race.course.passages) - 1
-    for one in (result, *result.rivals):
+    for one in (result, *result.alternatives):
         flown, name = one.trajectory, one.stage.value
         _ensure_same(name, "state", flown.states, system.states)
         _ensure_same(name, "control", flown.controls, system.controls)

@@ -20,7 +20,7 @@ from airrace.procedure.models import iterate_of
 from airrace.procedure.relaxation import Relaxed, Relaxer
 from airrace.procedure.relaxed_ways import Relaxations
 from airrace.procedure.result import Outcome, Remedy, StageResult
-from airrace.procedure.settings import Explore
+from airrace.procedure.settings import SearchEffort
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import Stage
 from airrace.procedure.suggestions import NOTHING, Flown
@@ -38,7 +38,7 @@ Certifying whatever flies took minutes on courses in a narrow corridor: 1646 int
 """
 NO_FLIGHT = "no flight was found: "
 """The words with which the explanation begins."""
-OTHER_WAYS = "other ways round were not tried (--explore quick tries them)"
+OTHER_WAYS = "other ways round were not tried (--search quick tries them)"
 
 
 def explained(
@@ -65,11 +65,11 @@ def explained(
     search = Search(begun, race, trial.fly)
     remedies = search.remedies()
     if search.found is not None:
-        return dataclasses.replace(search.found, explored=result.explored)
+        return dataclasses.replace(search.found, search=result.search)
     if not any(one.text for one in remedies):
         return _on_record(_diagnosed(result, remedies, flight, bench), bench)
     message = NO_FLIGHT + told(remedies)
-    if bench.settings.explore is Explore.OFF:
+    if bench.settings.search is SearchEffort.OFF:
         message = f"{message}; {OTHER_WAYS}"
     contradictory = dataclasses.replace(result, outcome=Outcome.INFEASIBLE, message=message, remedies=remedies)
     return _on_record(contradictory, bench)

@@ -30,8 +30,8 @@ from airrace.procedure.one_mesh import on_one_mesh
 from airrace.procedure.proof import proved
 from airrace.procedure.relaxed_ways import Relaxations, torn
 from airrace.procedure.restart import told
-from airrace.procedure.result import Explored, Outcome, Stage, StageResult
-from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
+from airrace.procedure.result import Outcome, SearchReport, Stage, StageResult
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
 from airrace.procedure.ways.around import faster_way
@@ -131,7 +131,7 @@ class Ladder:
             result = explained(self._first_optimum(bench), self._race, self.flight(stage), bench, self._relaxed)
         else:
             below = self.done[STAGES[STAGES.index(stage) - 1]]
-            climbing = (below, *below.rivals)
+            climbing = (below, *below.alternatives)
             results = [self._optimum(stage, list(self._handovers(stage, one, bench)), bench) for one in climbing]
             result = _on_record(_fastest(self._told_apart(results, bench)), bench)
         self.done[stage] = result
@@ -139,22 +139,22 @@ class Ladder:
 
     def explores(self, stage: Stage) -> bool:
         """Tell whether other ways round are tried in a stage."""
-        return stage is Stage.POINT_MASS and self._settings.explore is not Explore.OFF
+        return stage is Stage.POINT_MASS and self._settings.search is not SearchEffort.OFF
 
     def proves(self, stage: Stage) -> bool:
         """Tell whether a stage is proved on a second mesh."""
         return proves(self._settings, stage, self._last)
 
     def complete(self, stage: Stage, bench: Workbench) -> StageResult:
-        """Complete the proof of a stage that was solved on one mesh, and of its rivals.
+        """Complete the proof of a stage that was solved on one mesh, and of its alternatives.
 
         Returns:
             The stage, certified; as it was, with a message that says why, where that fails.
         """
         solved = self.done[stage]
         bench.go_on(solved.attempts, solved.timings)
-        main, *rivals = (self._proved(one, bench) for one in (solved, *solved.rivals))
-        result = dataclasses.replace(_on_record(main, bench), rivals=tuple(rivals))
+        main, *alternatives = (self._proved(one, bench) for one in (solved, *solved.alternatives))
+        result = dataclasses.replace(_on_record(main, bench), alternatives=tuple(alternatives))
         self.done[stage] = result
         return result
 
@@ -200,7 +200,7 @@ class Ladder:
         It finds words; none where there is no such way, or where none is looked for. What is searched does not depend
         on what is solved meanwhile: the optimum is flown again by the point mass under this race's numbers.
         """
-        if self._settings.explore is Explore.OFF:
+        if self._settings.search is SearchEffort.OFF:
             return _nothing
         flight, source = self.flight(Stage.POINT_MASS), self.as_flown(optimum.stage, optimum)
         if source.model.system.states != optimum.trajectory.states:
@@ -215,14 +215,14 @@ class Ladder:
         if self._contradiction is not None:
             return self._impossible(self._contradiction, bench)
         known = self._first_starts(bench)
-        effort = EFFORTS.get(self._settings.explore)
+        effort = EFFORTS.get(self._settings.search)
         if effort is None:
             return self._optimum(Stage.POINT_MASS, known, bench)
-        found = self._explored(effort.with_finalists(self._settings.climb), bench)
-        best = found.explored(0)
+        found = self._explored(effort.with_finalists(self._settings.alternatives), bench)
+        best = found.search(0)
         results: list[StageResult] = []
         for number, start in enumerate(found.starts):
-            if number >= self._settings.climb and any(_kept(one, best) for one in results):
+            if number >= self._settings.alternatives and any(_kept(one, best) for one in results):
                 break
             results.append(self._optimum(Stage.POINT_MASS, [functools.partial(_made, start)], bench))  # by all solvers
         if not any(one.holds for one in results):
@@ -230,9 +230,9 @@ class Ladder:
         results = list(self._told_apart(results, bench))
         result = _fastest(results)
         winner = _winner(results)
-        explored = found.explored(winner) if winner < len(found.starts) else best
+        explored = found.search(winner) if winner < len(found.starts) else best
         _warn(result, explored, best)
-        return dataclasses.replace(_on_record(result, bench), explored=explored)
+        return dataclasses.replace(_on_record(result, bench), search=explored)
 
     def _explored(self, effort: Effort, bench: Workbench) -> Exploration:
         """Explore ways round, with the starts without exploring among the starts, so that nothing is lost by it."""
@@ -330,14 +330,14 @@ class Ladder:
 
 def proves(settings: Settings, stage: Stage, last: Stage | None) -> bool:
     """Tell whether a stage of a run up to `last` is proved on a second mesh; `last` is None where every stage is."""
-    return settings.proof is Proof.ALL or last is None or stage is last
+    return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
 
 
 def _fastest(results: Sequence[StageResult]) -> StageResult:
-    """Return the fastest of the results that hold, the others its rivals; the first if none holds."""
+    """Return the fastest of the results that hold, the others its alternatives; the first if none holds."""
     fastest = results[_winner(results)]
     others = [one for one in results if one.holds and one is not fastest]
-    return dataclasses.replace(fastest, rivals=tuple(sorted(others, key=lambda one: one.trajectory.race_time)))
+    return dataclasses.replace(fastest, alternatives=tuple(sorted(others, key=lambda one: one.trajectory.race_time)))
 
 
 def _winner(results: Sequence[StageResult]) -> int:
@@ -351,7 +351,7 @@ def _on_record(result: StageResult, bench: Workbench) -> StageResult:
     return dataclasses.replace(result, attempts=tuple(bench.attempts), timings=bench.timings())
 
 
-def _warn(result: StageResult, explored: Explored, best: Explored) -> None:
+def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> None:
     """Warn of what a user should look at: loops that are left, and a better way that could not be proved."""
     for loop in explored.loops:
         logger.warning("the flight may hold a needless loop: %s", loop)
@@ -363,7 +363,7 @@ def _warn(result: StageResult, explored: Explored, best: Explored) -> None:
         )
 
 
-def _kept(result: StageResult, explored: Explored) -> bool:
+def _kept(result: StageResult, explored: SearchReport) -> bool:
     """Tell whether a flight holds and is about as fast as the best way was when it was flown roughly."""
     if not result.holds or not explored.ways:
         return result.holds

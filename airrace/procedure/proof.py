@@ -46,7 +46,7 @@ def proved(flight: Flight, optimum: StageResult, bench: Workbench) -> StageResul
     found = refined_from(bench, Start(flight, problem, iterate, CARRIED_BARRIER, optimum.facts), upcoming)
     if isinstance(found, Failure):
         return "no optimum was found on the finer mesh"
-    return replace(found, explored=optimum.explored) if found.certified else found.message
+    return replace(found, search=optimum.search) if found.certified else found.message
 
 
 def _coarser(flight: Flight, good: Solved, known: Multipliers, bench: Workbench) -> Solved | None:

@@ -107,15 +107,17 @@ def remeasured(
         for result in results:
             if result.is_flight:
                 ensure_declared(race, result)
-                rivals = tuple(_again(race, settings, rival, service) for rival in result.rivals)
-                yield result, replace(_again(race, settings, result, service), rivals=rivals)
+                alternatives = tuple(
+                    _again(race, settings, alternative, service) for alternative in result.alternatives
+                )
+                yield result, replace(_again(race, settings, result, service), alternatives=alternatives)
             else:
                 yield result, result
 
 
 def recertify(race: Race, settings: Settings, result: StageResult) -> Certificate:
     """Measure the certificate of one stored result again, as `remeasured` does."""
-    ((_, again),) = remeasured(race, settings, [replace(result, rivals=())])
+    ((_, again),) = remeasured(race, settings, [replace(result, alternatives=())])
     assert again.certificate is not None  # of an optimum
     return again.certificate
 

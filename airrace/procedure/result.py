@@ -159,7 +159,7 @@ class Way:
 
 
 @record
-class Explored:
+class SearchReport:
     """The ways that exploring tried before a race was optimised.
 
     Attributes:
@@ -179,7 +179,7 @@ class Explored:
     loops: tuple[str, ...] = ()
 
 
-NOT_EXPLORED = Explored()
+NOT_SEARCHED = SearchReport()
 """The record of a stage without exploring."""
 
 
@@ -226,9 +226,9 @@ class StageResult:
         timings: where the time went.
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
-        explored: which other ways round were tried; empty in all stages but the one that explores.
+        search: which other ways round were tried; empty in all stages but the one that explores.
         remedies: what would resolve the conflicts for which no flight was found, the least change of each first.
-        rivals: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
+        alternatives: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
     """
 
     stage: Stage
@@ -243,9 +243,9 @@ class StageResult:
     timings: Timings
     facts: Facts = NO_FACTS
     mesh: MeshRecord = NO_RECORD
-    explored: Explored = NOT_EXPLORED
+    search: SearchReport = NOT_SEARCHED
     remedies: tuple[Remedy, ...] = ()
-    rivals: tuple["StageResult", ...] = ()
+    alternatives: tuple["StageResult", ...] = ()
 
     @property
     def is_flight(self) -> bool:

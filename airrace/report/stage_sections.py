@@ -56,7 +56,7 @@ def _measured(item: Item) -> tuple[str, str, str]:
 
 def ways_section(result: StageResult) -> str:
     """Return the ways round that a stage tried; empty where it tried none."""
-    explored = result.explored
+    explored = result.search
     if not explored.ways:
         return ""
     rows = [

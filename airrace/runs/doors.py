@@ -11,7 +11,7 @@ from pathlib import Path
 from airrace.errors import UsageError
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
-from airrace.procedure.settings import Explore, GuessKind, Proof
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
 from airrace.runs.beginning import new_task, settings_texts
 from airrace.runs.checked import Checked, checked
@@ -45,9 +45,9 @@ def optimize(
     aircraft: AircraftGiven | None = None,
     settings: SettingsGiven | None = None,
     guess: str | GuessKind | None = None,
-    explore: str | Explore | None = None,
-    climb: int | None = None,
-    proof: str | Proof | None = None,
+    search: str | SearchEffort | None = None,
+    alternatives: int | None = None,
+    mesh_check: str | MeshCheck | None = None,
     until: str | Stage | None = None,
     output: str | Path | None = None,
     force: bool = False,
@@ -60,7 +60,7 @@ def optimize(
     """Fly a course as fast as can be, stage by stage; the last one is certified.
 
     Examples:
-        >>> run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+        >>> run = airrace.optimize("half_cuban_eight", until="point-mass", search="off")
         >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
         8.634 s, certified: True
 
@@ -71,10 +71,10 @@ def optimize(
             A `Course` names none, so that one must be given.
         settings: a settings file; None for the defaults.
         guess: where the point mass starts from, `homotopy` or `plan`; None for what the settings say.
-        explore: how much is tried to find the fastest way round: `off`, `quick` or `thorough`; None likewise.
-        climb: how many ways round climb the ladder side by side; None likewise.
-        proof: which stages are proved on a second mesh, `last` or `all`; None likewise. Those that are not are solved
-            on one mesh, and all but their race time is certified.
+        search: how much is tried to find the fastest route: `off`, `quick` or `thorough`; None likewise.
+        alternatives: how many of the best routes are taken through all stages; None likewise.
+        mesh_check: which stages have their race time confirmed on a second mesh, `last` or `all`; None likewise. The
+            others are solved on one mesh, and all but their race time is certified.
         until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
         output: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
         force: whether a file that exists may be overwritten.
@@ -106,7 +106,10 @@ def optimize(
         named,
         aircraft=document_or_path(aircraft),
         settings=settings,
-        overrides=[*value_texts(set), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)],
+        overrides=[
+            *value_texts(set),
+            *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),
+        ],
         until=stage_name(until),
         path=path,
         start=start,
@@ -119,7 +122,7 @@ def resume(
     *,
     until: str | Stage | None = None,
     from_: str | Stage | None = None,
-    proof: str | Proof | None = None,
+    mesh_check: str | MeshCheck | None = None,
     set: Values = (),
     track: TrackGiven | None = None,
     aircraft: AircraftGiven | None = None,
@@ -145,8 +148,8 @@ def resume(
         run: a run, or its file.
         until: the last stage; None for the last one there is, of a changed run for the last one of this run.
         from_: a stage that is computed again although it still stands, and all after it.
-        proof: which stages are proved on a second mesh from now on, `last` or `all`; `all` completes the proof of those
-            that were solved on one mesh. None for what the run was asked for.
+        mesh_check: which stages have a mesh check from now on, `last` or `all`; `all` completes that of those solved
+            on one mesh. None for what the run was asked for.
         set: single values that are otherwise, see `optimize`.
         track, aircraft, settings: what is flown instead, see `optimize`.
         output: the file to be written; None for the file of the run, of a changed run for none.
@@ -176,9 +179,12 @@ def resume(
         before = before if path is None else before.moved(path)
         again = stage_name(from_)
         return _fly(
-            continued_task(before, until=stage_name(until), from_stage=again, proof=proof), threads, timeout, progress
+            continued_task(before, until=stage_name(until), from_stage=again, mesh_check=mesh_check),
+            threads,
+            timeout,
+            progress,
         )
-    changes = changes.with_overrides(settings_texts(proof=proof))
+    changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
     if from_ is not None:
         raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
     before = run if isinstance(run, Run) else other_run(Path(run))

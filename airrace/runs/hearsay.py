@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.ladder import UNPROVED, wanted_stages
-from airrace.procedure.result import Explored, StageResult
+from airrace.procedure.result import SearchReport, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 
@@ -55,10 +55,10 @@ def contradictions(result: StageResult) -> Iterator[str]:
     yield from _start(result)
     yield from _message(result)
     yield from _seconds(result)
-    yield from _ways(result.explored)
-    for rival in result.rivals:
-        if not rival.holds or rival.trajectory.race_time < result.trajectory.race_time:
-            yield "a rival does not hold, or is the faster one"
+    yield from _ways(result.search)
+    for alternative in result.alternatives:
+        if not alternative.holds or alternative.trajectory.race_time < result.trajectory.race_time:
+            yield "an alternative does not hold, or is the faster one"
 
 
 def _start(result: StageResult) -> Iterator[str]:
@@ -97,7 +97,7 @@ def _seconds(result: StageResult) -> Iterator[str]:
         yield "its attempts are not possible"
 
 
-def _ways(explored: Explored) -> Iterator[str]:
+def _ways(explored: SearchReport) -> Iterator[str]:
     counts = (explored.led, explored.elsewhere, explored.lost, explored.seconds)
     if not all(math.isfinite(one) and one >= 0 for one in counts):
         yield "exploring went in a way that is not possible"

@@ -74,7 +74,7 @@ def explored_stage(run: Run, flown: FlownStage) -> FlownStage:
     """
     names = [one.name for one in run]
     before = run.stages[: names.index(flown.name) + 1]
-    return next((one for one in reversed(before) if one.result.explored.ways), flown)
+    return next((one for one in reversed(before) if one.result.search.ways), flown)
 
 
 def stage_sections(flown: FlownStage, explored: FlownStage | None = None, *, priced: bool = False) -> list[str]:

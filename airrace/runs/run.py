@@ -12,7 +12,7 @@ from airrace.errors import UsageError
 from airrace.planning.race import Race
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 from airrace.procedure.split_comparison import SplitComparison, compared, last_common
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.leg_object import stages_object
@@ -171,7 +171,7 @@ class Run:
         *,
         until: str | Stage | None = None,
         from_: str | Stage | None = None,
-        proof: str | Proof | None = None,
+        mesh_check: str | MeshCheck | None = None,
         set: "Values" = (),
         track: "TrackGiven | None" = None,
         aircraft: "AircraftGiven | None" = None,
@@ -189,7 +189,7 @@ class Run:
             self,
             until=until,
             from_=from_,
-            proof=proof,
+            mesh_check=mesh_check,
             set=set,
             track=track,
             aircraft=aircraft,

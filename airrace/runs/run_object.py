@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Explored, GateSplit, Outcome, Remedy, StageResult, State, Way, Why
+from airrace.procedure.result import GateSplit, Outcome, Remedy, SearchReport, StageResult, State, Way, Why
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
@@ -93,17 +93,17 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "derivatives_s": finite(result.timings.derivatives),
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
-        "rivals": [
+        "alternatives": [
             {
-                "race_time_s": finite(rival.trajectory.race_time),
-                "state": rival.state.value,
-                "certified": rival.certified,
+                "race_time_s": finite(alternative.trajectory.race_time),
+                "state": alternative.state.value,
+                "certified": alternative.certified,
             }
-            for rival in result.rivals
+            for alternative in result.alternatives
         ],
         "mesh": mesh_object(result),
-        "ways": [way_object(way) for way in result.explored.ways],
-        "explored": explored_object(result.explored) if result.explored.ways else None,
+        "ways": [way_object(way) for way in result.search.ways],
+        "search": search_object(result.search) if result.search.ways else None,
         "conflicts": conflict_objects(result.remedies),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
@@ -160,7 +160,7 @@ def way_object(way: Way) -> dict[str, object]:
     }
 
 
-def explored_object(explored: Explored) -> dict[str, object]:
+def search_object(explored: SearchReport) -> dict[str, object]:
     """Return how exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
     return {
         "seconds": finite(explored.seconds),

@@ -16,14 +16,14 @@ from airrace.procedure import run as procedure
 from airrace.procedure.passings import ensure_same_passings, passings_of
 from airrace.procedure.restart import Another, startable
 from airrace.procedure.result import Stage
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 from airrace.records import record
 from airrace.runs.run import Run
 from airrace.runs.stored import document_of, library_versions, new_run, resolved_text, stored_run
 
 logger = logging.getLogger(__name__)
 
-PROOF = "settings.proof="
+MESH_CHECK = "settings.mesh_check="
 """The beginning of an override that says which stages are proved."""
 
 
@@ -91,15 +91,15 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
     return new_run(inputs_from_documents(track, aircraft, settings, (*stored.overrides, *changes.overrides)), out)
 
 
-def proved_otherwise(run: Run, proof: Proof | str) -> Run:
+def proved_otherwise(run: Run, mesh_check: MeshCheck | str) -> Run:
     """Return the same run, of which other stages are to be proved on a second mesh. Its stages stand as they did.
 
     Raises:
-        InputError: `proof` is not known.
+        InputError: `mesh_check` is not known.
     """
     stored = run.checkpoint.inputs
-    asked = proof.value if isinstance(proof, Proof) else proof
-    overrides = (*(text for text in stored.overrides if not text.startswith(PROOF)), f"{PROOF}{asked}")
+    asked = mesh_check.value if isinstance(mesh_check, MeshCheck) else mesh_check
+    overrides = (*(text for text in stored.overrides if not text.startswith(MESH_CHECK)), f"{MESH_CHECK}{asked}")
     settings = None if stored.settings is None else document_of(stored.settings)
     inputs = inputs_from_documents(document_of(stored.track), document_of(stored.aircraft), settings, overrides)
     changed = replace(stored, overrides=overrides, resolved=resolved_text(inputs))

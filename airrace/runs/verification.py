@@ -123,13 +123,13 @@ def _objections(result: StageResult, again: StageResult | None) -> list[str]:
 
 
 def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
-    """Yield a clause where a certificate that was measured again, or that of a rival, does not hold."""
-    for one in (again, *again.rivals):
+    """Yield a clause where a certificate that was measured again, or that of an alternative, does not hold."""
+    for one in (again, *again.alternatives):
         if one.certificate is not None and not one.certificate.holds:
             items = one.certificate.failed
             failed = ", ".join(
                 f"{item.name} {item.value:.3g} > {item.limit:.3g} {item.unit}".rstrip() for item in items
             )
-            yield f"{'it' if one is again else 'a rival'} does not hold: {failed or 'nothing was measured'}"
+            yield f"{'it' if one is again else 'an alternative'} does not hold: {failed or 'nothing was measured'}"
     if result.certificate is not None and not result.certificate.holds:
         yield "it was stored as not certified"

@@ -24,7 +24,7 @@ from airrace.flights import Flight
 from airrace.flights.clearance import Clearance
 from airrace.flights.near_misses import NearMiss
 from airrace.procedure import run as procedure
-from airrace.procedure.result import Explored, Stage, StageResult, Way
+from airrace.procedure.result import SearchReport, Stage, StageResult, Way
 from airrace.runs import leg_object
 from airrace.runs.run_object import run_object, stage_object
 
@@ -34,7 +34,7 @@ STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LOOP = "g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
 
-def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
+def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> SearchReport:
     tried = tuple(
         Way(
             f"1:g{number} -> 1:g{number + 1}: over the top to the right, {100 + number} m high",
@@ -44,12 +44,12 @@ def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
         )
         for number in range(ways)
     )
-    return Explored(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
+    return SearchReport(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
 
 
-def contested(found: Explored, own: StageResult | None = None) -> StageResult:
+def contested(found: SearchReport, own: StageResult | None = None) -> StageResult:
     own = own or stage_result(Stage.POINT_MASS, passings=PASSINGS)
-    return replace(own, explored=found, rivals=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
+    return replace(own, search=found, alternatives=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
 
 
 class Ran:
@@ -86,21 +86,28 @@ def settings_of(folder: Path) -> dict[str, Any]:
 # what is asked for
 
 
-@pytest.mark.parametrize("explore", ["off", "quick", "thorough"])
-def test_explore_and_climb_reach_the_settings_and_are_kept_as_overrides(folder: Path, explore: str) -> None:
-    assert Ran("optimize", TRACK, "--explore", explore, "--climb", "3", "--quiet").code == 0
-    assert (settings_of(folder)["explore"], settings_of(folder)["climb"]) == (explore, 3)
+@pytest.mark.parametrize("search", ["off", "quick", "thorough"])
+def test_explore_and_climb_reach_the_settings_and_are_kept_as_overrides(folder: Path, search: str) -> None:
+    assert Ran("optimize", TRACK, "--search", search, "--alternatives", "3", "--quiet").code == 0
+    assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == (search, 3)
     stored = read_checkpoint(folder / "rovinj_2014.h5").inputs.overrides
-    assert stored == (f"settings.explore={explore}", "settings.climb=3")
+    assert stored == (f"settings.search={search}", "settings.alternatives=3")
 
 
 def test_silent_command_explores_quickly_and_climbs_with_one_way(folder: Path) -> None:
     assert Ran("optimize", TRACK, "--quiet").code == 0
-    assert (settings_of(folder)["explore"], settings_of(folder)["climb"]) == ("quick", 1)
+    assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == ("quick", 1)
 
 
 @pytest.mark.parametrize(
-    "wrong", [("--explore", "fast"), ("--explore", ""), ("--climb", "0"), ("--climb", "21"), ("--climb", "two")]
+    "wrong",
+    [
+        ("--search", "fast"),
+        ("--search", ""),
+        ("--alternatives", "0"),
+        ("--alternatives", "21"),
+        ("--alternatives", "two"),
+    ],
 )
 def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, str]) -> None:
     ran = Ran("optimize", TRACK, *wrong)
@@ -112,14 +119,14 @@ def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, s
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("explore: fast", "explore"),
-        ("explore: Off", "explore"),
-        ("explore: 1", "explore"),
-        ("climb: 0", "climb"),
-        ("climb: 21", "climb"),
-        ("climb: 1.5", "climb"),
-        ("climb: many", "climb"),
-        ("explores: off", "explore"),
+        ("search: fast", "search"),
+        ("search: Off", "search"),
+        ("search: 1", "search"),
+        ("alternatives: 0", "alternatives"),
+        ("alternatives: 21", "alternatives"),
+        ("alternatives: 1.5", "alternatives"),
+        ("alternatives: many", "alternatives"),
+        ("searches: off", "search"),
     ],
 )
 def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: str) -> None:
@@ -131,7 +138,7 @@ def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: 
     assert words in str(finding)
 
 
-@pytest.mark.parametrize("chosen", ["settings.explore=fast", "settings.climb=0"])
+@pytest.mark.parametrize("chosen", ["settings.search=fast", "settings.alternatives=0"])
 def test_wrong_overrides_are_refused(folder: Path, chosen: str) -> None:
     ran = Ran("optimize", TRACK, "--set", chosen, "--json")
     assert ran.code == 3
@@ -210,19 +217,19 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
             {"way": way.text, "race_time_s": way.race_time, "difference_s": way.difference, "priced": way.priced}
             for way in explored().ways
         ]
-        assert stage["explored"] == {
+        assert stage["search"] == {
             "seconds": 4.5,
             "led_to_best": 3,
             "led_elsewhere": 1,
             "lost": 1,
             "loops": [LOOP],
         }
-        assert stage["rivals"] == [{"race_time_s": 10.0, "state": "certified", "certified": True}] * 2
+        assert stage["alternatives"] == [{"race_time_s": 10.0, "state": "certified", "certified": True}] * 2
 
 
 def test_stage_that_has_not_explored_tells_no_ways() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
-    assert (told["ways"], told["explored"], told["rivals"]) == ([], None, [])
+    assert (told["ways"], told["search"], told["alternatives"]) == ([], None, [])
     shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
     assert "ways round" not in shown
 

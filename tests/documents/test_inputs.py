@@ -7,7 +7,7 @@ import pytest
 from language_texts import TRACK, edited, understood
 
 from airrace.environment.air import Profile
-from airrace.procedure.settings import GuessKind, Proof, Settings
+from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import INVERTED, KNIFE_EDGE_LEFT, Gate, Manoeuvre, Passing, Pylon
@@ -96,8 +96,8 @@ def test_silent_settings_are_the_procedures_own() -> None:
 
 
 def test_how_much_is_proved_is_no_part_of_what_a_stage_stands_on() -> None:
-    last, every = (understood(overrides=(f"settings.proof={proof}",)) for proof in ("last", "all"))
-    assert (last.settings.proof, every.settings.proof) == (Proof.LAST, Proof.ALL)
+    last, every = (understood(overrides=(f"settings.mesh_check={mesh_check}",)) for mesh_check in ("last", "all"))
+    assert (last.settings.mesh_check, every.settings.mesh_check) == (MeshCheck.LAST, MeshCheck.ALL)
     assert last.resolved == every.resolved == understood().resolved
 
 

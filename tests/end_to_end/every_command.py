@@ -10,11 +10,11 @@ from kept import kept
 COURSE = "course.yaml"
 LOG = "log.csv"
 RUN = "run.h5"
-BATCH = ("batch", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
+BATCH = ("batch", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off")
 OPTIMIZE = ("optimize", COURSE, *ALONG_THE_PLAN)
 
 COMMANDS: tuple[tuple[str, ...], ...] = (
-    (*OPTIMIZE, "--explore", "quick", "--threads", "2"),
+    (*OPTIMIZE, "--search", "quick", "--threads", "2"),
     ("resume", RUN, "--from", "point-mass", *POINT_MASS),
     BATCH,
     *(("export", form, RUN) for form in ("csv", "parquet", "netcdf", "mat")),

@@ -35,7 +35,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ran, Path]:
     """A race through rings, and its checkpoint."""
     folder = tmp_path_factory.mktemp("own")
     (folder / "rings.yaml").write_text(TRACK, encoding="utf-8")
-    options = (*POINT_MASS, "--guess", "plan", "--explore", "off", "--output", "rings.h5", "--json", "--quiet")
+    options = (*POINT_MASS, "--guess", "plan", "--search", "off", "--output", "rings.h5", "--json", "--quiet")
     return airrace("optimize", "rings.yaml", *options, cwd=folder, environment=OWN), folder / "rings.h5"
 
 

@@ -25,14 +25,14 @@ ROOT = Path(__file__).parents[2]
 @functools.cache
 def half_cuban() -> Run:
     """The half Cuban eight flown by the point mass."""
-    return airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+    return airrace.optimize("half_cuban_eight", until="point-mass", search="off")
 
 
 @functools.cache
 def windy() -> Run:
     """The same in a wind that blows across."""
     wind = ["environment.wind.from_deg=70", "environment.wind.speed_kt=20"]
-    return airrace.optimize("half_cuban_eight", until="point-mass", explore="off", set=wind)
+    return airrace.optimize("half_cuban_eight", until="point-mass", search="off", set=wind)
 
 
 def rovinj(wind: StaticWind | None = None) -> Race:

@@ -21,13 +21,13 @@ from airrace.planning.waypoints import candidates
 from airrace.procedure.flight import Flight, mesh_of, stage_flight, trajectory
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Explore, GuessKind, MeshSettings, Settings
+from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Trajectory
 
 every_race = pytest.mark.parametrize("name", RACES)
-OFF = dataclasses.replace(settings(GuessKind.PLAN), explore=Explore.OFF)
+OFF = dataclasses.replace(settings(GuessKind.PLAN), search=SearchEffort.OFF)
 
 
 def race_of(*elements: object) -> Race:

@@ -14,7 +14,7 @@ from airrace.procedure.homotopy import DOUBTS_MAX, fly_homotopy
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage
-from airrace.procedure.settings import Explore, GuessKind, Settings
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solving import Workbench
 
 TORN = 4
@@ -78,17 +78,17 @@ FOUND_OUT = ("stuck", "stuck", "stuck", "infeasible", "infeasible")  # the first
 
 
 @pytest.mark.parametrize(
-    ("kind", "before", "explored"),
+    ("kind", "before", "search"),
     [
-        (GuessKind.HOMOTOPY, [], Explore.QUICK),
-        (GuessKind.HOMOTOPY, [], Explore.OFF),
-        (GuessKind.PLAN, ["stuck", "stuck"], Explore.OFF),  # the plan, then all its limits relaxed
+        (GuessKind.HOMOTOPY, [], SearchEffort.QUICK),
+        (GuessKind.HOMOTOPY, [], SearchEffort.OFF),
+        (GuessKind.PLAN, ["stuck", "stuck"], SearchEffort.OFF),  # the plan, then all its limits relaxed
     ],
 )
 def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
-    kind: GuessKind, before: list[str], explored: Explore
+    kind: GuessKind, before: list[str], explored: SearchEffort
 ) -> None:
-    chosen = settings(kind, explore=explored)
+    chosen = settings(kind, search=explored)
     used = Workbench(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
     ladder = Ladder(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:

@@ -72,11 +72,11 @@ def test_a_file_that_exists_is_kept_unless_forced(folder: Path, tmp_path: Path) 
 
 
 def test_flights_of_another_course_are_refused_with_a_sentence(folder: Path, tmp_path: Path) -> None:
-    other = airrace.optimize("half_cuban_eight", until="homotopy", set={"gates.exit.climb_deg": 1}, explore="off")
+    other = airrace.optimize("half_cuban_eight", until="homotopy", set={"gates.exit.climb_deg": 1}, search="off")
     other.save(tmp_path / "same.h5")
     text = half_cuban().inputs.track.text.replace("upright", "level_again")
     (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
-    airrace.optimize(tmp_path / "other.yaml", until="homotopy", explore="off").save(tmp_path / "other.h5")
+    airrace.optimize(tmp_path / "other.yaml", until="homotopy", search="off").save(tmp_path / "other.h5")
     assert called(folder / "still.h5", tmp_path / "same.h5", "--output", tmp_path / "a.html").exit_code == ExitCode.DONE
     ran = called(folder / "still.h5", tmp_path / "other.h5", "--output", tmp_path / "b.html")
     assert ran.exit_code == ExitCode.USAGE

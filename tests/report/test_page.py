@@ -12,7 +12,7 @@ from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, 
 
 from airrace.flights.comparison import compared
 from airrace.flights.leg_facts import leg_facts
-from airrace.procedure.result import Explored, Way
+from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page
 from airrace.report.html_tables import Cell, Head, Row, number, table
 from airrace.runs.reported import opened_report, report_page, stage_sections
@@ -111,7 +111,7 @@ def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) 
     run = half_cuban()
     way = Way("over the top <left>", 9.25, 0.75, "jointly")
     first, *later = run.checkpoint.stages
-    tried = replace(first, result=replace(first.result, explored=Explored((way,))))
+    tried = replace(first, result=replace(first.result, search=SearchReport((way,))))
     explored = replace(run, checkpoint=replace(run.checkpoint, stages=(tried, *later)))
     assert len(explored.stages) > 1
     assert way.text in read(report_page(explored)).texts["td"]

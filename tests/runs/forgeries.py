@@ -175,11 +175,11 @@ def coarser_elsewhere(one: MeshRecord) -> MeshRecord:
 
 
 def with_rival(result: StageResult) -> StageResult:
-    """A rival that was never flown."""
+    """An alternative that was never flown."""
     slower = replace(
         result.trajectory, durations=1.01 * result.trajectory.durations, time=1.01 * result.trajectory.time
     )
-    return replace(result, rivals=(replace(result, trajectory=slower, rivals=()),))
+    return replace(result, alternatives=(replace(result, trajectory=slower, alternatives=()),))
 
 
 def versions(**changed: str) -> Forgery:
@@ -297,7 +297,7 @@ FOUND: dict[str, Forgery] = {
     "first stage dropped": without(HOMOTOPY),
     "stage in the middle dropped": without(POINT_MASS),
     "last stage dropped": without(TRANSFER),
-    "a rival": at(POINT_MASS, with_rival),
+    "an alternative": at(POINT_MASS, with_rival),
     "seconds of the solver": last(lambda result: replace(result, timings=replace(result.timings, solve=0.001))),
     "endless seconds": last(lambda result: replace(result, timings=replace(result.timings, wall=math.inf))),
     "no attempts": at(POINT_MASS, lambda result: replace(result, attempts=())),

@@ -32,7 +32,7 @@ MEASURED: dict[str, Measured] = {}
 @kept
 def genuine() -> Checkpoint:
     """Three stages of a small course, the last of them certified."""
-    return airrace.optimize("half_cuban_eight", until="transfer-function", explore="off").checkpoint
+    return airrace.optimize("half_cuban_eight", until="transfer-function", search="off").checkpoint
 
 
 @pytest.fixture(autouse=True)

@@ -36,10 +36,10 @@ def test_the_object_has_the_documented_keys() -> None:
             "derivatives_s",
             "wall_s",
             "certified",
-            "rivals",
+            "alternatives",
             "mesh",
             "ways",
-            "explored",
+            "search",
             "conflicts",
             "certificate",
         ]

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PYTHON = """
 import airrace
-run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+run = airrace.optimize("half_cuban_eight", until="point-mass", search="off")
 print(airrace.__file__, run.certified, run.save("flown.h5"), len(run.splits), len(run["point-mass"].to_dataframe()))
 """
 

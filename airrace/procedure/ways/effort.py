@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from airrace.environment.atmosphere import g0
 from airrace.planning.cruise import Cruise
-from airrace.procedure.settings import Explore
+from airrace.procedure.settings import SearchEffort
 from airrace.records import record
 
 
@@ -57,7 +57,7 @@ QUICK = Effort(
     finalists=2,
     homotopy=False,
 )
-"""The effort of `settings.explore: quick`."""
+"""The effort of `settings.search: quick`."""
 THOROUGH = Effort(
     radii=(
         Radius(1.0),
@@ -73,8 +73,8 @@ THOROUGH = Effort(
     finalists=4,
     homotopy=True,
 )
-"""The effort of `settings.explore: thorough`."""
-EFFORTS: Mapping[Explore, Effort] = {Explore.QUICK: QUICK, Explore.THOROUGH: THOROUGH}
+"""The effort of `settings.search: thorough`."""
+EFFORTS: Mapping[SearchEffort, Effort] = {SearchEffort.QUICK: QUICK, SearchEffort.THOROUGH: THOROUGH}
 
 
 def scaled(pace: Cruise, radius: Radius) -> Cruise:

@@ -11,7 +11,7 @@ from airrace.planning.plan import plan
 from airrace.procedure.flight import Flight
 from airrace.procedure.guess import counts_of
 from airrace.procedure.joint import Start
-from airrace.procedure.result import Explored, Way
+from airrace.procedure.result import SearchReport, Way
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.crew import Crew
 from airrace.procedure.ways.effort import Effort, scaled
@@ -46,11 +46,11 @@ class Exploration:
 
     Attributes:
         starts: flights to be refined and proved, the best first; empty if nothing could be flown.
-        explored: what was tried, for people, seen from the start with that number, which was proved.
+        search: what was tried, for people, seen from the start with that number, which was proved.
     """
 
     starts: tuple[Start, ...]
-    explored: Callable[[int], Explored]
+    search: Callable[[int], SearchReport]
 
 
 def explore(
@@ -76,9 +76,9 @@ def explore(
         finals = _finals(crew, bench, finalists)
     seconds = time.perf_counter() - began
 
-    def explored(number: int) -> Explored:
+    def explored(number: int) -> SearchReport:
         if not finals:
-            return Explored((), 0, 0, found.lost, seconds, ())
+            return SearchReport((), 0, 0, found.lost, seconds, ())
         return _told(found, finals[number], course, scaled(pace, effort.thinking), seconds)
 
     return Exploration(tuple(_start(one) for one in finals), explored)
@@ -117,7 +117,7 @@ def _start(sketch: Sketch) -> Start:
     return Start(sketch.flight, sketch.problem, sketch.iterate, FINAL_BARRIER)
 
 
-def _told(found: Found, best: Sketch, course: Course, pace: Cruise, seconds: float) -> Explored:
+def _told(found: Found, best: Sketch, course: Course, pace: Cruise, seconds: float) -> SearchReport:
     """Return what was tried, in words, the one that was proved first."""
     places = stretches(course)
     led = [one for one in found.flights if not differing(best, one.sketch, places)]
@@ -131,7 +131,7 @@ def _told(found: Found, best: Sketch, course: Course, pace: Cruise, seconds: flo
     unique = {way.text: way for way in sorted(others, key=lambda way: (way.priced == "jointly", -way.race_time))}
     ranked = sorted(unique.values(), key=lambda way: way.race_time)
     loops = tuple(_loops(best, course, pace, places))
-    return Explored(
+    return SearchReport(
         (first, *ranked[: MOST_WAYS - 1]), len(led), len(found.flights) - len(led), found.lost, seconds, loops
     )
 

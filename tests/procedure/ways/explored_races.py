@@ -11,13 +11,13 @@ from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Explore, GuessKind, Settings
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Pylon
 
 PLAN = settings(GuessKind.PLAN)
-OFF = dataclasses.replace(PLAN, explore=Explore.OFF)
-QUICK = dataclasses.replace(PLAN, explore=Explore.QUICK)
+OFF = dataclasses.replace(PLAN, search=SearchEffort.OFF)
+QUICK = dataclasses.replace(PLAN, search=SearchEffort.QUICK)
 
 
 def narrow(element: Gate | Pylon) -> Gate | Pylon:
@@ -46,7 +46,7 @@ WOUND = wound(6.0)
 
 def optimum(race: Race, chosen: Settings = QUICK) -> StageResult:
     """The point mass of a race."""
-    return explored(race, chosen, 1) if chosen.explore is not Explore.OFF else unexplored(race, chosen)
+    return explored(race, chosen, 1) if chosen.search is not SearchEffort.OFF else unexplored(race, chosen)
 
 
 @kept

@@ -18,7 +18,7 @@ from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, Way
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Explore
+from airrace.procedure.settings import SearchEffort
 from airrace.procedure.ways.effort import QUICK as QUICK_EFFORT
 from airrace.procedure.ways.effort import THOROUGH, Effort, Radius
 from airrace.procedure.ways.exploring import Exploration, explore
@@ -63,7 +63,7 @@ def test_mirrored_race_takes_the_same_time_in_the_mirrored_ways() -> None:
     assert seconds(image) == pytest.approx(seconds(own), abs=SAME)
     other = {"right": "left", "left": "right"}
     # Names of passages stay as they are: only what follows the colon is seen in the mirror.
-    for way, seen in zip(own.explored.ways, image.explored.ways, strict=True):
+    for way, seen in zip(own.search.ways, image.search.ways, strict=True):
         legs = [leg.split(": ") for leg in way.text.split("; ")]
         expected = "; ".join(
             ": ".join([*leg[:-1], " ".join(_mirrored_word(word, other) for word in leg[-1].split(" "))]) for leg in legs
@@ -78,11 +78,11 @@ def _mirrored_word(word: str, other: dict[str, str]) -> str:
 
 
 def assert_same_flight(one: StageResult, other: StageResult) -> None:
-    assert one.explored.ways == other.explored.ways
-    assert (one.explored.led, one.explored.elsewhere, one.explored.lost) == (
-        other.explored.led,
-        other.explored.elsewhere,
-        other.explored.lost,
+    assert one.search.ways == other.search.ways
+    assert (one.search.led, one.search.elsewhere, one.search.lost) == (
+        other.search.led,
+        other.search.elsewhere,
+        other.search.lost,
     )
     for name in ("durations", "state", "control"):
         np.testing.assert_array_equal(getattr(one.trajectory, name), getattr(other.trajectory, name))
@@ -101,9 +101,9 @@ def explored_with(effort: Effort, race: Race) -> Exploration:
 
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     wide = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),))
-    unimproved = explored_with(dataclasses.replace(wide, rounds=0), WOUND).explored(0)
-    improved = explored_with(wide, WOUND).explored(0)
-    tight = explored_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), WOUND).explored(0)
+    unimproved = explored_with(dataclasses.replace(wide, rounds=0), WOUND).search(0)
+    improved = explored_with(wide, WOUND).search(0)
+    tight = explored_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), WOUND).search(0)
     assert unimproved.ways[0].race_time > tight.ways[0].race_time + 5.0
     assert improved.ways[0].race_time == pytest.approx(tight.ways[0].race_time, abs=2e-2)
     assert improved.ways[0].text == tight.ways[0].text
@@ -112,7 +112,7 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
 def test_loop_that_is_left_is_told() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
     effort = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),), rounds=0)
-    told = " ".join(explored_with(effort, WOUND).explored(0).loops)
+    told = " ".join(explored_with(effort, WOUND).search(0).loops)
     assert "left -> right" in told
     assert "where the gates ask for" in told
 
@@ -122,18 +122,18 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
 
     def looped(*arguments: object) -> Exploration:
         found = explore(*arguments)  # type: ignore[arg-type]
-        return dataclasses.replace(found, explored=lambda one: dataclasses.replace(found.explored(one), loops=(loop,)))
+        return dataclasses.replace(found, search=lambda one: dataclasses.replace(found.search(one), loops=(loop,)))
 
     monkeypatch.setattr(ladder, "explore", looped)
     with workbench(QUICK) as bench, caplog.at_level(logging.WARNING):
         result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, bench)
-    assert result.explored.loops == (loop,)
+    assert result.search.loops == (loop,)
     assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
 
 
 @each_small_race
 def test_race_that_is_flown_well_has_no_needless_loop(race: Race) -> None:
-    assert optimum(race).explored.loops == ()
+    assert optimum(race).search.loops == ()
 
 
 def ranked(ways: Sequence[Way]) -> list[float]:
@@ -142,7 +142,7 @@ def ranked(ways: Sequence[Way]) -> list[float]:
 
 @each_small_race
 def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> None:
-    explored = optimum(race).explored
+    explored = optimum(race).search
     best, *others = explored.ways
     assert (best.difference, best.priced) == (0.0, "jointly")
     assert ranked(others) == sorted(ranked(others))
@@ -158,22 +158,22 @@ def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> 
 
 @each_small_race
 def test_rough_time_of_the_best_way_is_near_the_certified_one(race: Race) -> None:
-    assert optimum(race).explored.ways[0].race_time == pytest.approx(seconds(optimum(race)), abs=0.03)
+    assert optimum(race).search.ways[0].race_time == pytest.approx(seconds(optimum(race)), abs=0.03)
 
 
 def test_without_exploring_nothing_is_told() -> None:
-    assert optimum(WOUND, OFF).explored.ways == ()
-    assert optimum(WOUND, OFF).explored.seconds == 0.0
+    assert optimum(WOUND, OFF).search.ways == ()
+    assert optimum(WOUND, OFF).search.seconds == 0.0
 
 
 def test_start_without_exploring_is_never_lost_by_it() -> None:
     """Were all other plans of no use, exploring would still end where the race ends without it."""
     others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ladder, "EFFORTS", {Explore.QUICK: others_lead_nowhere})
+        patch.setattr(ladder, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
         (result,) = optimize(WOUND, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
-    assert (result.explored.led, result.explored.elsewhere, result.explored.lost) == (1, 0, 0)
+    assert (result.search.led, result.search.elsewhere, result.search.lost) == (1, 0, 0)
     assert seconds(result) == pytest.approx(seconds(optimum(WOUND, OFF)), abs=SAME)
 
 
@@ -190,7 +190,7 @@ def test_no_race_without_a_flight_has_starts() -> None:
     effort = dataclasses.replace(QUICK_EFFORT, radii=())
     found = explored_with(effort, SMALL)
     assert found.starts == ()
-    assert found.explored(0).ways == ()
+    assert found.search(0).ways == ()
 
 
 @pytest.mark.slow
@@ -203,5 +203,5 @@ def test_no_race_without_a_flight_has_starts() -> None:
     ],
 )
 def test_thorough_search_is_no_slower_than_a_quick_one(race: Race) -> None:
-    thorough = dataclasses.replace(PLAN, explore=Explore.THOROUGH)
+    thorough = dataclasses.replace(PLAN, search=SearchEffort.THOROUGH)
     assert seconds(optimum(race, thorough)) <= seconds(optimum(race)) + SAME

@@ -19,14 +19,14 @@ from airrace.procedure import ladder
 from airrace.procedure.joint import Start
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Stage, StageResult, State, Way
+from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, State, Way
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.ways.exploring import Exploration
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
-BOTH = dataclasses.replace(QUICK, climb=2)
+BOTH = dataclasses.replace(QUICK, alternatives=2)
 
 
 @functools.cache
@@ -41,16 +41,16 @@ def seconds(result: StageResult) -> float:
 
 def test_rivals_are_certified_and_slower() -> None:
     point_mass = explored_optimum(HALF_CUBAN, BOTH)
-    (rival,) = point_mass.rivals
-    assert rival.certified
-    assert seconds(rival) > seconds(point_mass)
-    assert rival.stage is Stage.POINT_MASS
-    assert (rival.explored, rival.rivals) == (NOT_EXPLORED, ())
+    (alternative,) = point_mass.alternatives
+    assert alternative.certified
+    assert seconds(alternative) > seconds(point_mass)
+    assert alternative.stage is Stage.POINT_MASS
+    assert (alternative.search, alternative.alternatives) == (NOT_SEARCHED, ())
 
 
 def test_best_way_is_the_same_whether_it_climbs_alone_or_not() -> None:
     alone = explored_optimum(HALF_CUBAN)
-    assert alone.rivals == ()
+    assert alone.alternatives == ()
     assert seconds(explored_optimum(HALF_CUBAN, BOTH)) == pytest.approx(seconds(alone), abs=1e-6)
 
 
@@ -59,10 +59,10 @@ def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
     higher = climbed()[1]
     assert higher.stage is Stage.TRANSFER_FUNCTION
     assert higher.certified
-    (rival,) = higher.rivals
-    assert rival.certified
-    assert seconds(rival) >= seconds(higher)
-    assert higher.explored == NOT_EXPLORED
+    (alternative,) = higher.alternatives
+    assert alternative.certified
+    assert seconds(alternative) >= seconds(higher)
+    assert higher.search == NOT_SEARCHED
 
 
 @pytest.mark.slow
@@ -75,7 +75,7 @@ def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
         HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, finished=[stored.result], progress=Silent()
     )
     (higher,) = going_on
-    for own, other in zip((higher, *higher.rivals), (climbed()[1], *climbed()[1].rivals), strict=True):
+    for own, other in zip((higher, *higher.alternatives), (climbed()[1], *climbed()[1].alternatives), strict=True):
         np.testing.assert_array_equal(own.trajectory.state, other.trajectory.state)
 
 
@@ -88,7 +88,7 @@ def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatc
         result = Ladder(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, bench)
     assert len(answers.asked) == 2
     assert seconds(result) == pytest.approx(8.9)
-    assert [seconds(rival) for rival in result.rivals] == [pytest.approx(9.0)]
+    assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
 
 
 # the order in which starts are tried, with canned answers
@@ -122,14 +122,14 @@ def first_stage(
     chosen: Settings,
     found: int,
     *verdicts: StageResult,
-    explored: Explored = NOT_EXPLORED,
+    search: SearchReport = NOT_SEARCHED,
 ) -> tuple[StageResult, list[list[Start]], list[Start]]:
     """The point mass where exploring has found so many starts: the result, what was asked, and those starts."""
     sketch = planned_sketch(SMALL)
     starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(ladder, "optimise_jointly", answers)
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: explored))
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: search))
     monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     with workbench(chosen) as bench:
         result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, bench)
@@ -157,15 +157,15 @@ def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified
 def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     sketch = planned_sketch(SMALL)
     starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
-    told = [Explored(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
+    told = [SearchReport(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
     monkeypatch.setattr(ladder, "optimise_jointly", Answers(taking(9.0, certified=False), taking(9.05)))
     monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, told.__getitem__))
     with workbench(QUICK) as bench:
         result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, bench)
-    assert result.explored.ways[0].text == "second"
+    assert result.search.ways[0].text == "second"
 
 
-BEST_WAY = Explored(ways=(Way("flat", 9.0, 0.0, "jointly"),))
+BEST_WAY = SearchReport(ways=(Way("flat", 9.0, 0.0, "jointly"),))
 
 
 def test_next_way_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_the_proof(
@@ -173,7 +173,7 @@ def test_next_way_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_
 ) -> None:
     verdicts = (taking(9.5), taking(9.05))
     with caplog.at_level(logging.WARNING):
-        result, asked, found = first_stage(monkeypatch, QUICK, 3, *verdicts, explored=BEST_WAY)
+        result, asked, found = first_stage(monkeypatch, QUICK, 3, *verdicts, search=BEST_WAY)
     assert asked == [[one] for one in found[:2]]
     assert seconds(result) == pytest.approx(9.05)
     assert not caplog.records
@@ -183,7 +183,7 @@ def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), explored=BEST_WAY)
+        result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), search=BEST_WAY)
     assert seconds(result) == pytest.approx(9.5)
     (record,) = caplog.records
     assert "9.00 s when flown roughly" in record.getMessage()
@@ -194,7 +194,7 @@ def close_together(
     monkeypatch: pytest.MonkeyPatch, *verdicts: StageResult, proofs: dict[float, StageResult | str]
 ) -> tuple[StageResult, list[float]]:
     """The result where two ways below the last stage were solved on one mesh each, and what was proved of them."""
-    two = dataclasses.replace(QUICK, climb=2)
+    two = dataclasses.replace(QUICK, alternatives=2)
     sketch = planned_sketch(SMALL)
     starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
     asked: list[float] = []
@@ -205,7 +205,7 @@ def close_together(
 
     left = list(verdicts)
     monkeypatch.setattr(ladder, "optimise_jointly", lambda *_, **__: left.pop(0))
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: NOT_EXPLORED))
+    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
     monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     monkeypatch.setattr(ladder, "proved", answered)
     with workbench(two) as bench:
@@ -219,7 +219,7 @@ def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch
     result, asked = close_together(monkeypatch, first, second, proofs=proofs)
     assert asked == [9.000, 9.008]
     assert (seconds(result), result.state) == (pytest.approx(8.998), State.CERTIFIED)
-    assert [seconds(rival) for rival in result.rivals] == [pytest.approx(8.999)]
+    assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(8.999)]
 
 
 def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,14 +227,14 @@ def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) 
     result, asked = close_together(monkeypatch, first, second, proofs={})
     assert asked == []
     assert (seconds(result), result.state) == (pytest.approx(9.0), State.SOLVED)
-    assert [rival.state for rival in result.rivals] == [State.SOLVED]
+    assert [alternative.state for alternative in result.alternatives] == [State.SOLVED]
 
 
 def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = on_one_mesh(taking(9.000)), on_one_mesh(taking(9.008))
     result, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: taking(9.008)})
     assert (seconds(result), result.state) == (pytest.approx(9.008), State.CERTIFIED)
-    assert result.rivals == ()
+    assert result.alternatives == ()
     neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
     assert (seconds(neither), neither.state) == (pytest.approx(9.0), State.SOLVED)
     assert neither.message == "its race time could not be proved on a second mesh: it failed"
@@ -247,9 +247,9 @@ def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch:
 
 
 def test_fastest_certified_way_is_the_result_whichever_was_the_best_when_rough(monkeypatch: pytest.MonkeyPatch) -> None:
-    three = dataclasses.replace(QUICK, climb=3)
+    three = dataclasses.replace(QUICK, alternatives=3)
     verdicts = (taking(9.2), taking(9.0), taking(8.0, certified=False))
     result, asked, found = first_stage(monkeypatch, three, 4, *verdicts)
     assert asked == [[one] for one in found[:3]]
     assert seconds(result) == pytest.approx(9.0)
-    assert [seconds(rival) for rival in result.rivals] == [pytest.approx(9.2)]
+    assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.2)]
