@@ -300,9 +300,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 1
     found = {name: median(several) for name, several in runs.items()}
-    print(
-        f"{asked.threads} threads, search {asked.search}, mesh check {asked.mesh_check}: medians of {asked.repeats} runs\n"
-    )
+    print(f"{asked.threads} threads, search {asked.search}, mesh check {asked.mesh_check}, {asked.repeats} runs each\n")
     print_rows([HEADLINES, *(headline(name, run) for name, run in found.items())])
     if asked.beside:
         print_rows(ratio_rows(runs))

@@ -70,8 +70,8 @@ def resume(
     """Continue a run, or change it.
 
     It goes on after the last stage that still stands, in the same file. With --mesh-check all the mesh check of stages
-    that were solved on one mesh comes first. With --set, --track, --aircraft or --settings the changed run is started from
-    the highest stage of this one that holds and written to --output; this file stays as it is.
+    that were solved on one mesh comes first. With --set, --track, --aircraft or --settings the changed run is started
+    from the highest stage of this one that holds and written to --output; this file stays as it is.
     """
     with answering(unflown(None), as_json=as_json, verbose=verbose) as answer:
         from airrace.optimal_control.spawn import start_early

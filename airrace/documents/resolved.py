@@ -14,8 +14,8 @@ from airrace.procedure.settings import Settings
 def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
     """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians.
 
-    `settings.mesh_check` is left out: a stage stands whichever stages are to have a mesh check, and its certificate says
-    what was measured of it.
+    `settings.mesh_check` is left out: a stage stands whichever stages have a mesh check, and its certificate says what
+    was measured of it.
     """
     return {
         "course": _plain(race.course),

@@ -110,8 +110,8 @@ def test_plain_hdf5_shows_ways_and_rivals(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "run.h5", checkpoint_of(contested()))
     with h5py.File(tmp_path / "run.h5", "r") as file:
         stage = file[STAGE]
-        assert stage["explored/ways"]["text"][0].decode() == EXPLORED.ways[0].text
-        assert stage["explored/ways"]["difference"].tolist() == [0.0, 0.3]
+        assert stage["search/ways"]["text"][0].decode() == EXPLORED.ways[0].text
+        assert stage["search/ways"]["difference"].tolist() == [0.0, 0.3]
         assert list(stage["alternatives"]) == ["1", "2"]
         # The time axis of an alternative's histories is its own.
         assert stage["alternatives/2/states/V_K"].dims[0][0] == stage["alternatives/2/time"]

@@ -86,9 +86,9 @@ FOUND_OUT = ("stuck", "stuck", "stuck", "infeasible", "infeasible")  # the first
     ],
 )
 def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
-    kind: GuessKind, before: list[str], explored: SearchEffort
+    kind: GuessKind, before: list[str], search: SearchEffort
 ) -> None:
-    chosen = settings(kind, search=explored)
+    chosen = settings(kind, search=search)
     used = Workbench(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
     ladder = Ladder(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
