@@ -107,15 +107,15 @@ def whole_ladder(runs: Path, course: str) -> dict[str, Answer]:
 
 
 def ladder(runs: Path) -> Rows:
-    """One line per course: race time by stage, what all stages cost, farthest strayed, iterations."""
+    """One line per course: race time by stage, what all stages cost, largest tracking error, iterations."""
     names = tuple(f"`{stage}`" for stage in STAGES)
-    rows: Rows = [("course", *names, "last - first", "strayed at most, m", "iterations")]
+    rows: Rows = [("course", *names, "last - first", "tracking error at most, m", "iterations")]
     for course in COURSES:
         found = whole_ladder(runs, course)
         times = [one["race_time_s"] for one in found.values()]
-        strayed = max(one["strayed_m"] for one in found.values() if one["strayed_m"] is not None)
+        error = max(one["tracking_error_m"] for one in found.values() if one["tracking_error_m"] is not None)
         iterations = sum(one["iterations"] for one in found.values())
-        cells = (*(f"{time:.3f}" for time in times), f"{times[-1] - times[0]:+.3f}", f"{strayed:.1f}", str(iterations))
+        cells = (*(f"{time:.3f}" for time in times), f"{times[-1] - times[0]:+.3f}", f"{error:.1f}", str(iterations))
         rows.append((f"`{course}`", *cells))
     return rows
 

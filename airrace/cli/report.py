@@ -22,8 +22,8 @@ def report(
         Path | None, output_option("FILE.html", "The page; by default beside the run, as RUN.html.")
     ] = None,
     stage: StageOfRun = None,
-    prices: Annotated[
-        bool, typer.Option("--prices", help="Compute what every number costs, and tell it; takes some seconds.")
+    sensitivities: Annotated[
+        bool, typer.Option("--sensitivities", help="Show the sensitivities to all numbers; takes some seconds.")
     ] = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -39,5 +39,5 @@ def report(
         names = [str(run_file), *(flights or [])]
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        write_text(path, opened_report(names, stage=stage, priced=prices))
+        write_text(path, opened_report(names, stage=stage, priced=sensitivities))
         answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)

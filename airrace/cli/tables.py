@@ -156,7 +156,7 @@ def stages_table(results: Sequence[StageResult]) -> Table:
     """
     table = _table("stages", "stage")
     table.add_column("status")  # of two words, which a narrow terminal puts below each other
-    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iter.", "wall\ns")
+    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "track.\nm", "iter.", "wall\ns")
     before: float | None = None
     for result in results:
         race_time, facts = result.trajectory.race_time, result.facts
@@ -167,7 +167,7 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             f"{race_time:.3f}" if result.is_flight else "-",
             f"{race_time - before:+.3f}" if optimum and before is not None else "-",
             f"{facts.regularisation:.3f}" if optimum else "-",
-            f"{facts.strayed:.2f}" if facts.source else "-",
+            f"{facts.tracking_error:.2f}" if facts.source else "-",
             str(result.iterations),
             f"{result.timings.wall:.1f}",
         )

@@ -55,8 +55,8 @@ class Followed:
         state: then; shape (n_x, N + 1).
         control: constant controls that lead from one of these to the next, within their bounds; shape (n_u, N).
         durations: of the reference's phases as flown, s; shape (n,).
-        strayed: largest distance from the reference, m.
-        strayed_at: the reference's clock at that distance, s.
+        tracking_error: largest distance from the reference, m.
+        tracking_error_time: the reference's clock at that distance, s.
         end_distance: distance from the reference's end, m.
         end_roll: roll angle to the reference's attitude there, rad.
     """
@@ -66,8 +66,8 @@ class Followed:
     state: Array
     control: Array
     durations: Array
-    strayed: float
-    strayed_at: float
+    tracking_error: float
+    tracking_error_time: float
     end_distance: float
     end_roll: float
 
@@ -237,8 +237,8 @@ def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown)
         state=state,
         control=_controls(system, flown, time, state),
         durations=np.diff(_at(reference.boundaries, flown.clock, flown.time)),
-        strayed=float(distance[worst]),
-        strayed_at=float(clock[worst]),
+        tracking_error=float(distance[worst]),
+        tracking_error_time=float(clock[worst]),
         end_distance=float(distance[-1]),
         end_roll=float(np.interp(end, flown.clock, flown.roll)),
     )

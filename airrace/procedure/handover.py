@@ -45,11 +45,11 @@ def followed(flight: Flight, pilot: Pilot, source: Flight, optimum: StageResult)
     simulated = follow(pilot, reference, nodes=nodes)
     facts = Facts(
         source=source.stage.value,
-        strayed=simulated.strayed,
-        strayed_at=simulated.strayed_at,
-        missed=simulated.end_distance,
+        tracking_error=simulated.tracking_error,
+        tracking_error_time=simulated.tracking_error_time,
+        terminal_miss=simulated.end_distance,
     )
-    if not simulated.finished or simulated.strayed > flight.fidelity.handover.farthest:
+    if not simulated.finished or simulated.tracking_error > flight.fidelity.handover.farthest:
         return dataclasses.replace(settled(flight, source, optimum), facts=facts)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
     problem = flight.problem(fractions_of(simulated.time, first_node))

@@ -16,7 +16,7 @@ HEARSAY = (
     "conflicts of limits",
     "ways that were tried",
     "what intervals were last cut or joined for",
-    "how far a start strayed",
+    "tracking error of a start",
 )
 """The records of a stage that nobody can measure again."""
 
@@ -92,15 +92,15 @@ class Facts:
     Attributes:
         regularisation: its share of the objective, s.
         source: the stage along whose optimum this one's model was flown for a first guess; empty without one.
-        strayed, strayed_at: farthest from that optimum (m), and when (s).
-        missed: how far beside its end that flight ended, m.
+        tracking_error, tracking_error_time: farthest from that optimum (m), and when (s).
+        terminal_miss: how far beside its end that flight ended, m.
     """
 
     regularisation: float = 0.0
     source: str = ""
-    strayed: float = 0.0
-    strayed_at: float = 0.0
-    missed: float = 0.0
+    tracking_error: float = 0.0
+    tracking_error_time: float = 0.0
+    terminal_miss: float = 0.0
 
 
 NO_FACTS = Facts()

@@ -176,8 +176,8 @@ class FlownStage:
         derived, sampler = self._derived, self._sampler(rate)
         export_csv(self.result, stream, rate_hz=rate, derived=derived, sampler=sampler, provenance=self._provenance)
 
-    def prices(self, by: str | None = None) -> "Prices":
-        """Return what every number of the inputs costs, in seconds per unit, by the multipliers of this optimum.
+    def sensitivities(self, by: str | None = None) -> "Prices":
+        """Return the sensitivity of the race time to every number of the inputs, in seconds per unit (shadow prices).
 
         Nothing is solved again. The dearest numbers come first.
 
@@ -191,7 +191,7 @@ class FlownStage:
         from airrace.runs.priced import priced
 
         if self.stale:
-            raise NotCertified(f"{self.name} has no prices: {self.stale}")
+            raise NotCertified(f"{self.name} has no sensitivities: {self.stale}")
         return priced(self.inputs, self.result, by)
 
     def as_object(self) -> dict[str, object]:

@@ -70,9 +70,9 @@ def _start(result: StageResult) -> Iterator[str]:
     above = source not in names or names.index(source) > names.index(stage.value)
     if above if of else source not in below:
         yield f"no {stage.value} is started from {facts.source!r}"
-    numbers = (facts.strayed, facts.strayed_at, facts.missed)
+    numbers = (facts.tracking_error, facts.tracking_error_time, facts.terminal_miss)
     if not all(math.isfinite(one) and one >= 0.0 for one in numbers) or (not led and any(numbers)):
-        yield "the start strayed in a way that is not possible"
+        yield "the tracking error of the start is not possible"
 
 
 def _message(result: StageResult) -> Iterator[str]:

@@ -26,7 +26,7 @@ class Prices(Mapping[str, Price]):
     """The prices of a stage by the keys of `set`, the dearest first.
 
     Examples:
-        >>> prices = run.prices(by="rules")
+        >>> prices = run.sensitivities(by="rules")
         >>> prices["rules.n_z_max"].price < 0.0
         True
 
@@ -61,7 +61,7 @@ class Prices(Mapping[str, Price]):
         return text_table(HEADS, self._cells())
 
     def _repr_html_(self) -> str:
-        return html_table("prices", HEADS, self._cells())
+        return html_table("sensitivities", HEADS, self._cells())
 
     def _cells(self) -> list[tuple[str, ...]]:
         """Return the cells of the dearest prices, and how many there are besides."""
@@ -85,7 +85,7 @@ def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices
     """
     known = {group.value: group for group in Group}
     if by is not None and by not in known:
-        raise UsageError(f"there are no prices by {by!r}; known are {', '.join(known)}")
+        raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
     groups = frozenset(Group) if by is None else frozenset([known[by]])
     return Prices(prices(inputs, result, groups=groups))
 

@@ -40,7 +40,7 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
     flights = opened_flights(names, stage=stage)
     if isinstance(kept, FlownLog):
         if priced:
-            raise NotCertified(f"{first.path} is a flown log: it has no prices")
+            raise NotCertified(f"{first.path} is a flown log: it has no sensitivities")
         return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}").as_html()
     flown = kept.stage(first.stage or stage)
     sections = stage_sections(flown, explored_stage(kept, flown), priced=priced)
@@ -91,7 +91,7 @@ def stage_sections(flown: FlownStage, explored: FlownStage | None = None, *, pri
     """
     return [
         ways_section((explored or flown).result),
-        prices_section(flown.prices() if priced else None),
+        prices_section(flown.sensitivities() if priced else None),
         certificate_section(flown.certificate),
         inputs_section(flown.inputs, flown.result, flown.versions),
     ]

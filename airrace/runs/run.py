@@ -214,9 +214,9 @@ class Run:
 
         return verified(self)
 
-    def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
-        """Return what every number of the inputs costs, by the multipliers of a stage; see `FlownStage.prices`."""
-        return self.stage(stage).prices(by)
+    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
+        """Return the sensitivities of a stage's race time to the inputs; see `FlownStage.sensitivities`."""
+        return self.stage(stage).sensitivities(by)
 
     def compare(self, other: "Run") -> SplitComparison:
         """Hold another run of the same passings against this one, leg by leg, at the highest stage that holds in both.
@@ -240,7 +240,9 @@ class Run:
         """Return the flight of a stage, by default of the last one; see `FlownStage.flight`."""
         return self.stage(stage).flight(label)
 
-    def report(self, path: str | Path, *others: str, stage: str | Stage | None = None, prices: bool = False) -> Path:
+    def report(
+        self, path: str | Path, *others: str, stage: str | Stage | None = None, sensitivities: bool = False
+    ) -> Path:
         """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
 
         A file that exists is replaced as a whole.
@@ -249,20 +251,20 @@ class Run:
             path: the page.
             others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
             stage: which stage; None for the last one.
-            prices: whether the prices of the inputs' numbers are computed and told, which takes some seconds.
+            sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
 
         Returns:
             The path.
 
         Raises:
             UsageError: there is no such stage, or it found no flight, or another flight is of other passings.
-            NotCertified: prices were asked for, and the stage is no certified optimum.
+            NotCertified: sensitivities were asked for, and the stage is no certified optimum.
             StorageError: the system refused.
         """
         from airrace.runs.output import write_text
         from airrace.runs.reported import report_page
 
-        write_text(Path(path), report_page(self, stage, others, priced=prices))
+        write_text(Path(path), report_page(self, stage, others, priced=sensitivities))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:

@@ -87,7 +87,7 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "lap_times_s": lap_times(result.splits) if result.is_flight else [],
         "regularisation_s": finite(result.facts.regularisation),
         "started_from": result.facts.source or None,
-        "strayed_m": finite(result.facts.strayed) if result.facts.source else None,
+        "tracking_error_m": finite(result.facts.tracking_error) if result.facts.source else None,
         "iterations": result.iterations,
         "solve_s": finite(result.timings.solve),
         "derivatives_s": finite(result.timings.derivatives),

@@ -138,10 +138,10 @@ def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
     assert "Penalties of what is certain: 0 s." in text
     assert f"<footer>airrace {version('airrace')}</footer>" in text
     assert "<script>alert(1)" not in text
-    assert run("report", folder / "log.h5", "--prices", "--output", tmp_path / "other.html")[0] == 5
+    assert run("report", folder / "log.h5", "--sensitivities", "--output", tmp_path / "other.html")[0] == 5
 
 
-@pytest.mark.parametrize("command", [("verify",), ("resume",), ("prices",)])
+@pytest.mark.parametrize("command", [("verify",), ("resume",), ("sensitivity",)])
 def test_commands_of_runs_say_that_it_is_a_flown_log(folder: Path, command: tuple[str, ...]) -> None:
     code, _, err = run(*command, folder / "log.h5")
     assert code == 7

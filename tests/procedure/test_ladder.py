@@ -159,10 +159,10 @@ def test_flights_between_the_stages_stay_near_what_they_follow(name: str) -> Non
     for before, result in itertools.pairwise(climbed(RACES[name])):
         facts = result.facts
         if result.stage is Stage.STATE_SPACE:
-            assert (facts.strayed, facts.strayed_at, facts.missed) == (0.0, 0.0, 0.0)
+            assert (facts.tracking_error, facts.tracking_error_time, facts.terminal_miss) == (0.0, 0.0, 0.0)
         else:
-            assert 0.0 < facts.missed <= facts.strayed < 10.0
-            assert 0.0 < facts.strayed_at < 1.05 * before.trajectory.race_time
+            assert 0.0 < facts.terminal_miss <= facts.tracking_error < 10.0
+            assert 0.0 < facts.tracking_error_time < 1.05 * before.trajectory.race_time
 
 
 @pytest.mark.parametrize("longest", [0.03, 0.07, 0.1, 1.0])

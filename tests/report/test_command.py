@@ -55,8 +55,8 @@ def test_another_stage_is_named(folder: Path, tmp_path: Path) -> None:
 def test_prices_are_told_on_request(folder: Path, tmp_path: Path) -> None:
     plain, priced = tmp_path / "plain.html", tmp_path / "priced.html"
     assert called(folder / "still.h5", "--output", plain).exit_code == ExitCode.DONE
-    assert called(folder / "still.h5", "--output", priced, "--prices").exit_code == ExitCode.DONE
-    key = next(iter(half_cuban().prices()))
+    assert called(folder / "still.h5", "--output", priced, "--sensitivities").exit_code == ExitCode.DONE
+    key = next(iter(half_cuban().sensitivities()))
     assert key in read(priced.read_text(encoding="utf-8")).texts["td"]
     assert key not in read(plain.read_text(encoding="utf-8")).texts["td"]
 
@@ -94,7 +94,7 @@ def test_flights_that_do_not_exist_are_refused(folder: Path, tmp_path: Path, fli
 
 
 def test_prices_of_a_guess_are_refused(folder: Path, tmp_path: Path) -> None:
-    ran = called(folder / "still.h5", "--stage", "homotopy", "--prices", "--output", tmp_path / "page.html")
+    ran = called(folder / "still.h5", "--stage", "homotopy", "--sensitivities", "--output", tmp_path / "page.html")
     assert ran.exit_code == ExitCode.NOT_CERTIFIED
 
 

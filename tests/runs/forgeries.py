@@ -278,7 +278,7 @@ FOUND: dict[str, Forgery] = {
     "start of a stage from another run": last(facts(source="homotopie of other.h5")),
     "start of the point mass": at(POINT_MASS, facts(source="transfer-function")),
     "straying without a start": at(POINT_MASS, lambda result: replace(result, facts=Facts(0.006, "", 3.0, 1.0, 0.0))),
-    "straying backwards": last(facts(strayed=-1.0)),
+    "straying backwards": last(facts(tracking_error=-1.0)),
     "replay of the mesh": last(mesh(lambda one: replace(one, defect=one.defect / 1e6))),
     "drift of the mesh": at(POINT_MASS, mesh(lambda one: replace(one, drift=one.drift / 1e6))),
     "coarser mesh": last(mesh(coarser_elsewhere)),
@@ -314,6 +314,6 @@ HEARSAY: dict[str, Forgery] = {
     ),
     "wall time": last(lambda result: replace(result, timings=replace(result.timings, wall=0.5))),
     "reasons of the mesh": last(mesh(lambda one: replace(one, why=np.full_like(one.why, 3)))),
-    "how far the start strayed": last(facts(strayed=0.01)),
+    "tracking error of the start": last(facts(tracking_error=0.01)),
 }
 """Forgeries of what leaves no trace in a flight: nobody can find them without a signature, so it is called hearsay."""

@@ -125,7 +125,7 @@ def test_broken_chain_is_not_called_certified(path: Path) -> None:
     assert opened_run(path).flight().source.certified is False
     assert "# certified: no" in opened_run(path)[TRANSFER].to_csv()
     with pytest.raises(NotCertified):
-        opened_run(path).prices()
+        opened_run(path).sensitivities()
 
 
 READERS = (
@@ -136,7 +136,7 @@ READERS = (
     ("report",),
     ("compare",),
     ("plot",),
-    ("prices",),
+    ("sensitivity",),
     ("resume", "--dry-run"),
 )
 

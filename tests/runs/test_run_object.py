@@ -30,7 +30,7 @@ def test_the_object_has_the_documented_keys() -> None:
             "lap_times_s",
             "regularisation_s",
             "started_from",
-            "strayed_m",
+            "tracking_error_m",
             "iterations",
             "solve_s",
             "derivatives_s",

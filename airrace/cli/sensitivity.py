@@ -1,4 +1,4 @@
-"""The command `airrace prices`: what every number of the inputs costs."""
+"""The command `airrace sensitivity`: how the race time depends on every number of the inputs."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -10,7 +10,7 @@ from airrace.cli.options import AsJson, RunFile, StageOfRun, Verbose
 
 
 class GroupName(StrEnum):
-    """A group of numbers to be priced.
+    """A group of numbers whose sensitivities are wanted.
 
     The names are those of `airrace.prices.Group`, which is too heavy to import here.
     """
@@ -21,7 +21,7 @@ class GroupName(StrEnum):
     ENVIRONMENT = "environment"
 
 
-def prices(
+def sensitivity(
     run_file: RunFile,
     stage: StageOfRun = None,
     by: Annotated[GroupName | None, typer.Option(help="Only the numbers of these.")] = None,
@@ -29,9 +29,9 @@ def prices(
     verbose: Verbose = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print comma-separated values, free numbers included.")] = False,
 ) -> None:
-    """Tell what every number costs.
+    """Tell how the race time depends on every number.
 
-    Costs are in seconds per unit, by the multipliers of an optimum; nothing is solved again.
+    These are shadow prices in seconds per unit, from the multipliers of an optimum; nothing is solved again.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.cli.price_tables import prices_csv, prices_text
@@ -43,8 +43,8 @@ def prices(
             raise UsageError("--json and --csv exclude each other")
         run = opened_run(run_file)
         priced = run.stage(stage)
-        answer.fields.update(track=run.name, stage=priced.name, race_time_s=None, prices={})
-        found = list(priced.prices(None if by is None else by.value).values())
+        answer.fields.update(track=run.name, stage=priced.name, race_time_s=None, sensitivities={})
+        found = list(priced.sensitivities(None if by is None else by.value).values())
         answer.fields["race_time_s"] = priced.race_time
-        answer.fields["prices"] = {price.key: price.as_object() for price in found}
+        answer.fields["sensitivities"] = {price.key: price.as_object() for price in found}
         answer.texts.append(prices_csv(found) if as_csv else prices_text(priced.result, found, terminal_columns()))
