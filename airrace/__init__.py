@@ -14,7 +14,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
-    from airrace.documents import Inputs, load_inputs
+    from airrace.inputs import Inputs, load_inputs
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
     from airrace.optimal_control.certificate import Certificate
@@ -87,7 +87,7 @@ __all__ = [
 
 _HOMES = {
     "airrace.aircraft.aircraft": ("Aircraft",),
-    "airrace.documents": ("Inputs", "load_inputs"),
+    "airrace.inputs": ("Inputs", "load_inputs"),
     "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),

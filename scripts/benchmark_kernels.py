@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.documents.inputs import load_inputs
+from airrace.inputs.inputs import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof

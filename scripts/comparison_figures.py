@@ -16,8 +16,8 @@ from pathlib import Path
 from figures import COMMAND, draw_figures
 from PIL import Image
 
-from airrace.flights import Flight
-from airrace.flights.comparison import compared
+from airrace.results import Flight
+from airrace.results.comparison import compared
 from airrace.runs.flight_sources import opened_flight
 from airrace.views.comparison_figure import comparison_figure
 

@@ -33,7 +33,7 @@ from airrace.crosscheck.flown import flown_by_jsbsim
 from airrace.crosscheck.geopotential import at_geopotential_height
 from airrace.crosscheck.planet import EARTH, FLAT, Planet
 from airrace.crosscheck.states import random_states
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters

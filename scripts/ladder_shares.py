@@ -30,7 +30,7 @@ from airrace.__main__ import main as command
 from airrace.checkpoint import store
 from airrace.control import settling, simulation
 from airrace.optimal_control import replay
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.ladder import Ladder
 from airrace.procedure.stage import Stage
 

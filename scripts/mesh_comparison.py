@@ -13,8 +13,8 @@ from airrace.errors import AirraceError
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Mesh, divide
 from airrace.optimal_control.replay import SAMPLES
-from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import Evidence, examine
 from airrace.procedure.flight import Flight

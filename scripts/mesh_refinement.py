@@ -25,7 +25,7 @@ from pathlib import Path
 
 from mesh_comparison import MEASURES, Comparison, Measured, compared
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.errors import AirraceError
 from airrace.procedure.stage import STAGES, Stage
 

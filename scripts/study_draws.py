@@ -21,8 +21,8 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.planning.cruise import Cruise, cruise
 from airrace.planning.plan import Leg, plan
 from airrace.planning.race import Race

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from robustness import COMMAND, Ran, Record, choice_of, environment, outcome, play_study
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.errors import InputError
 
 WAIT = 30.0  # s, which any course may take

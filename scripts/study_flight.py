@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 
-from airrace.optimal_control.spawn import start_early
+from airrace.optimal_control.solvers.process.idle_processes import start_early
 
 if __name__ == "__main__":
     start_early()  # the solver process loads while all else does

@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from generated_courses import generated_course  # noqa: E402  (the folder above must be on the path first)
 
-from airrace.documents import Inputs, load_inputs  # noqa: E402
+from airrace.inputs import Inputs, load_inputs  # noqa: E402
 from airrace.procedure.settings import Settings  # noqa: E402
 
 SHIPPED = tuple(sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml")))

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.flights import Crossing, Flight
+from airrace.results import Crossing, Flight
 from airrace.logs.flown import Flown, flown_flight
 from airrace.logs.reading import read_log
 from airrace.procedure.reading import sampler

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import read_checkpoint
-from airrace.documents import Inputs, load_inputs
-from airrace.documents.variation import Variation
+from airrace.inputs import Inputs, load_inputs
+from airrace.inputs.variation import Variation
 from airrace.errors import InputError
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
-from airrace.prices.price import Activity, Price
-from airrace.prices.pricing import STEP, prices
+from airrace.sensitivity.price import Activity, Price
+from airrace.sensitivity.pricing import STEP, prices
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult

@@ -22,14 +22,14 @@ SOLVING = (
     "airrace.procedure.solving",
     "airrace.procedure.remeasured",
     "airrace.procedure.restart",
-    "airrace.optimal_control.fatrop.library",
+    "airrace.optimal_control.solvers.fatrop.library",
     "airrace.optimal_control.kernels",
     "airrace.optimal_control.layout",
-    "airrace.optimal_control.service",
-    "airrace.optimal_control.solvers",
-    "airrace.optimal_control.program_functions",
+    "airrace.optimal_control.solvers.process.service",
+    "airrace.optimal_control.solvers.solver",
+    "airrace.optimal_control.solvers.ipopt_functions",
     "airrace.logs.flown",
-    "airrace.prices.pricing",
+    "airrace.sensitivity.pricing",
     "multiprocessing",
     "scipy",
 )
@@ -52,5 +52,5 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs(reader: str) -> No
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
     program = "import airrace.runs.flying, airrace.runs.priced, airrace.runs.imported, scipy"
-    program += "\nimport airrace.optimal_control.worker, multiprocessing, airrace.prices.pricing"
+    program += "\nimport airrace.optimal_control.solvers.process.worker, multiprocessing, airrace.sensitivity.pricing"
     assert set(SOLVING) <= loaded(program)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from transformations import Change, changed, mirrored, moved, rotated
 
-from airrace.documents import Document, inputs_from_documents, load_inputs
+from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.planning.cruise import cruise
 from airrace.planning.plan import plan
 from airrace.planning.race import Race

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from airrace import interrupts, memory, process
-from airrace.optimal_control.spawn import start_early
+from airrace.optimal_control.solvers.process.idle_processes import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.runs.answer import Answer, record_failure, unflown
@@ -79,7 +79,7 @@ def main() -> None:
 
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
-    from airrace.documents import inputs_from_documents
+    from airrace.inputs import inputs_from_documents
     from airrace.runs.flying import fly_stages
     from airrace.runs.resuming import continued_task
     from airrace.runs.stored import new_run, taken_up

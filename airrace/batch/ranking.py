@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from airrace.batch.plan import Plan, Result, Step
-from airrace.flights.comparison import TIE
+from airrace.results.comparison import TIE
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 

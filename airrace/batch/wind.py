@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from airrace.batch.ranking import Row
-from airrace.documents.units import KNOT
+from airrace.inputs.units import KNOT
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 

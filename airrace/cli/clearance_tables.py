@@ -8,10 +8,10 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.tables import PAGE, plain_table, rendered
-from airrace.flights import Flight
-from airrace.flights.clearance import Clearance
-from airrace.flights.legs import passings_around
-from airrace.flights.near_misses import NearMiss, near_misses
+from airrace.results import Flight
+from airrace.results.clearance import Clearance
+from airrace.results.legs import passings_around
+from airrace.results.near_misses import NearMiss, near_misses
 
 NEAR_MISSES = textwrap.fill(
     "warning: the rules measure the wing tips at the instant of a passing alone; right before or after it, or at other "

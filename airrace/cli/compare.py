@@ -35,7 +35,7 @@ def compare(
             ensure_drawable(plot)
             ensure_free(plot, force=force, sources=names)
         from airrace.cli.compare_tables import comparison_texts
-        from airrace.flights.comparison import compared
+        from airrace.results.comparison import compared
         from airrace.runs.compared import compared_object
         from airrace.runs.flight_sources import opened_flights
 

@@ -6,8 +6,8 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.tables import PAGE, plain_table, rendered
-from airrace.flights.comparison import TIE, Comparison, LegComparison
-from airrace.flights.conditions import conditions
+from airrace.results.comparison import TIE, Comparison, LegComparison
+from airrace.results.conditions import conditions
 
 IN_MILLISECONDS = round(1000.0 * TIE)
 

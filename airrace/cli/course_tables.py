@@ -8,7 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from airrace.cli.tables import plain_table
-from airrace.documents.units import KNOT
+from airrace.inputs.units import KNOT
 from airrace.planning.race import Race
 from airrace.planning.review import Remark
 from airrace.quantities import Interval

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.tables import PAGE, plain_table, rendered
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.logs.breach import Breach
 from airrace.quantities import KNOT
 from airrace.report.log_sections import penalty_text

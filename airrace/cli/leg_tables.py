@@ -7,8 +7,8 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.tables import plain_table
-from airrace.flights import Flight, laps_of
-from airrace.flights.leg_facts import LegFacts, Range, leg_facts
+from airrace.results import Flight, laps_of
+from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.quantities import KNOT
 
 

@@ -69,7 +69,7 @@ def optimize(
     one is certified; those before it are solved and checked on one mesh, or certified as well with --mesh-check all.
     """
     with answering(unflown(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
-        from airrace.optimal_control.spawn import start_early
+        from airrace.optimal_control.solvers.process.idle_processes import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from airrace.cli.tables import plain_table, rendered
-from airrace.prices.price import Activity, Price
+from airrace.sensitivity.price import Activity, Price
 from airrace.procedure.result import StageResult
 
 MILLI = 1000.0

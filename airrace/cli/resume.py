@@ -74,7 +74,7 @@ def resume(
     from the highest stage of this one that holds and written to --output; this file stays as it is.
     """
     with answering(unflown(None), as_json=as_json, verbose=verbose) as answer:
-        from airrace.optimal_control.spawn import start_early
+        from airrace.optimal_control.solvers.process.idle_processes import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()

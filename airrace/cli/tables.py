@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.ways_table import ways_table
-from airrace.documents.units import KNOT
+from airrace.inputs.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult, State
 from airrace.views.plain_console import PlainConsole

@@ -11,7 +11,7 @@ from datetime import datetime
 import numpy as np
 
 from airrace.export.globe import Shape, courses, features, printable, stamp
-from airrace.flights import Flight
+from airrace.results import Flight
 
 FIRST_AIRCRAFT, FIRST_THING = 0x100, 0x1000
 COLOURS = ("Red", "Blue", "Green", "Orange", "Violet", "Cyan")

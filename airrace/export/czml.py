@@ -12,9 +12,9 @@ from datetime import datetime
 import numpy as np
 
 from airrace.export.globe import Feature, Shape, courses, features, printable, stamp
-from airrace.flights import Flight
-from airrace.flights.attitude import path_axes, quaternions
-from airrace.flights.glossary import BODY_ATTITUDE
+from airrace.results import Flight
+from airrace.results.attitude import path_axes, quaternions
+from airrace.results.glossary import BODY_ATTITUDE
 from airrace.trajectory import Array
 
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0), (86, 180, 233))

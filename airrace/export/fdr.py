@@ -12,7 +12,7 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.export.globe import compass, printable, stamp
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.quantities import KNOT
 
 FOOT = 0.3048

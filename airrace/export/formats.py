@@ -12,7 +12,7 @@ from airrace.export.kml import kml, kmz
 from airrace.export.mat import mat
 from airrace.export.netcdf import netcdf
 from airrace.export.parquet import parquet
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.records import record
 
 

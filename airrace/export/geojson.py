@@ -7,7 +7,7 @@ from datetime import datetime
 import numpy as np
 
 from airrace.export.globe import Feature, Shape, courses, features, printable, stamp
-from airrace.flights import Crossing, Flight
+from airrace.results import Crossing, Flight
 
 
 def geojson(flights: Sequence[Flight], begin: datetime) -> bytes:

@@ -6,7 +6,7 @@ from datetime import datetime
 from xml.etree import ElementTree as ET
 
 from airrace.export.globe import courses, features, printable, stamp
-from airrace.flights import Flight
+from airrace.results import Flight
 
 GPX = "http://www.topografix.com/GPX/1/1"
 

@@ -8,7 +8,7 @@ from datetime import datetime
 import numpy as np
 
 from airrace.export.globe import stamp
-from airrace.flights import Flight
+from airrace.results import Flight
 
 LONGEST = 31
 """The length of the longest name, letters."""

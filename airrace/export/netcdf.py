@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from airrace.export.globe import stamp
-from airrace.flights import Flight
+from airrace.results import Flight
 
 
 def netcdf(flights: Sequence[Flight], begin: datetime) -> bytes:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from airrace.export.extras import extra
 from airrace.export.globe import stamp
-from airrace.flights import Flight
+from airrace.results import Flight
 
 
 def parquet(flights: Sequence[Flight], begin: datetime) -> bytes:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.environment.atmosphere import g0
-from airrace.flights import Crossing, Flight, History, Source, attitude
-from airrace.flights.derivation import completed
-from airrace.flights.glossary import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE
-from airrace.flights.history import Basis, Histories
+from airrace.results import Crossing, Flight, History, Source, attitude
+from airrace.results.derivation import completed
+from airrace.results.glossary import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE
+from airrace.results.history import Basis, Histories
 from airrace.logs.breach import Breach
 from airrace.logs.histories import (
     DERIVED,

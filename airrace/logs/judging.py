@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.dynamics.crossing import crossing_values
-from airrace.flights import Crossing, Flight
-from airrace.flights.clearance import distances
-from airrace.flights.glossary import PATH_ATTITUDE
+from airrace.results import Crossing, Flight
+from airrace.results.clearance import distances
+from airrace.results.glossary import PATH_ATTITUDE
 from airrace.frames import angle_between
 from airrace.logs.breach import Breach
 from airrace.logs.penalties import Penalties

@@ -12,7 +12,7 @@ import numpy as np
 
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.refinement import Marks
-from airrace.optimal_control.solvers import Multipliers
+from airrace.optimal_control.solvers.solver import Multipliers
 from airrace.records import record
 from airrace.trajectory import Array
 

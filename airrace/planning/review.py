@@ -1,7 +1,7 @@
 """A review of a course before it is flown, as a race director would make it.
 
 It yields remarks, not errors: the course stays valid. What the planned line comes too near to is remarked on by
-`airrace.flights.plan_review`.
+`airrace.results.plan_review`.
 """
 
 import math

@@ -5,8 +5,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
 from typing import Generic, Self, TypeVar
 
-from airrace.optimal_control.service import SolverService
-from airrace.procedure.ways.crew import Crew
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.procedure.multistart.crew import Crew
 
 Found = TypeVar("Found")
 

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from airrace.optimal_control.problem import Problem
-from airrace.optimal_control.solvers import SOLVERS
+from airrace.optimal_control.solvers.solver import SOLVERS
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.settings import MeshSettings

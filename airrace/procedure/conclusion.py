@@ -4,7 +4,7 @@ import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import Multipliers
+from airrace.optimal_control.solvers.solver import Multipliers
 from airrace.procedure.flight import Flight, gate_splits, trajectory
 from airrace.procedure.result import NO_FACTS, NO_RECORD, Facts, MeshRecord, Outcome, Stage, StageResult
 from airrace.procedure.solving import Workbench

@@ -18,7 +18,7 @@ from airrace.optimal_control.carried import carried
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks
-from airrace.optimal_control.solvers import Multipliers
+from airrace.optimal_control.solvers.solver import Multipliers
 from airrace.procedure.flight import Flight, fractions_of, history, mesh_of
 from airrace.procedure.joint import HANDOVER_BARRIER, Start
 from airrace.procedure.result import Facts, StageResult

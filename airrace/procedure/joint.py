@@ -13,7 +13,7 @@ from airrace.optimal_control.carried import carried
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import Multipliers, Solution
+from airrace.optimal_control.solvers.solver import Multipliers, Solution
 from airrace.procedure.budget import SPENT
 from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude

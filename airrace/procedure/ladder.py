@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from airrace.control.simulation import Pilot, pilot
-from airrace.optimal_control.fatrop.interrupt import interrupts_held_back
+from airrace.optimal_control.solvers.process.deferred_signals import interrupts_held_back
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.as_flown import plan_as_flown
 from airrace.planning.choices import TWIN
@@ -34,11 +34,11 @@ from airrace.procedure.result import Outcome, SearchReport, Stage, StageResult
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.solving import Workbench
 from airrace.procedure.stage import STAGES
-from airrace.procedure.ways.around import faster_way
-from airrace.procedure.ways.crew import Crew
-from airrace.procedure.ways.effort import EFFORTS, Effort
-from airrace.procedure.ways.exploring import Exploration, explore
-from airrace.procedure.ways.sketch import Draught
+from airrace.procedure.multistart.around import faster_way
+from airrace.procedure.multistart.crew import Crew
+from airrace.procedure.multistart.effort import EFFORTS, Effort
+from airrace.procedure.multistart.exploring import Exploration, explore
+from airrace.procedure.multistart.sketch import Draught
 
 logger = logging.getLogger(__name__)
 

@@ -8,7 +8,7 @@ in common, so that the proof is the same as that of a stage which is proved at o
 from dataclasses import replace
 
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.solvers import Multipliers
+from airrace.optimal_control.solvers.solver import Multipliers
 from airrace.procedure.certification import examine
 from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.handover import coarser_nodes

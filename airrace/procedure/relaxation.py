@@ -26,7 +26,7 @@ from airrace.optimal_control.hamiltonian import costates
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Problem
 from airrace.optimal_control.replay import interval_durations
-from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.planning.race import Race
 from airrace.procedure.flight import Flight
 from airrace.procedure.lever import Lever

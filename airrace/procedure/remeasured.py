@@ -19,7 +19,7 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.kkt import kkt_error
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.refinement import Marks, restrict
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.declared import ensure_declared

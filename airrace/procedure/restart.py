@@ -20,7 +20,7 @@ from airrace.optimal_control.carried import carried
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.solvers import Multipliers, Solution
+from airrace.optimal_control.solvers.solver import Multipliers, Solution
 from airrace.procedure.certification import examine
 from airrace.procedure.flight import Flight, mesh_of
 from airrace.procedure.handover import coarser_nodes

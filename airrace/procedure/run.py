@@ -12,7 +12,7 @@ from functools import partial
 from airrace.dynamics import handling
 from airrace.native.library import MISSING, is_missing
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.budget import Budget
 from airrace.procedure.fidelities import fidelity_of

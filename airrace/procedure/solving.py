@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from airrace.optimal_control.messages import IterationReport
+from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.reference_integration import load_in_background
-from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import SOLVERS, Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.process.service import SolverService, Stalled
+from airrace.optimal_control.solvers.solver import SOLVERS, Multipliers, Solution, SolverOptions
 from airrace.procedure.aside import Aside, Found
 from airrace.procedure.budget import SPENT, Budget
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
-from airrace.procedure.ways.crew import Crew
+from airrace.procedure.multistart.crew import Crew
 
 CREW_MAX = 8
 """The largest number of solver processes; quick exploring rarely has more jobs than that at once."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from airrace.flights import Flight
-from airrace.flights.comparison import SHARES, Comparison
-from airrace.flights.legs import Leg, way
+from airrace.results import Flight
+from airrace.results.comparison import SHARES, Comparison
+from airrace.results.legs import Leg, way
 from airrace.report.contents import Difference
 from airrace.trajectory import Array
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from airrace.flights import Flight
-from airrace.flights.comparison import Comparison
-from airrace.flights.glossary import BODY_ATTITUDE
+from airrace.results import Flight
+from airrace.results.comparison import Comparison
+from airrace.results.glossary import BODY_ATTITUDE
 from airrace.report.contents import Contents, FlightContents
 from airrace.report.course_contents import course_contents
 from airrace.report.differences import difference_of, started

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from airrace.flights import Flight
-from airrace.flights.comparison import Comparison, compared
+from airrace.results import Flight
+from airrace.results.comparison import Comparison, compared
 from airrace.quantities import KNOT, Quantity
 from airrace.report.flight_contents import contents_of
 from airrace.report.flight_sections import flights_section, legs_section, lost_section

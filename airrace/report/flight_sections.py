@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 
-from airrace.flights import Flight, laps_of
-from airrace.flights.comparison import Comparison, LegComparison
-from airrace.flights.conditions import conditions
-from airrace.flights.leg_facts import LegFacts, Range, leg_facts
-from airrace.flights.near_misses import near_misses
+from airrace.results import Flight, laps_of
+from airrace.results.comparison import Comparison, LegComparison
+from airrace.results.conditions import conditions
+from airrace.results.leg_facts import LegFacts, Range, leg_facts
+from airrace.results.near_misses import near_misses
 from airrace.quantities import KNOT
 from airrace.report.differences import started
 from airrace.report.html_tables import DASH, Cell, Head, Row, note, number, section, table

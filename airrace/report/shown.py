@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.report.contents import Scale, Strip

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from airrace.documents import Inputs
+from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.prices.price import Activity, Price
+from airrace.sensitivity.price import Activity, Price
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus

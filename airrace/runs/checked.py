@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from airrace.documents import Document, Inputs, load_inputs
-from airrace.documents.unused import unused_gates
-from airrace.flights import Flight
-from airrace.flights.clearance import Clearance
-from airrace.flights.plan_review import plan_clearances, remarks_on_line
-from airrace.flights.planned import planned_flight
+from airrace.inputs import Document, Inputs, load_inputs
+from airrace.inputs.unused import unused_gates
+from airrace.results import Flight
+from airrace.results.clearance import Clearance
+from airrace.results.plan_review import plan_clearances, remarks_on_line
+from airrace.results.planned import planned_flight
 from airrace.planning.race import Race
 from airrace.planning.review import Kind, Remark, in_order, review
 from airrace.runs.leg_object import planned_object

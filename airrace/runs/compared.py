@@ -1,8 +1,8 @@
 """Flights held against a reference, as an object for JSON."""
 
-from airrace.flights.comparison import SHARES, TIE, Comparison, LegComparison
-from airrace.flights.conditions import conditions
-from airrace.flights.flight import Flight
+from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison
+from airrace.results.conditions import conditions
+from airrace.results.flight import Flight
 from airrace.runs.run_object import finite
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from airrace.checkpoint import Recorded, read_stored
 from airrace.errors import UsageError
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.logs.reading import is_log
 from airrace.runs.flown_log import FlownLog, opened_log
 from airrace.runs.flown_stage import FlownStage

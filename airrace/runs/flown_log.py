@@ -15,10 +15,10 @@ from airrace.checkpoint import (
     StoredPassing,
     write_recorded,
 )
-from airrace.documents import Inputs, inputs_from_documents
+from airrace.inputs import Inputs, inputs_from_documents
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
-from airrace.flights import Basis, Crossing, Flight, History, Source
+from airrace.results import Basis, Crossing, Flight, History, Source
 from airrace.logs.breach import Breach
 from airrace.procedure.result import GateSplit
 from airrace.runs.output import written_or_returned
@@ -61,7 +61,7 @@ class FlownLog:
         return float(sum(known))
 
     def flight(self, label: str | None = None) -> Flight:
-        """Return the flight; see `airrace.flights`.
+        """Return the flight; see `airrace.results`.
 
         Args:
             label: what people call it; None for the name of the log.

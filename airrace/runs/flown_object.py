@@ -2,7 +2,7 @@
 
 import math
 
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.logs.breach import Breach
 from airrace.runs.flown_log import FlownLog
 from airrace.runs.leg_object import legs_object

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from airrace.documents import Inputs
+from airrace.inputs import Inputs
 from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export import Provenance, export_csv
 from airrace.export.columns import Derived
 from airrace.export.flight_table import FlightTable, flight_table
 from airrace.export.sampling import Sampler
-from airrace.flights import Flight, Source, flight_of
-from airrace.flights.derivation import table_columns
+from airrace.results import Flight, Source, flight_of
+from airrace.results.derivation import table_columns
 from airrace.optimal_control.certificate import Certificate
 from airrace.procedure import reading
 from airrace.procedure.result import Stage, StageResult
@@ -102,7 +102,7 @@ class FlownStage:
         return Splits(self.result.splits if self.result.is_flight else ())
 
     def flight(self, label: str | None = None) -> Flight:
-        """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.flights`.
+        """Return the flight with all histories that follow from it, and its gate crossings; see `airrace.results`.
 
         Args:
             label: what people call it; None for the track's name and the stage.

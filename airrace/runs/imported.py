@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from airrace.documents import Inputs, load_inputs
-from airrace.documents.log_layout import read_layout, with_columns, with_zone
+from airrace.inputs import Inputs, load_inputs
+from airrace.inputs.log_layout import read_layout, with_columns, with_zone
 from airrace.errors import UsageError
 from airrace.logs.flown import flown_flight
 from airrace.logs.reading import read_log

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from airrace.documents import Inputs
-from airrace.flights import Flight, laps_of
-from airrace.flights.clearance import Clearance
-from airrace.flights.leg_facts import LegFacts, Range, leg_facts
-from airrace.flights.legs import passings_around
-from airrace.flights.near_misses import NearMiss, near_misses
+from airrace.inputs import Inputs
+from airrace.results import Flight, laps_of
+from airrace.results.clearance import Clearance
+from airrace.results.leg_facts import LegFacts, Range, leg_facts
+from airrace.results.legs import passings_around
+from airrace.results.near_misses import NearMiss, near_misses
 from airrace.procedure.result import StageResult
 from airrace.runs.flown_stage import FlownStage
 from airrace.runs.run_object import finite, stage_object

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TextIO
 
 from airrace.checkpoint.atomic import replace_file, replacing
-from airrace.documents import Document, Inputs
-from airrace.documents.shipped import AIRCRAFT, TRACKS
+from airrace.inputs import Document, Inputs
+from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.errors import StorageError, UsageError
 from airrace.extensions import extensions
 from airrace.runs.named import Named

@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from airrace.documents import Inputs
+from airrace.inputs import Inputs
 from airrace.errors import UsageError
 from airrace.export.extras import extra
-from airrace.prices.price import Activity, Group, Price
-from airrace.prices.pricing import prices
+from airrace.sensitivity.price import Activity, Group, Price
+from airrace.sensitivity.pricing import prices
 from airrace.procedure.result import StageResult
 from airrace.views.tables import html_table, text_table
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from airrace.checkpoint import Checkpoint, Sign, inputs_hash, stale_stages, write_checkpoint
-from airrace.documents import Inputs
+from airrace.inputs import Inputs
 from airrace.errors import UsageError
 from airrace.planning.race import Race
 from airrace.procedure.progress import Progress
@@ -22,7 +22,7 @@ from airrace.runs.splits import Splits
 from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
-    from airrace.flights import Flight
+    from airrace.results import Flight
     from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
     from airrace.runs.priced import Prices
     from airrace.runs.verification import Verification

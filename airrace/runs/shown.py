@@ -5,7 +5,7 @@ from pathlib import Path
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
 from airrace.errors import InputError, UsageError
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.runs.leg_object import legs_object

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Self
 
 from airrace.checkpoint import read_checkpoint
-from airrace.documents import Document, inputs_from_documents
-from airrace.documents.document import read_document
-from airrace.documents.inputs import read_named
-from airrace.documents.shipped import AIRCRAFT, TRACKS
+from airrace.inputs import Document, inputs_from_documents
+from airrace.inputs.document import read_document
+from airrace.inputs.inputs import read_named
+from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.passings import ensure_same_passings, passings_of

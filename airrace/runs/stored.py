@@ -14,7 +14,7 @@ from airrace.checkpoint import (
     read_checkpoint,
     stale_stages,
 )
-from airrace.documents import Document, Inputs, inputs_from_documents
+from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.errors import CheckpointError
 from airrace.extensions import extension_versions
 from airrace.procedure import reading

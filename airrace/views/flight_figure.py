@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.trajectory import Array

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.trajectory import Array
 from airrace.views.course_drawing import draw_elements, draw_surroundings
 from airrace.views.drawing import Axes

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.flights import Flight
-from airrace.flights.leg_facts import LegFacts, leg_facts
+from airrace.results import Flight
+from airrace.results.leg_facts import LegFacts, leg_facts
 from airrace.quantities import KNOT
 from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.flown_line import draw_map, flown_scenery

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.flights.flight import Flight
-from airrace.flights.legs import legs_of
-from airrace.flights.planned import is_planned, planned_flight
+from airrace.results.flight import Flight
+from airrace.results.legs import legs_of
+from airrace.results.planned import is_planned, planned_flight
 from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race
 from airrace.records import record

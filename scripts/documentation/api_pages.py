@@ -6,12 +6,12 @@ import airrace
 
 MODULES = {
     "Exports": ("airrace.export",),
-    "Prices": ("airrace.prices",),
+    "Prices": ("airrace.sensitivity",),
     "Checkpoints": ("airrace.checkpoint",),
     "Fidelities and kinds of gates": (
         "airrace.procedure.fidelity",
         "airrace.track.element",
-        "airrace.documents.kinds.entry",
+        "airrace.inputs.kinds.entry",
     ),
     "Problems of one's own": (
         "airrace.system",

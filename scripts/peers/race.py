@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.environment.air import Air

@@ -14,7 +14,7 @@ from airrace.batch.planning import make_plan
 from airrace.batch.record import FileMark, Record, checkpoint_path, write_record
 from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.batch.supervision import Policy, supervise
-from airrace.documents import Document
+from airrace.inputs import Document
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
-from airrace.flights.plan_review import remarks_on_line
-from airrace.flights.planned import planned_flight
+from airrace.results.plan_review import remarks_on_line
+from airrace.results.planned import planned_flight
 from airrace.planning.review import Kind, Remark, in_order, review
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")

@@ -13,10 +13,10 @@ from airrace.cli.course_tables import course_tables
 from airrace.cli.mesh_table import mesh_table
 from airrace.cli.price_tables import prices_text
 from airrace.cli.tables import certificate_table, rendered, result_tables, stages_table
-from airrace.documents import load_inputs
-from airrace.documents.shipped import TRACKS
+from airrace.inputs import load_inputs
+from airrace.inputs.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.prices.price import Activity, Group, Price
+from airrace.sensitivity.price import Activity, Group, Price
 from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, Why
 from airrace.procedure.stage import STAGES
 

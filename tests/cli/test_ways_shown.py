@@ -19,10 +19,10 @@ from airrace.cli import clearance_tables
 from airrace.cli.main import app
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
-from airrace.documents import load_inputs
-from airrace.flights import Flight
-from airrace.flights.clearance import Clearance
-from airrace.flights.near_misses import NearMiss
+from airrace.inputs import load_inputs
+from airrace.results import Flight
+from airrace.results.clearance import Clearance
+from airrace.results.near_misses import NearMiss
 from airrace.procedure import run as procedure
 from airrace.procedure.result import SearchReport, Stage, StageResult, Way
 from airrace.runs import leg_object

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.control.reference import Reference, from_histories
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof

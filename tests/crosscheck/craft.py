@@ -3,7 +3,7 @@
 import dataclasses
 from pathlib import Path
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters

@@ -10,7 +10,7 @@ import pytest
 from bodies import fly_state_space, level_trim, surroundings, with_pitch
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.dynamics.handling import (
     corner_speed,
     faults,

@@ -12,12 +12,12 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
-from airrace.documents.features import Feature, Step
-from airrace.documents.kinds.all_kinds import register
-from airrace.documents.kinds.defaults import GateDefaultsEntry
-from airrace.documents.kinds.entry import KindEntry
-from airrace.documents.place_schema import Azimuth, Height, PlacedEntry
-from airrace.documents.places import Places
+from airrace.inputs.features import Feature, Step
+from airrace.inputs.kinds.all_kinds import register
+from airrace.inputs.kinds.defaults import GateDefaultsEntry
+from airrace.inputs.kinds.entry import KindEntry
+from airrace.inputs.place_schema import Azimuth, Height, PlacedEntry
+from airrace.inputs.places import Places
 from airrace.environment.elementary import sqrt
 from airrace.quantities import Interval, Quantity
 from airrace.track.element import Crossing, Direction, Drawing, Frame, Sight, Standing, Symbols

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.track.geodetic import geodetic
 from airrace.trajectory import Array

@@ -9,9 +9,9 @@ import pytest
 from synthetic import Fixes, csv_text, fixes, known
 from test_recovery import flown, imported
 
-from airrace.documents import load_inputs
-from airrace.documents.presets import preset_names
-from airrace.flights import Basis
+from airrace.inputs import load_inputs
+from airrace.inputs.presets import preset_names
+from airrace.results import Basis
 from airrace.logs.histories import between_samples
 from airrace.logs.penalties import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.logs.recording import Recording

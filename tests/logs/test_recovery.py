@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic import GAP, LEAD, Fixes, csv_text, fixes, known, race
 
-from airrace.flights import Basis, legs_of
+from airrace.results import Basis, legs_of
 from airrace.logs.flown import Flown, flown_flight
 from airrace.logs.penalties import Penalties
 from airrace.logs.reading import read_log
@@ -162,7 +162,7 @@ def test_a_straight_line_is_smoothed_into_itself() -> None:
 def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
     """`n_z = 1 / cos(mu)`, `tan(mu) = V^2 / (g r)`, for a turn to the right."""
     from airrace.environment.atmosphere import g0
-    from airrace.flights.derivation import completed
+    from airrace.results.derivation import completed
     from airrace.logs.histories import derived_histories
 
     speed, bank = 80.0, math.radians(70.0)

@@ -11,11 +11,11 @@ import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernel, Kernels
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.mapping import Part, mapped
-from airrace.optimal_control.solvers import (
+from airrace.optimal_control.solvers.solver import (
     SOLVERS,
     Answer,
     Multipliers,

@@ -10,8 +10,8 @@ import pytest
 from c_headers import BLASFEO, FATROP, fields, functions, pointers
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop import library, probe, solver
-from airrace.optimal_control.fatrop.library import PROTOTYPES, Dims, Interface, Stats
+from airrace.optimal_control.solvers.fatrop import library, probe, solver
+from airrace.optimal_control.solvers.fatrop.library import PROTOTYPES, Dims, Interface, Stats
 
 ROOT = Path(__file__).parents[2]
 POINTERS = pointers(FATROP)

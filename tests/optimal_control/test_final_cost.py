@@ -13,11 +13,11 @@ import pytest
 from airrace.optimal_control.hamiltonian import costates, hamiltonian
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import SolveRequest
+from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
-from airrace.optimal_control.worker import Workshop
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.process.worker import Workshop
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import Observation, system_of
 

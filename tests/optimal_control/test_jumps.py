@@ -12,14 +12,14 @@ from airrace.optimal_control.audit import Tolerance, audit
 from airrace.optimal_control.hamiltonian import costates, hamiltonian
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import SolveRequest
+from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolated, uniform
 from airrace.optimal_control.refinement import divide, resampled
 from airrace.optimal_control.replay import estimated_defect, interval_durations, replay, replay_phases
 from airrace.optimal_control.sampling import sample
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
-from airrace.optimal_control.worker import Workshop
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.process.worker import Workshop
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 

@@ -7,12 +7,12 @@ import pytest
 from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.carried import Kind, carried, limits_of
-from airrace.optimal_control.fatrop.sides import LEAST_FACTOR, Known, plain, weighed
+from airrace.optimal_control.solvers.fatrop.sides import LEAST_FACTOR, Known, plain, weighed
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
-from airrace.optimal_control.solvers import SOLVERS, Multipliers, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, Multipliers, PreparedProblem, Solution, SolverOptions
 
 EVERYTHING = PROBLEMS["everything"]
 ROWS = np.arange(4)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from known_flights import oscillator, rest_to_rest
 
-from airrace.optimal_control.messages import Announcement, Receiver, Sender, SolveRequest
+from airrace.optimal_control.solvers.process.messages import Announcement, Receiver, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import SolverOptions
+from airrace.optimal_control.solvers.solver import SolverOptions
 
 
 def request(problem: Problem, guess: Iterate) -> SolveRequest:

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.optimal_control import predictor_corrector, riccati
+from airrace.optimal_control.solvers import predictor_corrector
+from airrace.optimal_control.solvers import riccati
 from airrace.optimal_control.carried import carried
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
-from airrace.optimal_control.solvers import (
+from airrace.optimal_control.solvers.solver import (
     NEAR_BARRIER,
     SOLVERS,
     Multipliers,

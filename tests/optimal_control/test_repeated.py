@@ -9,8 +9,8 @@ from small_problems import PROBLEMS, random_point
 from airrace.optimal_control import repeated
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.fatrop.sides import Known
-from airrace.optimal_control.fatrop.stages import INEQUALITIES, Bounds, Rows, Stages
+from airrace.optimal_control.solvers.fatrop.sides import Known
+from airrace.optimal_control.solvers.fatrop.stages import INEQUALITIES, Bounds, Rows, Stages
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.repeated import NO_FACTORS, Entries, Memory, RepeatedSums, kinds

@@ -19,12 +19,12 @@ from waiting import has_passed, instant, wait_until_gone
 
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.kernels import Kernels, build_kernels
-from airrace.optimal_control.messages import Announcement, Inbox, IterationReport, Notice, SolveRequest
+from airrace.optimal_control.solvers.process.messages import Announcement, Inbox, IterationReport, Notice, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import Solution, SolverOptions
-from airrace.optimal_control.worker import Workshop
+from airrace.optimal_control.solvers.process.service import SolverService, Stalled
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
+from airrace.optimal_control.solvers.process.worker import Workshop
 from airrace.system import System
 
 TESTS = Path(__file__).parent
@@ -283,8 +283,8 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
         import sys
         sys.path.insert(0, {str(TESTS)!r})
         from known_flights import rest_to_rest
-        from airrace.optimal_control.service import SolverService
-        from airrace.optimal_control.solvers import SolverOptions
+        from airrace.optimal_control.solvers.process.service import SolverService
+        from airrace.optimal_control.solvers.solver import SolverOptions
         service = SolverService()
         problem, guess = rest_to_rest()
         service.solve(problem, guess, solver="fatrop", options=SolverOptions())
@@ -321,7 +321,7 @@ def kernels_that_are_built(monkeypatch: pytest.MonkeyPatch) -> list[System]:
         made.append(system)
         return build_kernels(system, scheme)
 
-    monkeypatch.setattr("airrace.optimal_control.worker.build_kernels", watched)
+    monkeypatch.setattr("airrace.optimal_control.solvers.process.worker.build_kernels", watched)
     return made
 
 

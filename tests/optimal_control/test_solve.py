@@ -18,9 +18,9 @@ from airrace.optimal_control import solve as module
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Objective
-from airrace.optimal_control.service import SolverService, Stalled
+from airrace.optimal_control.solvers.process.service import SolverService, Stalled
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 
 ROOT = Path(__file__).parents[2]
 

@@ -10,8 +10,8 @@ from races import EDGE_540, course, level, optimum, prepared
 from airrace.environment.air import Air
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import examine
 from airrace.procedure.flight import mesh_of, trajectory

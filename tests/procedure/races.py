@@ -7,7 +7,7 @@ from pathlib import Path
 
 from kept import kept
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.environment.air import Air, StaticWind
 from airrace.planning.cruise import cruise
 from airrace.planning.plan import Plan, plan

@@ -9,7 +9,7 @@ from races import EDGE_540, RACES, ROOT, SHIPPED, SMALL, course, knife_edge, lev
 from races import flown as all_flown
 from races import planned as plan_of
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between, quaternion
 from airrace.planning.as_flown import plan_as_flown, track_turn, way_as_flown

@@ -7,7 +7,7 @@ import pytest
 from generated_courses import generated_course
 from races import RACES, ROOT, SMALL, flown, optimum, prepared, settings
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.errors import InputError, OutOfTime
 from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess

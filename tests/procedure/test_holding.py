@@ -8,7 +8,7 @@ from test_meshing import SYSTEM
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.flight import mesh_of
 from airrace.procedure.holding import foreseen, measured
 from airrace.procedure.joint import REFINED_BARRIER

@@ -8,8 +8,8 @@ import pytest
 from races import DEGREE, EDGE_540, ROOT, RULES, course, level, optimum, settings
 from transformations import mirrored
 
-from airrace.documents import load_inputs
-from airrace.documents.variation import Variation
+from airrace.inputs import load_inputs
+from airrace.inputs.variation import Variation
 from airrace.environment.air import Air
 from airrace.planning.race import Race
 from airrace.procedure.levers import levers

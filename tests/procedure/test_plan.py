@@ -11,7 +11,7 @@ from races import planned as plan_of
 from races import pylon as pylon_at
 from transformations import mirrored, rotated
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between
 from airrace.planning.choices import ANY, TWIN

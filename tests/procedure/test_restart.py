@@ -7,7 +7,7 @@ import pytest
 from ladders import PLAN, climbed
 from races import ROOT, SHIPPED, SMALL, blown, optimum
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.errors import UsageError
 from airrace.planning.race import Race
 from airrace.procedure import restart, solving

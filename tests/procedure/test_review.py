@@ -10,10 +10,10 @@ import races
 from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.environment.air import Air, StaticWind
-from airrace.flights.plan_review import remarks_on_line
-from airrace.flights.planned import planned_flight
+from airrace.results.plan_review import remarks_on_line
+from airrace.results.planned import planned_flight
 from airrace.planning.cruise import top_speed
 from airrace.planning.legs import PLANNED_MAX, legs, tightest
 from airrace.planning.race import Race

@@ -10,10 +10,10 @@ from races import RACES, SMALL, planned, prepared
 
 from airrace.optimal_control.kkt import KktError
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import IterationReport
+from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.process.service import SolverService, Stalled
+from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import SMALLEST_STEP, fly_homotopy, held
 from airrace.procedure.pieces import phase_piece
@@ -21,7 +21,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.settings import Settings
 from airrace.procedure.solving import KNOWN_ITERATIONS_MAX, MEASURED, Workbench
-from airrace.procedure.ways.crew import Crew
+from airrace.procedure.multistart.crew import Crew
 
 STALLED = "stalled"
 

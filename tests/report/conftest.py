@@ -1,4 +1,4 @@
-"""The flights of `tests/flights/flown.py` serve the tests of reports as well; those in a browser share it and a report.
+"""The flights of `tests/results/flown.py` serve the tests of reports as well; those in a browser share it and a report.
 
 Pictures of every view are kept in the folder that the environment variable `AIRRACE_ARTEFACTS` names, for people.
 """

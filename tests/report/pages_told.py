@@ -14,7 +14,7 @@ from flown import circling, rovinj
 from shown_courses import everything
 from shown_courses import race as race_of
 
-from airrace.flights import Flight
+from airrace.results import Flight
 from airrace.report.flight_page import flight_page
 
 HOSTILE = (

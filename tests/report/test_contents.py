@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pages_told import HOSTILE, circle, dense, everything_flown, renamed
 
-from airrace.flights import Flight
-from airrace.flights.comparison import compared
+from airrace.results import Flight
+from airrace.results.comparison import compared
 from airrace.quantities import KNOT
 from airrace.report.contents import FORMAT, POSE, Contents, packed, unpacked
 from airrace.report.flight_contents import contents_of, short_labels

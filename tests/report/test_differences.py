@@ -7,10 +7,10 @@ import pytest
 from flown import circling, half_cuban, windy
 from pages_told import circle
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.errors import UsageError
-from airrace.flights import Flight
-from airrace.flights.comparison import compared
+from airrace.results import Flight
+from airrace.results.comparison import compared
 from airrace.report.contents import Difference
 from airrace.report.differences import difference_of
 from airrace.report.flight_page import flight_page

@@ -10,8 +10,8 @@ import pytest
 from flown import half_cuban, windy
 from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
 
-from airrace.flights.comparison import compared
-from airrace.flights.leg_facts import leg_facts
+from airrace.results.comparison import compared
+from airrace.results.leg_facts import leg_facts
 from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page
 from airrace.report.html_tables import Cell, Head, Row, number, table

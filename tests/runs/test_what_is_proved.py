@@ -7,7 +7,7 @@ import canned_procedure
 import pytest
 from canned_procedure import on_one_mesh, stage_result
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.errors import InputError
 from airrace.procedure import reading
 from airrace.procedure import run as procedure

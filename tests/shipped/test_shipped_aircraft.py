@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.environment.atmosphere import RHO_ISA, g0
 
 ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.planning.cruise import cruise
 from airrace.planning.plan import plan
 from airrace.planning.race import Race

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 
 ROOT = Path(__file__).parents[2]
 Answer = dict[str, Any]  # Any: as the command prints it

@@ -9,8 +9,8 @@ import pytest
 from shown_courses import everything
 from shown_courses import race as race_of
 
-from airrace.documents import load_inputs
-from airrace.documents.shipped import TRACKS
+from airrace.inputs import load_inputs
+from airrace.inputs.shipped import TRACKS
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory

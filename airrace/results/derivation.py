@@ -1,0 +1,191 @@
+"""The derivation of what follows from the given histories of a flight: heights, airspeeds, angles and attitudes.
+
+Each rule says what it needs and what it gives. A rule is followed where all it needs is there, and what a source has
+told itself is never computed again; so a recording of positions and speeds gets airspeeds, and an optimum attitudes.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from airrace.dynamics.limits import Limits, flight_limits
+from airrace.environment.atmosphere import g0
+from airrace.results import airdata, attitude
+from airrace.results.glossary import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE
+from airrace.results.history import Basis, Histories, History
+from airrace.planning.race import Race
+from airrace.quantities import Interval, Quantity
+from airrace.records import record
+from airrace.track.geodetic import geodetic, placed
+from airrace.trajectory import Array
+
+Known = Mapping[str, Array]
+
+
+@record
+class Rule:
+    """One derivation.
+
+    Attributes:
+        needs: names of the histories that it starts from.
+        gives: names of those that it yields, in the order in which `derive` returns them.
+        derive: from the race and the histories by name to the new ones, each of shape (n,).
+        applies: whether it makes sense in a race at all.
+    """
+
+    needs: tuple[str, ...]
+    gives: tuple[str, ...]
+    derive: Callable[[Race, Known], Sequence[Array]]
+    applies: Callable[[Race], bool] = lambda _: True
+
+
+def completed(race: Race, given: Histories) -> Histories:
+    """Return the histories of a flight with all that follows from them.
+
+    Args:
+        race: course, aircraft and air.
+        given: histories over one time axis.
+    """
+    told = dict(given)
+    for rule in RULES:
+        missing = [name for name in rule.gives if name not in told]
+        if not missing or not rule.applies(race) or any(name not in told for name in rule.needs):
+            continue
+        values = rule.derive(race, {name: one.values for name, one in told.items()})
+        for name, one in zip(rule.gives, values, strict=True):
+            if name in missing:
+                told[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
+    return _limited(told, flight_limits(race.aircraft, race.course.rules))
+
+
+def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[Known], Array]]:
+    """Return what tables of a flight hold besides its states: airspeeds, and where it is on the globe.
+
+    Args:
+        race: course, aircraft and air.
+        names: of the states that the flight has.
+
+    Returns:
+        Declarations, each with a function of the named histories of the states, of shape (n,) -> (n,); none where
+        nothing follows from these states.
+    """
+    if not {"x", "y", "z", "V_K", *PATH_ATTITUDE} <= set(names):
+        return {}
+    columns = ("V_A", "V_I", *(("latitude", "longitude") if placed(race.course.origin) else ()))
+    return {GLOSSARY[name]: _column(race, name) for name in columns}
+
+
+def _column(race: Race, name: str) -> Callable[[Known], Array]:
+    needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
+
+    def values(known: Known) -> Array:
+        given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
+        return completed(race, given)[name].values
+
+    return values
+
+
+def _limited(told: Histories, limits: Limits) -> Histories:
+    """Return the histories with the bounds that aircraft and rules set, where a source has brought none of its own."""
+    bounds = {
+        "height": Interval(-limits.z.upper, -limits.z.lower),
+        "V_K": limits.V_K,
+        "n_z": limits.n_z,
+        "p_Kbar": limits.p_Kbar,
+        "C_L": limits.C_L,
+        "beta_A": limits.beta_A,
+    }
+    return {name: _bounded(one, bounds[name]) if name in bounds else one for name, one in told.items()}
+
+
+def _bounded(history: History, bounds: Interval) -> History:
+    quantity: Quantity = history.quantity
+    if Interval(quantity.lower, quantity.upper).bounded:
+        return history
+    return replace(history, quantity=replace(quantity, lower=bounds.lower, upper=bounds.upper))
+
+
+def _height(_: Race, known: Known) -> Sequence[Array]:
+    return (-known["z"],)
+
+
+def _depth(_: Race, known: Known) -> Sequence[Array]:
+    return (-known["height"],)
+
+
+def _altitude(race: Race, known: Known) -> Sequence[Array]:
+    return (known["height"] + race.course.origin.elevation,)
+
+
+def _geodetic(race: Race, known: Known) -> Sequence[Array]:
+    return geodetic(known["x"], known["y"], race.course.origin)
+
+
+def _path_angles(_: Race, known: Known) -> Sequence[Array]:
+    return attitude.euler_angles(_R_OKbar(known))
+
+
+def _energy_height(_: Race, known: Known) -> Sequence[Array]:
+    return (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)
+
+
+def _airspeed(race: Race, known: Known) -> Sequence[Array]:
+    return (np.linalg.norm(_velocity_in_air(race, known), axis=0),)
+
+
+def _indicated(race: Race, known: Known) -> Sequence[Array]:
+    return (airdata.indicated_airspeed(known["V_A"], known["z"], race.air),)
+
+
+def _angle_of_attack(race: Race, known: Known) -> Sequence[Array]:
+    return (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),)
+
+
+def _attitude_from_path(_: Race, known: Known) -> Sequence[Array]:
+    return attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"]))
+
+
+def _attitude_from_air(race: Race, known: Known) -> Sequence[Array]:
+    R_OA = attitude.air_axes(_R_OKbar(known), _velocity_in_air(race, known))
+    return attitude.quaternions(attitude.body_axes(R_OA, known["alpha_A"], known["beta_A"]))
+
+
+def _attitude_along_path(_: Race, known: Known) -> Sequence[Array]:
+    """Return the attitude of the path as that of the body, for a source that knows no angles of the flow."""
+    return [known[name] for name in PATH_ATTITUDE]
+
+
+def _body_angles(_: Race, known: Known) -> Sequence[Array]:
+    return attitude.euler_angles(attitude.path_axes([known[name] for name in BODY_ATTITUDE]))
+
+
+def _R_OKbar(known: Known) -> attitude.Axes:
+    return attitude.path_axes([known[name] for name in PATH_ATTITUDE])
+
+
+def _velocity_in_air(race: Race, known: Known) -> Array:
+    """Return the velocity relative to the air, components in O, m/s, shape (3, n)."""
+    chi, gamma = known["chi"], known["gamma"]
+    e = np.stack([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
+    return known["V_K"] * e - airdata.wind(race.air, known["x"], known["y"], known["z"])
+
+
+_PATH = ("x", "y", "z", "V_K", "chi", "gamma")
+
+RULES = (
+    Rule(("height",), ("z",), _depth),
+    Rule(("z",), ("height",), _height),
+    Rule(("height",), ("altitude",), _altitude),
+    Rule(("x", "y"), ("latitude", "longitude"), _geodetic, lambda race: placed(race.course.origin)),
+    Rule(("height", "V_K"), ("h_E",), _energy_height),
+    Rule(PATH_ATTITUDE, ("chi", "gamma", "mu"), _path_angles),
+    Rule(_PATH, ("V_A",), _airspeed),
+    Rule(("V_A", "z"), ("V_I",), _indicated),
+    Rule(("C_L",), ("alpha_A",), _angle_of_attack),
+    Rule((*PATH_ATTITUDE, "alpha_K", "beta_K"), BODY_ATTITUDE, _attitude_from_path),
+    Rule((*_PATH, *PATH_ATTITUDE, "alpha_A", "beta_A"), BODY_ATTITUDE, _attitude_from_air),
+    Rule(PATH_ATTITUDE, BODY_ATTITUDE, _attitude_along_path),
+    Rule(BODY_ATTITUDE, ("psi", "theta", "phi"), _body_angles),
+)
+"""The rules in the order in which they are followed: a later one may need what an earlier one gives."""

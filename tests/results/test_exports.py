@@ -1,0 +1,390 @@
+"""Flights that are written and read back are the same flights."""
+
+import io
+import json
+import math
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flown import circling, half_cuban, rovinj
+from readers import read_acmi, read_fdr, read_gpx, read_kml
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+from airrace.cli.main import app
+from airrace.errors import UsageError
+from airrace.export import extras
+from airrace.export.csv import export_flight_csv
+from airrace.export.czml import czml, earth_axes
+from airrace.export.formats import FORMATS
+from airrace.export.globe import BEGIN, on_globe
+from airrace.results import Flight
+from airrace.frames import rotation
+from airrace.runs.exported import begin_of, origin_of
+from airrace.track.course import Origin
+from airrace.track.geodetic import metres
+
+KNOT, FOOT = 1852.0 / 3600.0, 0.3048
+HOSTILE = '<script>alert(1)</script> ]]> & "quoted", a|bar\\ \x00\n\u202e' + "x" * 10_000
+
+
+def flight(label: str = "one", **how: float) -> Flight:
+    return on_globe(circling(rovinj(), label=label, **how), None).at_rate(20.0)
+
+
+def two() -> list[Flight]:
+    return [flight("one"), flight("two", bank=1.1, seconds=23.0)]
+
+
+def written(name: str, flights: list[Flight]) -> bytes:
+    return FORMATS[name].write(flights, BEGIN)
+
+
+def degrees(one: Flight, name: str) -> np.ndarray:
+    return np.degrees(one[name])
+
+
+def apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angles in degrees, whatever full turns lie between."""
+    return np.abs(np.remainder(np.asarray(one) - other + 180.0, 360.0) - 180.0)
+
+
+def test_positions_on_the_globe_lead_back_to_the_metres_of_the_course() -> None:
+    one = flight()
+    north, east, _ = metres(one["latitude"], one["longitude"], one.course.origin)
+    np.testing.assert_allclose(north, one["x"], atol=1e-6)
+    np.testing.assert_allclose(east, one["y"], atol=1e-6)
+    np.testing.assert_allclose(one["altitude"], one["height"] + one.course.origin.elevation, atol=1e-9)
+
+
+def test_another_origin_moves_the_flight_there() -> None:
+    there = Origin(math.radians(10.0), math.radians(20.0), 300.0)
+    moved = on_globe(half_cuban().flight(), there)
+    assert np.degrees(moved["latitude"][0]) == pytest.approx(10.0, abs=0.05)
+    assert moved["altitude"][0] == pytest.approx(moved["height"][0] + 300.0)
+
+
+def test_acmi_is_read_back() -> None:
+    flights = two()
+    objects, events = read_acmi(written("acmi", flights))
+    assert objects["0"].properties["ReferenceTime"] == "2000-01-01T12:00:00Z"
+    aircraft = {one.properties["CallSign"]: one for one in objects.values() if "CallSign" in one.properties}
+    for one in flights:
+        found = aircraft[one.label]
+        assert found.properties["Type"] == "Air+FixedWing"
+        place = np.array(found.places)
+        np.testing.assert_allclose(found.times, one.time, atol=6e-4)
+        np.testing.assert_allclose(place[:, 0], degrees(one, "longitude"), atol=1e-8)
+        np.testing.assert_allclose(place[:, 1], degrees(one, "latitude"), atol=1e-8)
+        np.testing.assert_allclose(place[:, 2], one["altitude"], atol=1e-3)
+        for column, name in ((3, "phi"), (4, "theta"), (5, "psi")):
+            assert apart(place[:, column], degrees(one, name)).max() < 0.006
+        np.testing.assert_allclose(found.numbers["TAS"], one["V_A"], atol=0.006)
+        np.testing.assert_allclose(found.numbers["IAS"], one["V_I"], atol=0.006)
+        np.testing.assert_allclose(found.numbers["VerticalGForce"], one["n_z"], atol=6e-4)
+        told = [(time, fields[2]) for time, fields in events if one.label in fields[2]]
+        assert [time for time, _ in told] == pytest.approx([crossing.time for crossing in one.crossings], abs=6e-4)
+        assert all(crossing.name in text for crossing, (_, text) in zip(one.crossings, told, strict=True))
+        assert found.removed >= one.time[-1]
+    assert len([one for one in objects.values() if one.properties.get("Name", "").startswith("gate")]) == 10
+
+
+def test_fdr_is_read_back() -> None:
+    one = flight()
+    replay = read_fdr(written("fdr", [one]))
+    columns = {name: np.array(values) for name, values in replay.columns.items()}
+    np.testing.assert_allclose(columns["time"] - 12 * 3600.0, one.time, atol=6e-4)
+    np.testing.assert_allclose(columns["longitude"], degrees(one, "longitude"), atol=1e-8)
+    np.testing.assert_allclose(columns["latitude"], degrees(one, "latitude"), atol=1e-8)
+    np.testing.assert_allclose(columns["altitude_ft"] * FOOT, one["altitude"], atol=0.002)
+    for column, name in (("heading", "psi"), ("pitch", "theta"), ("roll", "phi")):
+        assert apart(columns[column], degrees(one, name)).max() < 6e-4
+    np.testing.assert_allclose(columns["airspeed_kts_pilot"] * KNOT, one["V_I"], atol=0.003)
+    np.testing.assert_allclose(columns["g_nrml"], one["n_z"], atol=6e-4)
+    marks = [mark.split(",") for mark in replay.header["MARK"]]
+    assert [float(time) for time, _ in marks] == pytest.approx([one.time for one in one.crossings], abs=6e-4)
+    assert [name for _, name in marks] == [crossing.name for crossing in one.crossings]
+    assert len(replay.header["ACFT"]) == len(replay.header["TAIL"]) == 1
+
+
+def test_fdr_takes_one_flight() -> None:
+    with pytest.raises(UsageError, match="holds one flight, not 2"):
+        written("fdr", two())
+
+
+def test_kml_is_read_back() -> None:
+    flights = two()
+    placemarks, tracks = read_kml(written("kml", flights))
+    assert [track.name for track in tracks] == ["one", "two"]
+    for one, track in zip(flights, tracks, strict=True):
+        seconds = [(when - BEGIN).total_seconds() for when in track.when]
+        np.testing.assert_allclose(seconds, one.time, atol=6e-4)
+        np.testing.assert_allclose(np.array(track.coordinates)[:, 0], degrees(one, "longitude"), atol=1e-8)
+        np.testing.assert_allclose(np.array(track.coordinates)[:, 1], degrees(one, "latitude"), atol=1e-8)
+        np.testing.assert_allclose(np.array(track.coordinates)[:, 2], one["altitude"], atol=0.006)
+        for column, name in enumerate(("psi", "theta", "phi")):
+            assert apart(np.array(track.angles)[:, column], degrees(one, name)).max() < 0.006
+        ((shape, line),) = placemarks[f"{one.label}, line"]
+        assert (shape, len(line)) == ("LineString", len(one.time))
+    (gate,) = placemarks["g4"]
+    origin = flights[0].course.origin
+    ends = [metres(np.radians(lat), np.radians(lon), origin)[:2] for lon, lat in gate[1]]
+    (element,) = {one.element for one in flights[0].course.passages if one.element.name == "g4"}
+    posts = element.drawing().posts
+    for (north, east), post in zip(ends, posts, strict=True):
+        assert (float(north), float(east)) == pytest.approx((post.north, post.east), abs=2e-3)
+
+
+def test_kmz_is_the_same_document_zipped_and_equal_for_equal_flights() -> None:
+    content = written("kmz", two())
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert archive.namelist() == ["doc.kml"]
+        assert archive.read("doc.kml") == written("kml", two())
+    assert content == written("kmz", two())
+
+
+def test_gpx_is_read_back() -> None:
+    flights = two()
+    points, tracks = read_gpx(written("gpx", flights))
+    assert set(points) == {f"g{number}" for number in range(8)}
+    for one in flights:
+        when, latitude, longitude, elevation = zip(*tracks[one.label], strict=True)
+        np.testing.assert_allclose([(at - BEGIN).total_seconds() for at in when], one.time, atol=6e-4)
+        np.testing.assert_allclose(latitude, degrees(one, "latitude"), atol=1e-8)
+        np.testing.assert_allclose(longitude, degrees(one, "longitude"), atol=1e-8)
+        np.testing.assert_allclose(elevation, one["altitude"], atol=0.006)
+
+
+def test_geojson_is_read_back_and_outlines_run_counterclockwise() -> None:
+    flights = two()
+    told = json.loads(written("geojson", flights))
+    assert told["type"] == "FeatureCollection"
+    lines = [one for one in told["features"] if one["properties"]["kind"] == "flight"]
+    for one, line in zip(flights, lines, strict=True):
+        places = np.array(line["geometry"]["coordinates"])
+        np.testing.assert_allclose(places[:, 0], degrees(one, "longitude"), atol=1e-8)
+        np.testing.assert_allclose(places[:, 2], one["altitude"], atol=1e-3)
+        assert line["properties"]["race_time_s"] == one.race_time
+    passings = [one for one in told["features"] if one["properties"]["kind"] == "passing"]
+    assert len(passings) == sum(len(one.crossings) for one in flights)
+    for area in (one for one in told["features"] if one["geometry"]["type"] == "Polygon"):
+        ring = np.array(area["geometry"]["coordinates"][0])
+        assert (ring[0] == ring[-1]).all()
+        assert np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) > 0.0
+
+
+def test_czml_turns_the_nose_of_the_aircraft_along_its_heading() -> None:
+    one = flight()
+    document, *packets = json.loads(czml([one], BEGIN))
+    assert (document["id"], document["version"]) == ("document", "1.0")
+    (moving,) = [packet for packet in packets if "orientation" in packet]
+    place = np.array(moving["position"]["cartographicDegrees"]).reshape(-1, 4)
+    np.testing.assert_allclose(place[:, 0], one.time, atol=1e-8)
+    np.testing.assert_allclose(place[:, 1], degrees(one, "longitude"), atol=1e-8)
+    origin = one.course.origin
+    R_EO = earth_axes(origin.latitude or 0.0, origin.longitude or 0.0)
+    rows = np.array(moving["orientation"]["unitQuaternion"]).reshape(-1, 5)
+    for k in range(0, len(rows), 29):
+        _, x, y, z, w = rows[k]
+        axes = np.array(rotation([w, x, y, z]))
+        psi, theta, phi = (one[name][k] for name in ("psi", "theta", "phi"))
+        nose = [math.cos(theta) * math.cos(psi), math.cos(theta) * math.sin(psi), -math.sin(theta)]
+        np.testing.assert_allclose(axes[:, 0], R_EO @ nose, atol=1e-8)
+        down = R_EO @ np.array([0.0, 0.0, 1.0])
+        assert -axes[:, 2] @ down == pytest.approx(math.cos(theta) * math.cos(phi), abs=1e-8)
+
+
+def test_axes_fixed_in_the_earth_are_north_east_and_down() -> None:
+    """At the equator and the prime meridian north is z, east is y, down is -x."""
+    np.testing.assert_allclose(earth_axes(0.0, 0.0), [[0, 0, -1], [0, 1, 0], [1, 0, 0]], atol=1e-15)
+    R = earth_axes(0.7, -2.1)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_netcdf_is_read_by_xarray() -> None:
+    xarray = pytest.importorskip("xarray")
+    flights = two()
+    data = xarray.open_dataset(io.BytesIO(written("netcdf", flights)), engine="scipy", decode_times=False)
+    assert data.attrs["featureType"] == "trajectory"
+    assert data["rowSize"].values.tolist() == [len(one.time) for one in flights]
+    assert [one.decode().rstrip() for one in data["flight"].values] == ["one", "two"]
+    ends = np.cumsum(data["rowSize"].values)
+    for one, end in zip(flights, ends, strict=True):
+        rows = slice(end - len(one.time), end)
+        np.testing.assert_array_equal(data["time"].values[rows], one.time)
+        for name, history in one.histories.items():
+            np.testing.assert_array_equal(data[name].values[rows], history.values)
+            assert data[name].attrs["units"] == history.quantity.unit
+            assert data[name].attrs["basis"] == history.basis.value
+    assert data["time"].attrs["units"] == "seconds since 2000-01-01 12:00:00"
+
+
+def test_parquet_is_read_by_pyarrow() -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    flights = two()
+    table = parquet.read_table(io.BytesIO(written("parquet", flights)))
+    labels = np.array(table["flight"].to_pylist())
+    for one in flights:
+        for name, history in one.histories.items():
+            np.testing.assert_array_equal(table[name].to_numpy()[labels == one.label], history.values)
+            assert table.schema.field(name).metadata[b"unit"].decode() == history.quantity.unit
+    about = json.loads(table.schema.metadata[b"airrace"])
+    assert [one["label"] for one in about] == ["one", "two"]
+    assert about[0]["passings"][1]["name"] == flights[0].crossings[1].name
+
+
+def test_mat_is_read_by_scipy() -> None:
+    flights = [flight("run:six-dof"), flight("run_six-dof"), flight("1")]
+    content = loadmat(io.BytesIO(written("mat", flights)), simplify_cells=True)
+    for name, one in zip(("run_six_dof", "run_six_dof_2", "flight_1"), flights, strict=True):
+        told = content[name]
+        assert told["label"] == one.label
+        assert told["units"]["V_A"] == "m/s"
+        np.testing.assert_array_equal(told["V_A"], one["V_A"])
+        np.testing.assert_array_equal(told["time"], one.time)
+        assert list(told["passings"]["name"]) == [crossing.name for crossing in one.crossings]
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_hostile_names_reach_no_format_unescaped(name: str) -> None:
+    one = flight(HOSTILE)
+    one = replace(one, race=replace(one.race, course=replace(one.course, name=HOSTILE)))
+    content = written(name, [one])
+    assert content
+    if name in ("kml", "gpx"):
+        assert b"<script" not in content
+        (read_kml if name == "kml" else read_gpx)(content)
+    if name == "acmi":
+        objects, _ = read_acmi(content)
+        assert len([one for one in objects.values() if "CallSign" in one.properties]) == 1
+    if name == "fdr":
+        read_fdr(content.decode("utf-8").encode("ascii", "replace"))
+    if name in ("czml", "geojson"):
+        json.loads(content)
+
+
+def test_the_table_of_a_stage_is_read_by_one_line_of_pandas(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    path = tmp_path / "run.csv"
+    half_cuban()["point-mass"].to_csv(path, rate=20)
+    table = pandas.read_csv(path, skiprows=6, index_col="time_s")
+    one = half_cuban().flight().at(table.index.to_numpy())
+    np.testing.assert_allclose(table["V_A_m_s"], one["V_A"], atol=2e-3)
+    np.testing.assert_allclose(table["V_I_kt"] * KNOT, one["V_I"], atol=2e-3)
+    np.testing.assert_allclose(table["height_m"], one["height"], atol=0.02)
+    assert "latitude_deg" not in table
+    assert set(table["phase"]) == set(half_cuban()["point-mass"].trajectory.phases)
+
+
+def test_the_table_of_any_stage_is_written_by_its_name(tmp_path: Path) -> None:
+    stored = half_cuban().save(tmp_path / "run.h5")
+    by_name, by_option = tmp_path / "name.csv", tmp_path / "option.csv"
+    assert run("csv", f"{stored}:point-mass", "--output", str(by_name)) == (0, "")
+    assert run("csv", str(stored), "--stage", "point-mass", "--output", str(by_option)) == (0, "")
+    assert by_name.read_bytes() == by_option.read_bytes()
+    code, said = run("csv", f"{stored}:six-dof")
+    assert (code, said) == (2, "airrace: this run has no stage 'six-dof'; it has: homotopy, point-mass\n")
+
+
+def test_a_hostile_name_is_one_printable_line_of_the_table(tmp_path: Path) -> None:
+    one = flight(HOSTILE)
+    stream = io.StringIO(newline="")
+    export_flight_csv(replace(one, race=replace(one.race, course=replace(one.course, name=HOSTILE))), stream)
+    comments = [line for line in stream.getvalue().split("\n") if line.startswith("#")]
+    assert len(comments) == 5
+    assert all(line.isprintable() for line in comments)
+
+
+def test_a_history_that_is_missing_is_left_out() -> None:
+    one = flight()
+    bare = replace(one, histories={name: one.histories[name] for name in ("x", "y", "z", "height", "V_K")})
+    bare = on_globe(bare, None)
+    objects, _ = read_acmi(written("acmi", [bare]))
+    (found,) = [one for one in objects.values() if "CallSign" in one.properties]
+    assert found.numbers == {}
+    assert np.isnan(np.array(found.places)[:, 3:]).all()
+    assert "orientation" not in json.loads(written("czml", [bare]))[-1]
+    _, (track,) = read_kml(written("kml", [bare]))
+    assert track.angles == []
+    assert set(read_fdr(written("fdr", [bare])).columns["roll"]) == {0.0}
+
+
+def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(extras, "import_module", missing)
+    with pytest.raises(UsageError, match=r"a Parquet file needs pyarrow: pip install 'airrace\[parquet\]'"):
+        written("parquet", [flight()])
+
+
+LIGHT = """
+import sys
+from airrace.cli.main import app
+app(["export", *{arguments}], standalone_mode=False)
+assert "airrace.export.csv" in sys.modules
+print(*sorted({{"scipy.integrate", "pandas"}} & set(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize("kind", [("csv", "--rate", "50"), ("csv",), ("parquet",)], ids=" ".join)
+def test_exports_load_no_integrator_and_no_data_frames(kind: tuple[str, ...], tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    name, *how = kind
+    arguments = [name, str(half_cuban().save(tmp_path / "run.h5")), *how, "--output", str(tmp_path / "out"), "-q"]
+    program = LIGHT.format(arguments=arguments)
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (tmp_path / "out").stat().st_size > 10_000
+    assert ran.stdout.split() == []
+
+
+def test_origins_and_starts_are_read() -> None:
+    assert origin_of("45,-13.5,20") == Origin(math.radians(45.0), math.radians(-13.5), 20.0)
+    assert origin_of("45,13").elevation == 0.0
+    assert begin_of("2014-04-13T12:00:00+02:00") == datetime(2014, 4, 13, 10, tzinfo=UTC)
+    assert begin_of("2014-04-13T12:00:00") - datetime(2014, 4, 13, 12, tzinfo=UTC) == timedelta(0)
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["export", *arguments])
+    return result.exit_code, result.stderr
+
+
+def test_the_command_writes_a_course_without_an_origin_where_it_is_told(tmp_path: Path) -> None:
+    stored, output = half_cuban().save(tmp_path / "run.h5"), tmp_path / "run.kml"
+    code, said = run("kml", str(stored), "--output", str(output))
+    assert code == 2
+    assert said == (
+        "airrace: the course of run has no origin on the globe; say where it lies with --origin LAT,LON,ELEV\n"
+    )
+    assert not output.exists()
+    assert run("kml", str(stored), "--output", str(output), "--origin", "48,11,500", "--rate", "5") == (0, "")
+    _, (track,) = read_kml(output.read_bytes())
+    assert track.coordinates[0][1] == pytest.approx(48.0, abs=0.05)
+    assert run("kml", str(stored), "--output", str(output), "--origin", "48,11")[0] == 2
+    assert run("netcdf", f"{stored}:point-mass") == (0, "")
+    assert (tmp_path / "run.nc").read_bytes().startswith(b"CDF")
+
+
+@pytest.mark.parametrize(
+    ("extra", "said"),
+    [
+        (("--origin", "north pole"), "expected LAT,LON,ELEV"),
+        (("--origin", "95,0,0"), "no place has this latitude"),
+        (("--origin", "nan,0,0"), "no place has this latitude"),
+        (("--rate", "0"), "cannot be exported"),
+        (("--start", "yesterday"), "expected a time such as"),
+    ],
+)
+def test_arguments_that_say_nothing_sensible_are_refused(tmp_path: Path, extra: tuple[str, ...], said: str) -> None:
+    code, error = run("kml", "none.h5", "--output", str(tmp_path / "a.kml"), *extra)
+    assert code == 2
+    assert said in error
+    assert error.count("\n") == 1

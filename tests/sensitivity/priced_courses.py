@@ -1,0 +1,70 @@
+"""A small course for the tests of prices, as documents, and its optimum, flown once."""
+
+import functools
+import re
+from pathlib import Path
+
+from kept import kept
+
+from airrace.inputs import Document, Inputs, inputs_from_documents
+from airrace.sensitivity.price import Price
+from airrace.sensitivity.pricing import prices
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.run import optimize
+
+ROOT = Path(__file__).parents[2]
+AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
+FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nexplore: "off"\n')
+COURSE = """
+schema: airrace/track/1
+name: three gates and a pylon
+rules: {n_z_max: 10, floor_m: 5, start_speed_max_kt: 200}
+environment:
+  wind: {from_deg: 250, speed_m_s: 6}
+gate_defaults: {height_m: 20, height_min_m: 15, height_max_m: 25, climb_min_deg: -10, climb_max_deg: 10}
+gates:
+  first: {type: level, north_m: 0, east_m: 0, heading_deg: 20}
+  side: {type: pylon, north_m: 300, east_m: 60, pass_side_deg: 110}
+  last: {type: level, north_m: 420, east_m: -260, heading_deg: 250}
+course: {start: first, lap: [side, last]}
+"""
+CROWDED = COURSE.replace(
+    "course:",
+    """crowd:
+  stand: {line: [{north_m: 480, east_m: 20}, {north_m: 520, east_m: -20}], distance_m: 122}
+airspace:
+  - {north_m: -200, east_m: -500}
+  - {north_m: 620, east_m: -520}
+  - {north_m: 620, east_m: 70}
+  - {north_m: -200, east_m: 70}
+course:""",
+)
+"""With people and a border that the flight has to make way for."""
+
+
+def mirrored_text() -> str:
+    """The course seen in a mirror that exchanges east and west."""
+    text = re.sub(r"east_m: (-?\d+)", lambda found: f"east_m: {-int(found[1])}", COURSE)
+    return re.sub(r"(heading_deg|side_deg|from_deg): (\d+)", lambda found: f"{found[1]}: {360 - int(found[2])}", text)
+
+
+@functools.cache
+def inputs(text: str = COURSE, *overrides: str) -> Inputs:
+    """The inputs of a run with that course."""
+    return inputs_from_documents(Document("course.yaml", text), AIRCRAFT, FROM_PLAN, overrides)
+
+
+@kept
+def optimum(text: str = COURSE, *overrides: str) -> StageResult:
+    """The certified point mass."""
+    given = inputs(text, *overrides)
+    *_, result = optimize(given.race, given.settings, until=Stage.POINT_MASS, threads=1, progress=Silent())
+    assert result.certified
+    return result
+
+
+@functools.cache
+def priced(text: str = COURSE, *overrides: str) -> dict[str, Price]:
+    """The prices of that optimum."""
+    return prices(inputs(text, *overrides), optimum(text, *overrides))
