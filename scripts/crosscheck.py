@@ -33,14 +33,14 @@ from airrace.crosscheck.flown import flown_by_jsbsim
 from airrace.crosscheck.geopotential import at_geopotential_height
 from airrace.crosscheck.planet import EARTH, FLAT, Planet
 from airrace.crosscheck.states import random_states
-from airrace.inputs import load_inputs
 from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
-from airrace.procedure import reading
+from airrace.inputs import load_inputs
+from airrace.procedure import results_api
 from airrace.runs.run import Run
-from airrace.runs.stored import stored_run
+from airrace.runs.stored_inputs import stored_run
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540
@@ -90,7 +90,7 @@ def along_optimum(run: Run, planet: Planet) -> Row:
         flown = flown_by_jsbsim(
             Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet
         )
-        at = reading.sampler(race, result)
+        at = results_api.sampler(race, result)
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)
     most_turned = max(misses, key=lambda miss: miss.angle)

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.results import Crossing, Flight
-from airrace.logs.flown import Flown, flown_flight
+from airrace.logs.log_flight import Flown, flown_flight
 from airrace.logs.reading import read_log
-from airrace.procedure.reading import sampler
+from airrace.procedure.results_api import sampler
+from airrace.results import Crossing, Flight
 from airrace.runs.run import Run
 from airrace.trajectory import Array
 

@@ -6,21 +6,21 @@ import sys
 import pytest
 
 READERS = (
-    "airrace.runs.exported",
-    "airrace.runs.shown",
+    "airrace.runs.exports",
+    "airrace.runs.show_view",
     "airrace.cli.show_texts",
-    "airrace.runs.compared",
+    "airrace.runs.comparison",
     "airrace.cli.compare_tables",
-    "airrace.runs.reported",
+    "airrace.runs.reports",
     "airrace.views.flight_figure",
     "airrace.views.comparison_figure",
 )
 """What the bodies of the commands import: export, show, compare, report and plot."""
 SOLVING = (
     "airrace.procedure.run",
-    "airrace.procedure.flight",
-    "airrace.procedure.solving",
-    "airrace.procedure.remeasured",
+    "airrace.procedure.stage_problem",
+    "airrace.procedure.solver_session",
+    "airrace.procedure.recomputation",
     "airrace.procedure.restart",
     "airrace.optimal_control.solvers.fatrop.library",
     "airrace.optimal_control.kernels",
@@ -28,7 +28,7 @@ SOLVING = (
     "airrace.optimal_control.solvers.process.service",
     "airrace.optimal_control.solvers.solver",
     "airrace.optimal_control.solvers.ipopt_functions",
-    "airrace.logs.flown",
+    "airrace.logs.log_flight",
     "airrace.sensitivity.pricing",
     "multiprocessing",
     "scipy",
@@ -51,6 +51,6 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs(reader: str) -> No
 
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
-    program = "import airrace.runs.flying, airrace.runs.priced, airrace.runs.imported, scipy"
+    program = "import airrace.runs.execution, airrace.runs.sensitivities, airrace.runs.log_import, scipy"
     program += "\nimport airrace.optimal_control.solvers.process.worker, multiprocessing, airrace.sensitivity.pricing"
     assert set(SOLVING) <= loaded(program)

@@ -11,9 +11,9 @@ from airrace.batch.naming import job_name, refuse_clashes
 from airrace.batch.plan import Plan, Step, invalid, result_of
 from airrace.batch.sources import Group, Manner, Sources
 from airrace.batch.sweep import Combination, combinations, count
+from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, read_documents
 from airrace.inputs.document import read_document
-from airrace.errors import Finding, InputError, UsageError
 from airrace.records import record
 from airrace.runs.output import ensure_unread
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from airrace.batch.plan import Plan, Result, Step
-from airrace.results.comparison import TIE
 from airrace.records import record
+from airrace.results.comparison import TIE
 from airrace.runs.exit_codes import ExitCode
 
 STATES: Mapping[int, str] = {

@@ -33,12 +33,12 @@ from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import (
     Attempt,
-    Facts,
     GateSplit,
     MeshRecord,
-    Remedy,
     SearchReport,
+    StageProvenance,
     StageResult,
+    SuggestedChange,
     Timings,
     Way,
 )
@@ -124,11 +124,11 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
-        "facts": table_of(Facts, [result.facts]),
+        "facts": table_of(StageProvenance, [result.facts]),
         "search": _explored(result.search),
     }
-    if result.remedies:
-        members["remedies"] = table_of(Remedy, result.remedies)
+    if result.suggested_changes:
+        members["suggested_changes"] = table_of(SuggestedChange, result.suggested_changes)
     if result.certificate is not None:
         members["certificate"] = _certificate(result.certificate)
     return members

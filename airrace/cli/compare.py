@@ -36,7 +36,7 @@ def compare(
             ensure_free(plot, force=force, sources=names)
         from airrace.cli.compare_tables import comparison_texts
         from airrace.results.comparison import compared
-        from airrace.runs.compared import compared_object
+        from airrace.runs.comparison import compared_object
         from airrace.runs.flight_sources import opened_flights
 
         reference, *others = opened_flights(names, stage=stage)

@@ -9,14 +9,14 @@ from rich.text import Text
 
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.tables import PAGE, plain_table, rendered
-from airrace.results import Flight
 from airrace.logs.breach import Breach
 from airrace.quantities import KNOT
 from airrace.report.log_sections import penalty_text
-from airrace.runs.flown_log import FlownLog
+from airrace.results import Flight
+from airrace.runs.log_view import LogView
 
 
-def flown_texts(flown: FlownLog, *, legs: bool = False) -> Iterator[str]:
+def flown_texts(flown: LogView, *, legs: bool = False) -> Iterator[str]:
     """Yield race time and passings, breaches and remarks; at most 80 columns wide.
 
     Args:

@@ -7,9 +7,9 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.tables import plain_table
+from airrace.quantities import KNOT
 from airrace.results import Flight, laps_of
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
-from airrace.quantities import KNOT
 
 
 def leg_tables(flight: Flight) -> Iterator[Table]:

@@ -24,7 +24,7 @@ from airrace.cli.options import (
     output_option,
 )
 from airrace.procedure.settings import GuessKind, SearchEffort
-from airrace.runs.answer import unflown
+from airrace.runs.answer import empty_result
 from airrace.standard_streams import STANDARD, stem_of
 
 
@@ -68,7 +68,7 @@ def optimize(
     The flight is optimised stage by stage, and each stage is kept in a checkpoint as soon as it is finished. The last
     one is certified; those before it are solved and checked on one mesh, or certified as well with --mesh-check all.
     """
-    with answering(unflown(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
+    with answering(empty_result(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
         from airrace.optimal_control.solvers.process.idle_processes import start_early
         from airrace.process import available_cores
 
@@ -86,7 +86,7 @@ def optimize(
         if path == STANDARD:
             raise UsageError(NO_PIPE)
         read = [track, aircraft, settings, start, sign]
-        ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ", sources=read)
+        ensure_free(path, force=force, suggested_change=f"continue it with `airrace resume {path}` or ", sources=read)
         entries = [
             *(overrides or ()),
             *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),

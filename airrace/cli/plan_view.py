@@ -8,12 +8,12 @@ from rich.console import Group
 from rich.text import Text
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
-from airrace.inputs.units import KNOT
 from airrace.environment.air import StaticWind
+from airrace.inputs.units import KNOT
 from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
-from airrace.views.scenery import Mark, Scenery, round_length
+from airrace.views.map_model import MapModel, Mark, round_length
 
 COLUMNS, ROWS = 100, 35
 """The cells that the picture may fill, with its scale and its legend; columns only where no terminal says."""
@@ -41,7 +41,7 @@ _PLAIN_ARROWS = "^>>>v<<<"
 _AROUND = ((0, 2), (0, -2), (-1, 1), (1, 1), (-1, -1), (1, -1), (-1, 0), (1, 0), (0, 3), (0, -3), (-2, 0), (2, 0))
 
 
-def plan_view(seen: Scenery, wind: StaticWind | None, *, columns: int = COLUMNS, plain: bool = False) -> Group:
+def plan_view(seen: MapModel, wind: StaticWind | None, *, columns: int = COLUMNS, plain: bool = False) -> Group:
     """Return the picture with its scale, wind and legend.
 
     Args:
@@ -72,7 +72,7 @@ def _trimmed(rows: Sequence[Text]) -> Sequence[Text]:
     return rows[filled[0] : filled[-1] + 1] if filled else []
 
 
-def _canvas(seen: Scenery, columns: int) -> Canvas:
+def _canvas(seen: MapModel, columns: int) -> Canvas:
     """Return a canvas as large as what is to be seen, within the limits."""
     names = max((len(mark.label) for mark in seen.marks), default=0) if len(seen.marks) <= LABELS_MAX else 0
     across = (columns - 2 * MARGIN - min(names, columns // 4)) * ACROSS
@@ -88,7 +88,7 @@ def _canvas(seen: Scenery, columns: int) -> Canvas:
     )
 
 
-def _draw_surroundings(canvas: Canvas, seen: Scenery) -> None:
+def _draw_surroundings(canvas: Canvas, seen: MapModel) -> None:
     corners = seen.course.airspace
     if corners:
         border = np.array([[corner.north, corner.east] for corner in (*corners, corners[0])])
@@ -127,7 +127,7 @@ def _draw_safety_line(canvas: Canvas, line: SafetyLine) -> None:
     canvas.paint(SAFETY, (np.abs(right) < 0.5 * canvas.dot) | ((forbidden > 0) & (forbidden < 4 * canvas.dot) & shade))
 
 
-def _draw_ways(canvas: Canvas, seen: Scenery) -> None:
+def _draw_ways(canvas: Canvas, seen: MapModel) -> None:
     """Draw later laps first, so that the first one is seen where they coincide."""
     for way in reversed(seen.ways):
         canvas.line(_lap(way.lap), way.line, on=1 if way.planned else 2, off=0 if way.planned else 2)
@@ -161,7 +161,7 @@ def _write_beside(canvas: Canvas, north: float, east: float, text: str, style: s
             return
 
 
-def _write_arrows(canvas: Canvas, seen: Scenery, *, plain: bool) -> None:
+def _write_arrows(canvas: Canvas, seen: MapModel, *, plain: bool) -> None:
     """Draw an arrow in the direction of flight in the middle of every way that is long enough."""
     arrows = _PLAIN_ARROWS if plain else _ARROWS
     for way in seen.ways:
@@ -174,7 +174,7 @@ def _write_arrows(canvas: Canvas, seen: Scenery, *, plain: bool) -> None:
         canvas.write(*canvas.cell(float(where[0]), float(where[1])), arrows[octant], _lap(way.lap).style)
 
 
-def _notes(canvas: Canvas, seen: Scenery, wind: StaticWind | None, *, plain: bool) -> list[Text]:
+def _notes(canvas: Canvas, seen: MapModel, wind: StaticWind | None, *, plain: bool) -> list[Text]:
     """Return the scale, north and wind in one row, and the legend in another."""
     metres, cells = _bar(canvas)
     left, rule, right = "|-|" if plain else "\u251c\u2500\u2524"
@@ -184,7 +184,7 @@ def _notes(canvas: Canvas, seen: Scenery, wind: StaticWind | None, *, plain: boo
     return [Text(scale, no_wrap=True, overflow="ignore"), _legend(seen, plain=plain)]
 
 
-def _legend(seen: Scenery, *, plain: bool) -> Text:
+def _legend(seen: MapModel, *, plain: bool) -> Text:
     """Return the legend of what there is to see, in its colours; in ASCII with its character."""
     laps = sorted({max(way.lap, 1) for way in seen.ways})
     entries = [(f"lap {lap}", _lap(lap), True) for lap in (laps if len(laps) <= len(LAPS) else [])]

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from airrace.cli.tables import plain_table, rendered
-from airrace.sensitivity.price import Activity, Price
 from airrace.procedure.result import StageResult
+from airrace.sensitivity.price import Activity, Price
 
 MILLI = 1000.0
 BESIDE_KEYS = 50

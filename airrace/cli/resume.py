@@ -24,7 +24,7 @@ from airrace.cli.options import (
     Verbose,
     output_option,
 )
-from airrace.runs.answer import unflown
+from airrace.runs.answer import empty_result
 
 if TYPE_CHECKING:
     from airrace.runs.starting import Changes
@@ -73,7 +73,7 @@ def resume(
     that were solved on one mesh comes first. With --set, --track, --aircraft or --settings the changed run is started
     from the highest stage of this one that holds and written to --output; this file stays as it is.
     """
-    with answering(unflown(None), as_json=as_json, verbose=verbose) as answer:
+    with answering(empty_result(None), as_json=as_json, verbose=verbose) as answer:
         from airrace.optimal_control.solvers.process.idle_processes import start_early
         from airrace.process import available_cores
 
@@ -85,7 +85,7 @@ def resume(
         from airrace.runs.resuming import changed_task, continued_task
         from airrace.runs.signing import ensure_own, signer_of
         from airrace.runs.starting import Changes, other_run
-        from airrace.runs.stored import opened_run
+        from airrace.runs.stored_inputs import opened_run
 
         signer = None if sign is None else signer_of(sign)
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))

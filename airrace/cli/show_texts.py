@@ -7,13 +7,13 @@ from airrace.cli.clearance_tables import near_misses_text
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.mesh_table import mesh_table
 from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
-from airrace.procedure.result import HEARSAY, StageResult
-from airrace.runs.shown import Shown
+from airrace.procedure.result import UNVERIFIABLE, StageResult
+from airrace.runs.show_view import Shown
 
 UNVERIFIED = "\n".join(
     textwrap.wrap(
         "unverified: all of this is read from the file, and nothing was measured again. `airrace verify` does that. "
-        f"Nobody can verify {', '.join(HEARSAY[:-1])} and {HEARSAY[-1]}.",
+        f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}.",
         PAGE,
     )
 )

@@ -32,10 +32,10 @@ def verify(
         from airrace.checkpoint import read_sealed
         from airrace.cli.tables import certificate_table, rendered
         from airrace.errors import UsageError
-        from airrace.procedure.result import HEARSAY
+        from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.exit_codes import ExitCode
         from airrace.runs.signing import ensure_signed, signer_of
-        from airrace.runs.stored import readable, stored_run
+        from airrace.runs.stored_inputs import readable, stored_run
         from airrace.runs.verification import verified
         from airrace.standard_streams import STANDARD
 
@@ -50,7 +50,7 @@ def verify(
         for stage in stages:
             if stage.objection:
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{stage.result.stage.value}: {stage.objection}")
-        hearsay = [] if trust is not None else list(HEARSAY) + ["versions"] * other_versions
+        hearsay = [] if trust is not None else list(UNVERIFIABLE) + ["versions"] * other_versions
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
         answer.fields.update(unverified=hearsay, signed_by=signed_by or None)
         for stage in stages:

@@ -13,9 +13,9 @@ from airrace.export.columns import Column, Derived, displayed
 from airrace.export.flight_table import NO_DERIVED, flight_tables, pieces, split_columns
 from airrace.export.globe import printable
 from airrace.export.sampling import Sampler
-from airrace.results import Flight
 from airrace.procedure.result import GateSplit, StageResult
 from airrace.records import record
+from airrace.results import Flight
 from airrace.trajectory import Array
 
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.export.globe import compass, printable, stamp
-from airrace.results import Flight
 from airrace.quantities import KNOT
+from airrace.results import Flight
 
 FOOT = 0.3048
 DEGREE = math.pi / 180.0

@@ -12,8 +12,8 @@ from airrace.export.kml import kml, kmz
 from airrace.export.mat import mat
 from airrace.export.netcdf import netcdf
 from airrace.export.parquet import parquet
-from airrace.results import Flight
 from airrace.records import record
+from airrace.results import Flight
 
 
 @record

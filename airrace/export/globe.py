@@ -9,9 +9,9 @@ from enum import Enum
 import numpy as np
 
 from airrace.errors import UsageError
+from airrace.records import record
 from airrace.results import Basis, Flight, History
 from airrace.results.glossary import GLOSSARY
-from airrace.records import record
 from airrace.track.course import Course, Origin
 from airrace.track.geodetic import geodetic, placed
 from airrace.track.polygons import Point

@@ -19,6 +19,7 @@ from airrace.aircraft.aircraft import (
     Surfaces,
     YawMoment,
 )
+from airrace.dynamics.handling import faults
 from airrace.inputs.aircraft_schema import (
     AircraftEntry,
     AirframeEntry,
@@ -28,7 +29,6 @@ from airrace.inputs.aircraft_schema import (
     SurfacesEntry,
 )
 from airrace.inputs.nodes import Reporter
-from airrace.dynamics.handling import faults
 from airrace.quantities import Interval
 
 g0 = 9.80665

@@ -6,12 +6,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import MappingNode, Reporter
 from airrace.inputs.schema import Schema
 from airrace.inputs.validation import validate
 from airrace.inputs.yaml_reader import plain_scalar, read_yaml
-from airrace.errors import Finding, InputError
 
 BATCH_SCHEMA = "airrace/batch/1"
 

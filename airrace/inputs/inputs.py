@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from airrace.aircraft.aircraft import Aircraft
+from airrace.errors import Finding, InputError
 from airrace.inputs.aircraft import build_aircraft
 from airrace.inputs.aircraft_schema import AIRCRAFT_SCHEMA, AircraftEntry
 from airrace.inputs.consistency import check_together
@@ -27,7 +28,6 @@ from airrace.inputs.track_schema import TRACK_SCHEMA, track_language
 from airrace.inputs.validation import validate
 from airrace.inputs.weather import build_air
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.errors import Finding, InputError
 from airrace.logs.penalties import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings

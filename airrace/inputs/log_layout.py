@@ -10,12 +10,12 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from annotated_types import Gt, Le
 from pydantic import Field
 
+from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.document import read_document
 from airrace.inputs.nodes import MappingNode, Reporter
 from airrace.inputs.schema import Schema
 from airrace.inputs.validation import validate
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.errors import Finding, InputError, UsageError
 from airrace.logs.fields import FIELDS, split_unit, unit_named
 from airrace.logs.recording import Layout
 

@@ -3,8 +3,8 @@
 from collections.abc import Collection, Mapping
 from dataclasses import field
 
-from airrace.inputs.spelling import Speller
 from airrace.errors import Finding
+from airrace.inputs.spelling import Speller
 from airrace.records import record
 
 ScalarValue = str | int | float | bool | None

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import cast
 
+from airrace.environment.air import Profile, StaticWind
 from airrace.inputs.features import Feature
 from airrace.inputs.kinds.all_kinds import build_features
 from airrace.inputs.kinds.defaults import GateDefaultsEntry, PassingEntry
@@ -23,7 +24,6 @@ from airrace.inputs.presets import with_preset
 from airrace.inputs.rules_schema import LimitsEntry
 from airrace.inputs.schema import Schema
 from airrace.inputs.track_schema import EnvironmentEntry, TrackEntry, WindEntry
-from airrace.environment.air import Profile, StaticWind
 
 
 def numbers(entry: Schema, path: KeyPath = ()) -> dict[str, float]:

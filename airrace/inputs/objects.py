@@ -14,11 +14,11 @@ from types import NoneType, UnionType
 from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.air import Air
+from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import JSON
 from airrace.inputs.resolved import field_names
-from airrace.environment.air import Air
-from airrace.errors import Finding, InputError
 from airrace.records import record
 from airrace.track.course import Course
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
+from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
 from airrace.inputs.yaml_reader import plain_scalar, read_yaml
-from airrace.errors import Finding, InputError
 from airrace.records import record
 
 FILE = "--set"

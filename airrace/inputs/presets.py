@@ -8,12 +8,12 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
+from airrace.errors import Finding, InputError
 from airrace.inputs.kinds.defaults import GateDefaultsEntry
 from airrace.inputs.nodes import MappingNode, Reporter
 from airrace.inputs.rules_schema import LimitsEntry, PresetEntry, RulesEntry
 from airrace.inputs.validation import validate
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.errors import Finding, InputError
 
 FOLDER = resources.files("airrace.inputs") / "presets"
 SUFFIX = ".yaml"

@@ -3,8 +3,8 @@
 from functools import cache
 from pathlib import Path
 
-from airrace.inputs.document import Document, missing_file, read_document
 from airrace.errors import Finding
+from airrace.inputs.document import Document, missing_file, read_document
 from airrace.records import record
 from airrace.resources import shipped_folder
 from airrace.standard_streams import STANDARD

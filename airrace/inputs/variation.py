@@ -2,6 +2,7 @@
 
 from functools import cached_property
 
+from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.aircraft import build_aircraft
 from airrace.inputs.aircraft_schema import AircraftEntry
 from airrace.inputs.consistency import check_together
@@ -19,7 +20,6 @@ from airrace.inputs.track_schema import track_language
 from airrace.inputs.validation import validate
 from airrace.inputs.weather import build_air
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.errors import Finding, InputError, UsageError
 from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"

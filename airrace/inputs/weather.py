@@ -2,11 +2,11 @@
 
 import math
 
+from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import Places
 from airrace.inputs.track_schema import EnvironmentEntry, ThermalEntry, WindEntry
 from airrace.inputs.units import KNOT
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
 
 WIND: KeyPath = ("environment", "wind")
 HECTOPASCAL = 100.0

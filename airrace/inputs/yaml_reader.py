@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import yaml
 
+from airrace.errors import Finding, InputError
 from airrace.inputs.document import SIZE_MAX
 from airrace.inputs.nodes import (
     Entry,
@@ -24,7 +25,6 @@ from airrace.inputs.nodes import (
     SequenceNode,
     dotted,
 )
-from airrace.errors import Finding, InputError
 
 DEPTH_MAX = 32
 """The deepest nesting of lists and mappings."""

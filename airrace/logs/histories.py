@@ -3,12 +3,12 @@
 import numpy as np
 
 from airrace.environment.atmosphere import atmosphere_parameters, density, g0
-from airrace.results import airdata, attitude
-from airrace.results.glossary import GLOSSARY, PATH_ATTITUDE
-from airrace.results.history import Basis, History
 from airrace.logs.recording import Recording
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
+from airrace.results import airdata, attitude
+from airrace.results.glossary import GLOSSARY, PATH_ATTITUDE
+from airrace.results.history import Basis, History
 from airrace.trajectory import Array
 
 DERIVED = {

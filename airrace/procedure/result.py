@@ -10,7 +10,7 @@ from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
-HEARSAY = (
+UNVERIFIABLE = (
     "messages",
     "attempts and timings",
     "conflicts of limits",
@@ -86,7 +86,7 @@ class Timings:
 
 
 @record
-class Facts:
+class StageProvenance:
     """The start of a stage, and the cost of its regularisation.
 
     Attributes:
@@ -103,11 +103,11 @@ class Facts:
     terminal_miss: float = 0.0
 
 
-NO_FACTS = Facts()
+NO_FACTS = StageProvenance()
 """The facts of a stage about which nothing is known."""
 
 
-class Why(IntEnum):
+class RefinementReason(IntEnum):
     """The reason for an interval's length: what its mesh was last made coarser or finer for."""
 
     FIRST = 0
@@ -125,7 +125,7 @@ class MeshRecord:
     It is empty where nothing was measured.
 
     Attributes:
-        why: a `Why` per interval, shape (N,).
+        why: a `RefinementReason` per interval, shape (N,).
         coarser: which nodes belong to the mesh that the race time was compared with, shape (N + 1,).
         defect: scaled deviation of the replay from the next node, shape (N,).
         drift: distance of the Hamiltonian from -1, shape (N,).
@@ -184,7 +184,7 @@ NOT_SEARCHED = SearchReport()
 
 
 @record
-class Remedy:
+class SuggestedChange:
     """A number that resolves a conflict of limits when it is changed alone.
 
     Attributes:
@@ -241,10 +241,10 @@ class StageResult:
     splits: tuple[GateSplit, ...]
     attempts: tuple[Attempt, ...]
     timings: Timings
-    facts: Facts = NO_FACTS
+    facts: StageProvenance = NO_FACTS
     mesh: MeshRecord = NO_RECORD
     search: SearchReport = NOT_SEARCHED
-    remedies: tuple[Remedy, ...] = ()
+    suggested_changes: tuple[SuggestedChange, ...] = ()
     alternatives: tuple["StageResult", ...] = ()
 
     @property

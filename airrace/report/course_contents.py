@@ -22,7 +22,7 @@ from airrace.quantities import Interval
 from airrace.track.element import Element
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
-from airrace.views.scenery import Scenery
+from airrace.views.map_model import MapModel
 
 INFLATED = 25.0
 """The usual height of an inflated pylon, m."""
@@ -32,7 +32,7 @@ ENDLESS = 0.15
 """The share of the course's extent by which a safety line, which has no ends, is drawn beyond its defining points."""
 
 
-def course_contents(seen: Scenery, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
+def course_contents(seen: MapModel, passed: Mapping[str, tuple[float, float, float]]) -> dict[str, object]:
     """Return the object that the module describes.
 
     Args:

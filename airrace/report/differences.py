@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from airrace.report.contents import Difference
 from airrace.results import Flight
 from airrace.results.comparison import SHARES, Comparison
 from airrace.results.legs import Leg, way
-from airrace.report.contents import Difference
 from airrace.trajectory import Array
 
 

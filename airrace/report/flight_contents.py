@@ -2,17 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 
-from airrace.results import Flight
-from airrace.results.comparison import Comparison
-from airrace.results.glossary import BODY_ATTITUDE
 from airrace.report.contents import Contents, FlightContents
 from airrace.report.course_contents import course_contents
 from airrace.report.differences import difference_of, started
 from airrace.report.shown import colours_of, histories_shown, strips_of
-from airrace.views.scenery import Scenery
+from airrace.results import Flight
+from airrace.results.comparison import Comparison
+from airrace.results.glossary import BODY_ATTITUDE
+from airrace.views.map_model import MapModel
 
 
-def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: Scenery) -> Contents:
+def contents_of(flights: Sequence[Flight], comparisons: Sequence[Comparison], seen: MapModel) -> Contents:
     """Return all that the script is told of some flights.
 
     Args:

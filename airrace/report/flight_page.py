@@ -5,16 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from airrace.results import Flight
-from airrace.results.comparison import Comparison, compared
 from airrace.quantities import KNOT, Quantity
 from airrace.report.flight_contents import contents_of
 from airrace.report.flight_sections import flights_section, legs_section, lost_section
 from airrace.report.page import Page
 from airrace.report.shown import READINGS
+from airrace.results import Flight
+from airrace.results.comparison import Comparison, compared
 from airrace.trajectory import Trajectory
+from airrace.views.map_model import map_model
 from airrace.views.plan_svg import plan_svg
-from airrace.views.scenery import scenery
 
 
 def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer: str = "") -> Page:
@@ -30,7 +30,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     """
     first = flights[0]
     comparisons = [compared(first, other) for other in flights[1:]]
-    seen = scenery(first.race)
+    seen = map_model(first.race)
     return Page(
         title=first.course.name,
         subtitle=_subtitle(first),

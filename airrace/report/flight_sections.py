@@ -3,14 +3,14 @@
 import math
 from collections.abc import Sequence
 
+from airrace.quantities import KNOT
+from airrace.report.differences import started
+from airrace.report.html_tables import DASH, Cell, Head, Row, note, number, section, table
 from airrace.results import Flight, laps_of
 from airrace.results.comparison import Comparison, LegComparison
 from airrace.results.conditions import conditions
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.results.near_misses import near_misses
-from airrace.quantities import KNOT
-from airrace.report.differences import started
-from airrace.report.html_tables import DASH, Cell, Head, Row, note, number, section, table
 
 FLIGHTS = (
     Head("flight", text=True),

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 
-from airrace.results import Flight
 from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.report.contents import Scale, Strip
 from airrace.report.page import Reading
+from airrace.results import Flight
 from airrace.trajectory import Array
 
 DEGREE = math.pi / 180.0
@@ -49,7 +49,7 @@ STRIPS = (
         ("eta", "xi", "zeta"),
         digits=1,
     ),
-    Drawn("Lever", "%", 0.01, (("delta_T", "power"),), least=5.0),
+    Drawn("RelaxableParameter", "%", 0.01, (("delta_T", "power"),), least=5.0),
     Drawn("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
 )
 """The strips of a report, from top to bottom."""

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.sensitivity.price import Activity, Price
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
 from airrace.report.html_tables import Cell, Head, Row, facts, folded, note, number, section, table, with_minus
+from airrace.sensitivity.price import Activity, Price
 
 PRICES_SHOWN = 40
 """The largest number of prices in the table, the dearest first."""

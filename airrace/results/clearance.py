@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.planning.clearances import beside_border, beside_line, ground_distance
+from airrace.records import record
 from airrace.results.attitude import path_axes
 from airrace.results.flight import Flight
 from airrace.results.glossary import BODY_ATTITUDE
 from airrace.results.legs import Leg, legs_of
-from airrace.planning.clearances import beside_border, beside_line, ground_distance
-from airrace.records import record
 from airrace.track.element import Element
 from airrace.track.limits import Crowd, SafetyLine
 from airrace.track.passing import Passing, Tolerant

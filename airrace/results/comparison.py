@@ -17,11 +17,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.errors import UsageError
+from airrace.procedure.passings import passings_of
+from airrace.records import record
 from airrace.results.differences import Difference, differences
 from airrace.results.flight import Flight
 from airrace.results.legs import Lap, Leg, laps_of, legs_of, way
-from airrace.procedure.passings import passings_of
-from airrace.records import record
 from airrace.trajectory import Array
 
 TIE = 0.005

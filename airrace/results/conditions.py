@@ -5,8 +5,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from airrace.environment.air import Air
-from airrace.results.flight import Flight
 from airrace.quantities import KNOT, Interval
+from airrace.results.flight import Flight
 from airrace.track.course import Course, Rules
 from airrace.track.limits import Crowd, SafetyLine
 

@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from airrace.quantities import KNOT
+from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.results.history import Basis
 from airrace.results.legs import Leg, way
-from airrace.quantities import KNOT
-from airrace.records import record
 
 ROLLING = 1.0
 """The roll rate from which the aircraft is said to roll, rad/s."""

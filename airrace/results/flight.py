@@ -8,12 +8,12 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
-from airrace.results.glossary import BODY_ATTITUDE, PATH_ATTITUDE
-from airrace.results.history import Basis, Histories, History
 from airrace.planning.race import Race
 from airrace.procedure.result import State
 from airrace.quantities import Interval
 from airrace.records import record
+from airrace.results.glossary import BODY_ATTITUDE, PATH_ATTITUDE
+from airrace.results.history import Basis, Histories, History
 from airrace.track.course import Course, Passage
 from airrace.trajectory import Array
 

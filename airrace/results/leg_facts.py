@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from airrace.records import record
 from airrace.results.clearance import Clearance, distances, least
 from airrace.results.flight import Flight
 from airrace.results.legs import Leg, legs_of
-from airrace.records import record
 
 
 @record

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.results.flight import Crossing, Flight
 from airrace.records import record
+from airrace.results.flight import Crossing, Flight
 from airrace.trajectory import Array
 
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from airrace.records import record
 from airrace.results.clearance import Clearance, Distance, at_row, pylons
 from airrace.results.flight import Crossing, Flight
 from airrace.results.legs import passings_around
-from airrace.records import record
 
 TOLERANCE = 0.1
 """The length by which a clearance is missed before it is told, m: nobody beside the course could see less."""

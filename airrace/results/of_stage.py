@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from airrace.planning.race import Race
+from airrace.procedure import results_api
+from airrace.procedure.result import StageResult
 from airrace.results.derivation import completed
 from airrace.results.flight import Crossing, Flight, Source
 from airrace.results.history import Basis, History
-from airrace.planning.race import Race
-from airrace.procedure import reading
-from airrace.procedure.result import StageResult
 
 LONGEST_STEP = 0.02
 """The longest time between two samples, s.
@@ -25,7 +25,7 @@ def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: 
         source: what it is called.
         longest_step: between two times, s.
     """
-    read = reading.continuous(race, result, longest_step)
+    read = results_api.continuous(race, result, longest_step)
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
     histories = completed(race, given)

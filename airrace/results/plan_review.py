@@ -8,14 +8,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from airrace.planning.clearances import crowd_overflown, ground_distance
+from airrace.planning.legs import PLANNED_MAX
+from airrace.planning.review import Kind, Remark
 from airrace.results.clearance import Clearance, Distance, least, least_of_all, pylons, surroundings
 from airrace.results.flight import Flight
 from airrace.results.legs import Leg, legs_of
 from airrace.results.near_misses import near_misses
 from airrace.results.planned import is_planned
-from airrace.planning.clearances import crowd_overflown, ground_distance
-from airrace.planning.legs import PLANNED_MAX
-from airrace.planning.review import Kind, Remark
 
 NEARLY = 0.5
 """The distance that rounding to metres would not show, m."""

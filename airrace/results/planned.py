@@ -13,13 +13,13 @@ import numpy as np
 
 from airrace.dynamics.flight_model import ATTITUDE
 from airrace.dynamics.point_mass import PointMassState
-from airrace.results.flight import Crossing, Flight, Source
-from airrace.results.glossary import BODY_ATTITUDE, GLOSSARY
-from airrace.results.history import Basis, History
 from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race
 from airrace.procedure.guess import SHORTEST_LEG, guess, leg_seconds
 from airrace.quantities import Quantity
+from airrace.results.flight import Crossing, Flight, Source
+from airrace.results.glossary import BODY_ATTITUDE, GLOSSARY
+from airrace.results.history import Basis, History
 from airrace.trajectory import Array
 
 LONGEST_STEP = 0.02

@@ -9,7 +9,7 @@ from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.run import Run
 from airrace.runs.stage_names import stage_named
 from airrace.runs.starting import another, other_run
-from airrace.runs.stored import new_run
+from airrace.runs.stored_inputs import new_run
 from airrace.runs.task import Task
 
 

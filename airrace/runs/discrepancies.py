@@ -34,7 +34,7 @@ def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
 
     Args:
         stored: the stage as it was read.
-        again: what follows from its histories and multipliers, see `airrace.procedure.remeasured`.
+        again: what follows from its histories and multipliers, see `airrace.procedure.recomputation`.
     """
     found = [*_flight(stored, again), *_splits(stored.splits, again.splits), *_numbers(stored, again)]
     if stored.certificate is not None and again.certificate is not None:

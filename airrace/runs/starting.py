@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import Self
 
 from airrace.checkpoint import read_checkpoint
+from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, inputs_from_documents
 from airrace.inputs.document import read_document
 from airrace.inputs.inputs import read_named
 from airrace.inputs.shipped import AIRCRAFT, TRACKS
-from airrace.errors import Finding, InputError, UsageError
 from airrace.procedure import run as procedure
 from airrace.procedure.passings import ensure_same_passings, passings_of
-from airrace.procedure.restart import Another, startable
+from airrace.procedure.restart import SourceRun, startable
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import MeshCheck
 from airrace.records import record
 from airrace.runs.run import Run
-from airrace.runs.stored import document_of, library_versions, new_run, resolved_text, stored_run
+from airrace.runs.stored_inputs import document_of, library_versions, new_run, resolved_text, stored_run
 
 logger = logging.getLogger(__name__)
 
@@ -106,13 +106,13 @@ def proved_otherwise(run: Run, mesh_check: MeshCheck | str) -> Run:
     return replace(run, inputs=inputs, checkpoint=replace(run.checkpoint, inputs=changed))
 
 
-def another(before: Run, run: Run, until: Stage) -> Another:
+def another(before: Run, run: Run, until: Stage) -> SourceRun:
     """Return the run to start from, as the procedure takes it.
 
     Raises:
         UsageError: it has other passings, or no certified or solved stage up to `until`.
     """
-    known = Another(before.label, before.results)
+    known = SourceRun(before.label, before.results)
     there, here = (passings_of(one.inputs.race.course) for one in (before, run))
     ensure_same_passings(here, there, known.name)
     stages = tuple(procedure.STAGES)

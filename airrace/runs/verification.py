@@ -8,10 +8,10 @@ from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, StageResult
 from airrace.records import record
 from airrace.runs.discrepancies import discrepancies, in_one_sentence
-from airrace.runs.hearsay import contradictions, missing_stages, other_versions
+from airrace.runs.provenance_checks import contradictions, missing_stages, other_versions
 from airrace.runs.run import Run
 from airrace.runs.run_object import certificate_object
-from airrace.runs.stored import made_with
+from airrace.runs.stored_inputs import made_with
 
 ONE_MESH = "solved on one mesh, without a proof of its race time on a second one"
 GUESS = "a guess, of which nothing but its gate splits can be verified"

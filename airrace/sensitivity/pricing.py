@@ -3,17 +3,17 @@
 import math
 from collections.abc import Callable
 
+from airrace.errors import CheckpointError, InputError, NotCertified
 from airrace.inputs.inputs import Inputs
 from airrace.inputs.variation import Variation
-from airrace.errors import CheckpointError, InputError, NotCertified
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.procedure.models import iterate_of
+from airrace.procedure.perturbed import PerturbedProblem
+from airrace.procedure.result import Outcome, StageResult
+from airrace.records import record
 from airrace.sensitivity.price import Activity, Group, Price, group_of, unit_of, usual_step
 from airrace.sensitivity.worth import OtherStructureError, Value, Worth
-from airrace.procedure.models import iterate_of
-from airrace.procedure.result import Outcome, StageResult
-from airrace.procedure.varied import VariedProblem
-from airrace.records import record
 
 STEP = 1e-3
 """The share of a usual step by which a number is changed."""
@@ -46,7 +46,7 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
     if not result.holds:
         raise NotCertified(_uncertified(result))
     variation = Variation(inputs)
-    varied = VariedProblem.of_result(inputs.race, inputs.settings, result)
+    varied = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
     worth = _worth(varied, inputs, result)
 
     def value(key: str, number: float) -> Value | None:
@@ -68,7 +68,7 @@ def _uncertified(result: StageResult) -> str:
     return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has prices"
 
 
-def _worth(varied: VariedProblem, inputs: Inputs, result: StageResult) -> Worth:
+def _worth(varied: PerturbedProblem, inputs: Inputs, result: StageResult) -> Worth:
     problem, iterate = varied.problem(inputs.race), iterate_of(result.trajectory)
     layout, stage = Layout(problem), result.stage.value
     fits = result.constraint_multipliers.shape == (layout.constraints,)

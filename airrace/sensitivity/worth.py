@@ -138,7 +138,7 @@ class Worth:
             if row.source < 0:
                 key, limits = ("path", row.component, places[row.node]), _path_limits(row.component, places[row.node])
             else:
-                owner, name = self._owners[id(layout.sightings[row.source].bounds)], row.quantity.name
+                owner, name = self._owners[id(layout.output_samples[row.source].bounds)], row.quantity.name
                 key, limits = (owner, name), _observed_limits(owner, name)
                 if owner[0] == "boundary" and name == HEIGHT:
                     # Floor and least height of a gate bound the same height; the tighter one has the whole multiplier.
@@ -288,7 +288,7 @@ def _by_observed_parameters(
     first = len(layout.problem.parameters) + layout.intervals + np.concatenate([[0], np.cumsum(sizes)[:-1]])
     numbers = {id(bounds): number for number, (_, bounds, _) in enumerate(observed)}
     rows = [
-        (place, numbers[id(layout.sightings[row.source].bounds)])
+        (place, numbers[id(layout.output_samples[row.source].bounds)])
         for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True)
         if row.source >= 0
     ]

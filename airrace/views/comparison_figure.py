@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from airrace.quantities import KNOT
 from airrace.results.comparison import Comparison
 from airrace.results.flight import Flight
 from airrace.results.legs import legs_of, way
-from airrace.quantities import KNOT
 from airrace.trajectory import Array
 from airrace.views.drawing import BLACK, COLOURS, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 

@@ -13,14 +13,14 @@ from airrace.track.polygons import Point
 from airrace.trajectory import Array
 from airrace.views.drawing import AMBER, BLACK, BLUE, GREY, RED, Axes, Figure
 from airrace.views.labels import Box, placed
-from airrace.views.scenery import Mark, Scenery
+from airrace.views.map_model import MapModel, Mark
 
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
 ARROW = 0.045  # of the extent, through gates
 RASTER = 300  # points along an edge, for the distance from people
 
 
-def draw_surroundings(axes: Axes, seen: Scenery, frame: Box) -> None:
+def draw_surroundings(axes: Axes, seen: MapModel, frame: Box) -> None:
     for crowd in seen.course.crowd:
         _draw_crowd(axes, crowd, frame)
     if seen.course.crowd:
@@ -75,7 +75,7 @@ def joined(lines: list[Array]) -> Array:
     return np.concatenate([piece for line in lines for piece in (line, gap)])
 
 
-def draw_elements(axes: Axes, seen: Scenery, frame: Box) -> None:
+def draw_elements(axes: Axes, seen: MapModel, frame: Box) -> None:
     """Draw to scale what is flown through, with an arrow for every course; then what is flown past and mere places."""
     groups: dict[str, list[tuple[Mark, Drawing]]] = {}
     for mark in seen.marks:
@@ -141,7 +141,7 @@ def _draw_courses(axes: Axes, marks: Sequence[Mark], length: float) -> None:
     )
 
 
-def write_labels(figure: Figure, axes: Axes, seen: Scenery, frame: Box) -> None:
+def write_labels(figure: Figure, axes: Axes, seen: MapModel, frame: Box) -> None:
     """Write names with the numbers of their passings, and names of crowds, where they hide least."""
     named = [
         (f"{mark.label}  {_numbers(mark, seen)}", (mark.east, mark.north), BLACK) for mark in seen.marks if mark.label
@@ -179,7 +179,7 @@ def _span(mark: Mark, arrow: float) -> Array:
     return centre + np.concatenate([np.zeros((1, 2)), *points])
 
 
-def _numbers(mark: Mark, seen: Scenery) -> str:
+def _numbers(mark: Mark, seen: MapModel) -> str:
     """Return the numbers of all passings of what stands on a spot, the second half of a quad among them."""
     here = [one for one in seen.marks if one is mark or (not one.label and _same_spot(one, mark))]
     return ", ".join(str(number) for number in sorted(number for one in here for number, _ in one.passings))

@@ -13,7 +13,7 @@ from airrace.trajectory import Array
 from airrace.views.course_drawing import LEGIBLE, draw_elements, draw_surroundings, joined, write_labels
 from airrace.views.drawing import BLUE, COLOURS, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.labels import Box
-from airrace.views.scenery import Scenery
+from airrace.views.map_model import MapModel
 
 LONGER_EDGE, SHORTER_EDGE_MIN = 9.0, 4.0  # of the map, inches
 LEGEND_WIDTH = 2.4  # inches
@@ -23,7 +23,7 @@ LAPS_MAX = 6  # with an entry of their own in the legend
 PAD = 0.06  # of the extent, around what is drawn
 
 
-def draw_course(race: Race, seen: Scenery, path: Path) -> None:
+def draw_course(race: Race, seen: MapModel, path: Path) -> None:
     """Draw a course into a file, replacing it as a whole.
 
     Raises:
@@ -33,7 +33,7 @@ def draw_course(race: Race, seen: Scenery, path: Path) -> None:
 
 
 @names_as_they_are
-def course_figure(race: Race, seen: Scenery) -> Figure:
+def course_figure(race: Race, seen: MapModel) -> Figure:
     """Return the drawing: equal axes in metres, north up."""
     pad = PAD * max(seen.north - seen.south, seen.east - seen.west)
     frame = Box(seen.west - pad, seen.south - pad, seen.east - seen.west + 2 * pad, seen.north - seen.south + 2 * pad)
@@ -68,7 +68,7 @@ def _subtitle(race: Race) -> str:
     return f"{race.aircraft.name}, at most {n_z:g} g\nnumbers count the passings; 0 is the start"
 
 
-def _draw_ways(axes: Axes, seen: Scenery) -> None:
+def _draw_ways(axes: Axes, seen: MapModel) -> None:
     """Draw one colour per lap; earlier laps are wider, so that all are seen where they coincide."""
     if not all(way.planned for way in seen.ways):
         axes.plot([], [], color=GREY, linewidth=1.4, linestyle=(0, (2, 2)), label="straight, turns not planned")
@@ -98,7 +98,7 @@ def _draw_directions(axes: Axes, lines: list[Array], colour: str) -> None:
             axes.annotate("", xy=(east, north), xytext=(before_east, before_north), arrowprops=style, zorder=4)
 
 
-def _draw_wind(axes: Axes, seen: Scenery, wind: StaticWind | None) -> None:
+def _draw_wind(axes: Axes, seen: MapModel, wind: StaticWind | None) -> None:
     """Draw an arrow of the wind in the corner that has least in it."""
     if wind is None or wind.speed == 0.0:
         return

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from airrace.planning.race import Race
 from airrace.views.course_rows import rows
+from airrace.views.map_model import MapModel
 from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
-from airrace.views.scenery import Scenery
 from airrace.views.tables import html_table
 
 HEADS = ("passage", "type", "north m", "east m", "height m", "heading deg")
@@ -15,7 +15,7 @@ ROWS_MAX = 60
 """The largest number of passages in the table; of more, only the first are listed."""
 
 
-def course_page(race: Race, seen: Scenery, warnings: Sequence[str]) -> str:
+def course_page(race: Race, seen: MapModel, warnings: Sequence[str]) -> str:
     """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
     cells = [
         (row.passage.name, row.kind, _cell(row.north), _cell(row.east), _cell(row.height), _degrees(row.heading))

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.results import Flight
 from airrace.quantities import KNOT
 from airrace.records import record
+from airrace.results import Flight
 from airrace.trajectory import Array
 from airrace.views.course_drawing import write_labels
 from airrace.views.drawing import COLOURS, GREY, RED, Axes, Figure, names_as_they_are, new_figure, save_figure

@@ -10,17 +10,17 @@ from airrace.trajectory import Array
 from airrace.views.course_drawing import draw_elements, draw_surroundings
 from airrace.views.drawing import Axes
 from airrace.views.labels import Box
-from airrace.views.scenery import Scenery, Way, scenery
+from airrace.views.map_model import MapModel, Way, map_model
 
 COLOURS = "viridis"
 PAD = 0.06  # of the extent, around what is drawn
 
 
-def flown_scenery(flight: Flight) -> tuple[Scenery, Box]:
+def flown_scenery(flight: Flight) -> tuple[MapModel, Box]:
     """Return the course from above with the line flown in the place of the planned ways, and the frame that holds
     both.
     """
-    seen = scenery(flight.race)
+    seen = map_model(flight.race)
     line = np.stack([flight["x"], flight["y"]], axis=1)
     (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
     south, west = min(south, seen.south), min(west, seen.west)
@@ -31,7 +31,7 @@ def flown_scenery(flight: Flight) -> tuple[Scenery, Box]:
     return seen, frame
 
 
-def draw_map(axes: Axes, flight: Flight, seen: Scenery, frame: Box, colour: str) -> Any:
+def draw_map(axes: Axes, flight: Flight, seen: MapModel, frame: Box, colour: str) -> Any:
     """Draw course and line on axes of equal scale, north up.
 
     Args:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.leg_facts import LegFacts, leg_facts
-from airrace.quantities import KNOT
 from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
 from airrace.views.flown_line import draw_map, flown_scenery
 from airrace.views.labels import Box
-from airrace.views.scenery import round_length
+from airrace.views.map_model import round_length
 
 WIDTH, HEIGHT = 5.83, 8.27  # inches: A5
 ROWS_MAX = 44  # in one column of the table

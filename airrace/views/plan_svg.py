@@ -13,8 +13,8 @@ from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
 from airrace.views.labels import Box, placed
+from airrace.views.map_model import MapModel, round_length
 from airrace.views.plain_text import plain
-from airrace.views.scenery import Scenery, round_length
 
 LONGER_EDGE = 560.0
 """The longer edge of the map, pixels."""
@@ -51,7 +51,7 @@ class _Sheet:
         return " ".join("{:.1f},{:.1f}".format(*self.at(north, east)) for north, east in places.tolist())
 
 
-def plan_svg(seen: Scenery, flight: Trajectory | None = None) -> str:
+def plan_svg(seen: MapModel, flight: Trajectory | None = None) -> str:
     """Return the drawing, complete with its scale.
 
     Args:
@@ -70,7 +70,7 @@ def plan_svg(seen: Scenery, flight: Trajectory | None = None) -> str:
     )
 
 
-def _sheet(seen: Scenery, flight: Trajectory | None) -> _Sheet:
+def _sheet(seen: MapModel, flight: Trajectory | None) -> _Sheet:
     south, north, west, east = seen.south, seen.north, seen.west, seen.east
     if flight is not None:
         x, y = flight.of("x"), flight.of("y")
@@ -81,7 +81,7 @@ def _sheet(seen: Scenery, flight: Trajectory | None) -> _Sheet:
     return _Sheet(north, west, scale, width, height)
 
 
-def _surroundings(sheet: _Sheet, seen: Scenery) -> list[str]:
+def _surroundings(sheet: _Sheet, seen: MapModel) -> list[str]:
     """Return airspace, people with their distance, and safety lines."""
     parts = [_crowd(sheet, crowd) for crowd in seen.course.crowd]
     if seen.course.airspace:
@@ -108,7 +108,7 @@ def _safety_line(sheet: _Sheet, line: SafetyLine) -> str:
     return _shape("polyline", sheet.points(_places((line.start, line.end))), AMBER, dash="6 3")
 
 
-def _planned(sheet: _Sheet, seen: Scenery) -> list[str]:
+def _planned(sheet: _Sheet, seen: MapModel) -> list[str]:
     return [
         _shape("polyline", sheet.points(way.line), BLUE if way.planned else GREY, dash="" if way.planned else "3 4")
         for way in seen.ways
@@ -134,7 +134,7 @@ def _colours(speed: Array) -> NDArray[np.int64]:
     return np.minimum((share * len(COLOURS)).astype(np.int64), len(COLOURS) - 1)
 
 
-def _marks(sheet: _Sheet, seen: Scenery) -> list[str]:
+def _marks(sheet: _Sheet, seen: MapModel) -> list[str]:
     """Return the elements: what is flown through as a stroke long enough to be seen, and all else as a dot."""
     parts: list[str] = []
     for mark in seen.marks:
@@ -151,7 +151,7 @@ def _marks(sheet: _Sheet, seen: Scenery) -> list[str]:
     return parts
 
 
-def _labels(sheet: _Sheet, seen: Scenery) -> list[str]:
+def _labels(sheet: _Sheet, seen: MapModel) -> list[str]:
     """Return names beside the marks, where they hide least."""
     named = [mark for mark in seen.marks if mark.label]
     if not named or len(named) > LABELS_MAX:

@@ -11,8 +11,8 @@ from batch_examples import finished, job
 from airrace.batch.cache import Choice, reason_to_fly
 from airrace.batch.job import Fingerprint, Job
 from airrace.batch.record import Record, checkpoint_path, read_record, record_path, write_record
-from airrace.inputs import Document
 from airrace.errors import Finding
+from airrace.inputs import Document
 
 
 def reason(one: Job, folder: Path, choice: Choice = Choice.NONE) -> str:

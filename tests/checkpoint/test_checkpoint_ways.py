@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.envelope import seal, unseal
 from airrace.errors import CheckpointError
-from airrace.procedure.result import NOT_SEARCHED, Outcome, Remedy, SearchReport, Stage, StageResult, Way
+from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, SuggestedChange, Way
 
 EXPLORED = SearchReport(
     ways=(
@@ -87,14 +87,18 @@ def test_stage_that_explored_nothing_is_read_back_as_such(tmp_path: Path) -> Non
 
 
 def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_told(tmp_path: Path) -> None:
-    remedy = Remedy(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
-    failed = replace(example_result(), outcome=Outcome.INFEASIBLE, remedies=(remedy, replace(remedy, conflict=2)))
+    suggested_change = SuggestedChange(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
+    failed = replace(
+        example_result(),
+        outcome=Outcome.INFEASIBLE,
+        suggested_changes=(suggested_change, replace(suggested_change, conflict=2)),
+    )
     for result in (failed, example_result()):
         write_checkpoint(tmp_path / "run.h5", checkpoint_of(result))
         (stored,) = read_checkpoint(tmp_path / "run.h5").stages
-        assert stored.result.remedies == result.remedies
+        assert stored.result.suggested_changes == result.suggested_changes
         with h5py.File(tmp_path / "run.h5", "r") as file:
-            assert ("remedies" in file[STAGE]) == bool(result.remedies)
+            assert ("suggested_changes" in file[STAGE]) == bool(result.suggested_changes)
 
 
 def test_more_than_nine_rivals_keep_their_order(tmp_path: Path) -> None:

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
+from airrace.planning.review import Kind, Remark, in_order, review
 from airrace.results.plan_review import remarks_on_line
 from airrace.results.planned import planned_flight
-from airrace.planning.review import Kind, Remark, in_order, review
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from canned_procedure import on_one_mesh, stage_result
+from canned_procedure import solve_single_mesh, stage_result
 from rich.table import Table
 
 from airrace.cli.course_tables import course_tables
@@ -16,9 +16,9 @@ from airrace.cli.tables import certificate_table, rendered, result_tables, stage
 from airrace.inputs import load_inputs
 from airrace.inputs.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.sensitivity.price import Activity, Group, Price
-from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, Why
+from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stage, StageProvenance
 from airrace.procedure.stage import STAGES
+from airrace.sensitivity.price import Activity, Group, Price
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -81,17 +81,17 @@ def words_of(table: Table) -> set[str]:
 
 def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     eighty(monkeypatch)
-    flown = replace(stage_result(Stage.POINT_MASS), facts=Facts(0.012, "point-mass", 123.45))
+    flown = replace(stage_result(Stage.POINT_MASS), facts=StageProvenance(0.012, "point-mass", 123.45))
     ladder = [replace(flown, stage=stage) for stage in STAGES]
     failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), facts=flown.facts)
-    solved = [*map(on_one_mesh, ladder[:-1]), ladder[-1]]
+    solved = [*map(solve_single_mesh, ladder[:-1]), ladder[-1]]
     for results in (ladder, solved, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
         table = stages_table(results)
         assert_fits(table, words_of(table))
 
 
 def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
-    below, last = on_one_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
+    below, last = solve_single_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
     shown = rendered(stages_table([below, last]))
     rows = [line.split() for line in shown.splitlines()]
     assert [row[:2] for row in rows if row[:1] in (["point-mass"], ["transfer-function"])] == [
@@ -107,7 +107,10 @@ def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
 def test_the_mesh_of_a_stage_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     eighty(monkeypatch)
     result = stage_result(Stage.POINT_MASS)
-    why = np.array([Why.HAMILTONIAN, Why.RACE_TIME, Why.CALM, Why.LIMITS], np.int8)
+    why = np.array(
+        [RefinementReason.HAMILTONIAN, RefinementReason.RACE_TIME, RefinementReason.CALM, RefinementReason.LIMITS],
+        np.int8,
+    )
     record = MeshRecord(why, np.ones(5, np.bool_), np.full(4, 1.234e-7), np.full(4, 5.678e-3))
     table = mesh_table(replace(result, mesh=record))
     assert_fits(table, words_of(table))

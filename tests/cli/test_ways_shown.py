@@ -20,11 +20,11 @@ from airrace.cli.main import app
 from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
 from airrace.inputs import load_inputs
+from airrace.procedure import run as procedure
+from airrace.procedure.result import SearchReport, Stage, StageResult, Way
 from airrace.results import Flight
 from airrace.results.clearance import Clearance
 from airrace.results.near_misses import NearMiss
-from airrace.procedure import run as procedure
-from airrace.procedure.result import SearchReport, Stage, StageResult, Way
 from airrace.runs import leg_object
 from airrace.runs.run_object import run_object, stage_object
 

@@ -11,7 +11,7 @@ from pages import DOCS, README, ROOT
 
 from airrace.checkpoint import envelope
 from airrace.checkpoint.encode import SCHEMA
-from airrace.checkpoint.recorded_tree import RECORDED_SCHEMA
+from airrace.checkpoint.log_tree import RECORDED_SCHEMA
 from airrace.inputs import load_inputs
 from airrace.inputs.json_schema import LANGUAGES, json_schema
 from airrace.inputs.rules_schema import PresetEntry

@@ -72,9 +72,7 @@ def test_every_part_of_a_file_in_the_pages_is_valid(block: Block) -> None:
 @pytest.mark.parametrize("block", EXTENDED, ids=str)
 def test_every_part_that_needs_an_extension_is_valid_with_it_alone(block: Block) -> None:
     extension = ROOT / block.comment.removeprefix(WITH)
-    program = (
-        "import json; from airrace.inputs.json_schema import json_schema; print(json.dumps(json_schema('track')))"
-    )
+    program = "import json; from airrace.inputs.json_schema import json_schema; print(json.dumps(json_schema('track')))"
     environment = {**os.environ, "AIRRACE_EXTENSIONS": str(extension)}
     told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
     part = yaml.safe_load(block.text)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.errors import Finding, InputError
+from airrace.inputs import Document, Inputs, inputs_from_documents
 
 ROOT = Path(__file__).parents[2]
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from language_texts import AIRCRAFT, TRACK
 
-from airrace.inputs import Document, load_inputs
 from airrace.errors import Finding, InputError
+from airrace.inputs import Document, load_inputs
 
 
 def loaded_findings(path: Path, **more: Path) -> list[Finding]:

@@ -8,9 +8,9 @@ import pytest
 from language_texts import AIRCRAFT, RICH, ROOT
 from mutations import MUTATIONS, mutated
 
+from airrace.errors import Finding, InputError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.inputs import FINDINGS_MAX
-from airrace.errors import Finding, InputError
 
 SETTINGS = """\
 schema: airrace/settings/1

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.air import Air
+from airrace.errors import InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.objects import Scene, aircraft_of, document_of_objects, is_of_objects, scene_of
 from airrace.inputs.shipped import TRACKS
 from airrace.inputs.variation import Variation
-from airrace.environment.air import Air
-from airrace.errors import InputError, UsageError
 from airrace.track.course import Course, Passage
 
 ROVINJ = load_inputs("rovinj_2014").race

@@ -3,8 +3,8 @@
 import pytest
 from language_texts import RICH, TRACK, edited, findings_of, understood
 
-from airrace.inputs.inputs import FINDINGS_MAX, told
 from airrace.errors import Finding
+from airrace.inputs.inputs import FINDINGS_MAX, told
 
 WRONG_ELSEWHERE = [
     ("name: Every element", "name: 7"),

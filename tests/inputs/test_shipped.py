@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from airrace.errors import InputError
 from airrace.inputs import load_inputs
 from airrace.inputs.shipped import AIRCRAFT, TRACKS
-from airrace.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import airrace
-from airrace.inputs import load_inputs
-from airrace.inputs.placemarks import Shape, read_placemarks
 from airrace.errors import InputError, UsageError
 from airrace.export.globe import features
+from airrace.inputs import load_inputs
+from airrace.inputs.placemarks import Shape, read_placemarks
 from airrace.track.course import Course
 from airrace.track.gates import Gate, Pylon
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.errors import InputError
+from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.track.course import Course
 from airrace.track.gates import Gate
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from airrace.errors import InputError
 from airrace.inputs import load_inputs
 from airrace.inputs.variation import Variation
-from airrace.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 TRACKS = sorted((ROOT / "tracks").glob("*.yaml"))

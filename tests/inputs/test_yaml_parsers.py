@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from airrace.errors import InputError
 from airrace.inputs.nodes import Node
 from airrace.inputs.yaml_reader import DEPTH_MAX, FAST, NODES_MAX, PLAIN_WORDS_MAX, PURE, Loader, read_yaml
-from airrace.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted([*(ROOT / "tracks").glob("*.yaml"), *(ROOT / "configs").glob("*.yaml")])

@@ -8,9 +8,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import MappingNode
 from airrace.inputs.yaml_reader import DEPTH_MAX, read_yaml
-from airrace.errors import Finding, InputError
 
 KEYS = st.text(alphabet=string.ascii_letters + string.digits + "_-", min_size=1, max_size=12)
 SCALARS = (

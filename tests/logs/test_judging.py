@@ -11,10 +11,10 @@ from test_recovery import flown, imported
 
 from airrace.inputs import load_inputs
 from airrace.inputs.presets import preset_names
-from airrace.results import Basis
 from airrace.logs.histories import between_samples
 from airrace.logs.penalties import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.logs.recording import Recording
+from airrace.results import Basis
 
 EXACT = fixes(20.0, noise=0.02, gap=(0.0, 0.0))
 RULES = Penalties(pylon=3.0, missed=4.0, too_high=2.0, too_low=ENDS_RACE, bank=2.0, climb=2.0, start_speed=1.0)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from synthetic import BEGIN, Fixes, acmi_text, csv_text, fixes, gpx_text, igc_text, on_globe, race
 
-from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.errors import InputError, UsageError
+from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.placing import in_frame, in_order
 from airrace.logs.reading import read_log
 from airrace.logs.recording import Layout, Recording
@@ -247,7 +247,7 @@ def test_faults_of_a_mapping_are_said_with_their_lines(tmp_path: Path) -> None:
 
 def test_another_course_is_refused(tmp_path: Path) -> None:
     from airrace.inputs import load_inputs
-    from airrace.logs.flown import flown_flight
+    from airrace.logs.log_flight import flown_flight
 
     text = csv_text(SEEN)
     with pytest.raises(InputError, match="passes less than half of the 15 gates and pylons of Chiba 2015"):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from synthetic import GAP, LEAD, Fixes, csv_text, fixes, known, race
 
-from airrace.results import Basis, legs_of
-from airrace.logs.flown import Flown, flown_flight
+from airrace.logs.log_flight import Flown, flown_flight
 from airrace.logs.penalties import Penalties
 from airrace.logs.reading import read_log
+from airrace.results import Basis, legs_of
 from airrace.trajectory import Array
 
 RATES = (5.0, 20.0)
@@ -162,8 +162,8 @@ def test_a_straight_line_is_smoothed_into_itself() -> None:
 def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
     """`n_z = 1 / cos(mu)`, `tan(mu) = V^2 / (g r)`, for a turn to the right."""
     from airrace.environment.atmosphere import g0
-    from airrace.results.derivation import completed
     from airrace.logs.histories import derived_histories
+    from airrace.results.derivation import completed
 
     speed, bank = 80.0, math.radians(70.0)
     radius = speed**2 / (g0 * math.tan(bank))

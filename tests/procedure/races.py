@@ -7,16 +7,16 @@ from pathlib import Path
 
 from kept import kept
 
-from airrace.inputs import load_inputs
 from airrace.environment.air import Air, StaticWind
-from airrace.planning.cruise import cruise
+from airrace.inputs import load_inputs
 from airrace.planning.plan import Plan, plan
+from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
-from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
+from airrace.procedure.stage_problem import Flight, stage_flight
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances

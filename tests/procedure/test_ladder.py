@@ -9,19 +9,19 @@ from ladders import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, climb
 from races import EDGE_540, RACES, SMALL, prepared
 
 from airrace.control.reference import from_optimum
-from airrace.control.settling import at
+from airrace.control.trim import at
 from airrace.dynamics import assembly, state_space_inversion
 from airrace.dynamics.linear_flight import Surrounding
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.flight import history, mesh_of
-from airrace.procedure.handover import FEWEST, coarser_nodes, first_nodes, recorded, settled
 from airrace.procedure.progress import Silent
-from airrace.procedure.reading import derived_quantities
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
+from airrace.procedure.stage_problem import history, mesh_of
+from airrace.procedure.warm_start import FEWEST, coarser_nodes, first_nodes, recorded, settled
 from airrace.trajectory import Array
 
 each_race = pytest.mark.parametrize("name", QUICK)

@@ -8,7 +8,7 @@ import pytest
 from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
-from airrace.procedure.ladder import UNPROVED
+from airrace.procedure.fidelity_continuation import UNPROVED
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
 from airrace.procedure.run import optimize, recertify

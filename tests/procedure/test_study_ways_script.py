@@ -16,7 +16,7 @@ from races import SHIPPED, prepared
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import rotation
-from airrace.planning.cruise import cruise
+from airrace.planning.planning_model import cruise
 from airrace.procedure.guess import guess
 from airrace.procedure.settings import Settings
 

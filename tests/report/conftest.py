@@ -12,7 +12,7 @@ import pytest
 from opened_pages import SOFTWARE, Opened, browser_path, opened
 from playwright.sync_api import Browser, sync_playwright
 
-sys.path.append(str(Path(__file__).parents[1] / "flights"))
+sys.path.append(str(Path(__file__).parents[1] / "results"))
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from flown import circling, rovinj
 from shown_courses import everything
 from shown_courses import race as race_of
 
-from airrace.results import Flight
 from airrace.report.flight_page import flight_page
+from airrace.results import Flight
 
 HOSTILE = (
     "<script>window.hacked = 1</script>",

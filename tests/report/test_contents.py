@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pages_told import HOSTILE, circle, dense, everything_flown, renamed
 
-from airrace.results import Flight
-from airrace.results.comparison import compared
 from airrace.quantities import KNOT
 from airrace.report.contents import FORMAT, POSE, Contents, packed, unpacked
 from airrace.report.flight_contents import contents_of, short_labels
 from airrace.report.shown import STRIPS
-from airrace.views.scenery import scenery
+from airrace.results import Flight
+from airrace.results.comparison import compared
+from airrace.views.map_model import map_model
 
 
 def told(*flights: Flight) -> Any:
@@ -29,7 +29,7 @@ def told(*flights: Flight) -> Any:
 
 def text_of(*flights: Flight) -> str:
     comparisons = [compared(flights[0], other) for other in flights[1:]]
-    return contents_of(flights, comparisons, scenery(flights[0].race)).as_json()
+    return contents_of(flights, comparisons, map_model(flights[0].race)).as_json()
 
 
 @given(st.lists(st.floats(width=32)))

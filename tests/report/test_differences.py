@@ -7,13 +7,13 @@ import pytest
 from flown import circling, half_cuban, windy
 from pages_told import circle
 
-from airrace.inputs import load_inputs
 from airrace.errors import UsageError
-from airrace.results import Flight
-from airrace.results.comparison import compared
+from airrace.inputs import load_inputs
 from airrace.report.contents import Difference
 from airrace.report.differences import difference_of
 from airrace.report.flight_page import flight_page
+from airrace.results import Flight
+from airrace.results.comparison import compared
 
 
 def behind(first: Flight, other: Flight) -> Difference:

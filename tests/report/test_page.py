@@ -10,12 +10,12 @@ import pytest
 from flown import half_cuban, windy
 from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
 
-from airrace.results.comparison import compared
-from airrace.results.leg_facts import leg_facts
 from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page
 from airrace.report.html_tables import Cell, Head, Row, number, table
-from airrace.runs.reported import opened_report, report_page, stage_sections
+from airrace.results.comparison import compared
+from airrace.results.leg_facts import leg_facts
+from airrace.runs.reports import opened_report, report_page, stage_sections
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
 

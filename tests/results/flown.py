@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.inputs import load_inputs
 from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0
-from airrace.results import Basis, Crossing, Flight, History, Source
-from airrace.results.derivation import completed
 from airrace.frames import quaternion
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
+from airrace.results import Basis, Crossing, Flight, History, Source
+from airrace.results.derivation import completed
 from airrace.runs.run import Run
 from airrace.trajectory import Array
 

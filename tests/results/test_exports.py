@@ -24,9 +24,9 @@ from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.formats import FORMATS
 from airrace.export.globe import BEGIN, on_globe
-from airrace.results import Flight
 from airrace.frames import rotation
-from airrace.runs.exported import begin_of, origin_of
+from airrace.results import Flight
+from airrace.runs.exports import begin_of, origin_of
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 

@@ -14,12 +14,12 @@ from airrace.cli import compare_tables
 from airrace.cli.compare_tables import comparison_texts
 from airrace.cli.main import app
 from airrace.errors import UsageError
+from airrace.procedure.result import State
+from airrace.report.flight_page import flight_page
 from airrace.results.comparison import Comparison, compared
 from airrace.results.conditions import conditions
 from airrace.results.flight import Crossing, Flight, Source
-from airrace.procedure.result import State
-from airrace.report.flight_page import flight_page
-from airrace.runs.compared import compared_object
+from airrace.runs.comparison import compared_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 

@@ -15,11 +15,11 @@ from airrace.cli.clearance_tables import near_miss_table
 from airrace.cli.main import app
 from airrace.cli.tables import rendered
 from airrace.environment.atmosphere import g0
+from airrace.report.flight_sections import legs_section
 from airrace.results import Flight, legs_of
 from airrace.results.clearance import PYLON_HEIGHT, Clearance, distances, least
 from airrace.results.leg_facts import leg_facts
 from airrace.results.near_misses import near_misses
-from airrace.report.flight_sections import legs_section
 from airrace.runs.leg_object import legs_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point

@@ -9,8 +9,8 @@ import numpy as np
 
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, StageResult
-from airrace.runs.stored import stored_run
+from airrace.procedure.result import MeshRecord, Outcome, Stage, StageProvenance, StageResult
+from airrace.runs.stored_inputs import stored_run
 from airrace.trajectory import Trajectory
 
 replace = dataclasses.replace
@@ -277,7 +277,9 @@ FOUND: dict[str, Forgery] = {
     "start of a stage": last(facts(source="six-dof")),
     "start of a stage from another run": last(facts(source="homotopie of other.h5")),
     "start of the point mass": at(POINT_MASS, facts(source="transfer-function")),
-    "straying without a start": at(POINT_MASS, lambda result: replace(result, facts=Facts(0.006, "", 3.0, 1.0, 0.0))),
+    "straying without a start": at(
+        POINT_MASS, lambda result: replace(result, facts=StageProvenance(0.006, "", 3.0, 1.0, 0.0))
+    ),
     "straying backwards": last(facts(tracking_error=-1.0)),
     "replay of the mesh": last(mesh(lambda one: replace(one, defect=one.defect / 1e6))),
     "drift of the mesh": at(POINT_MASS, mesh(lambda one: replace(one, drift=one.drift / 1e6))),
@@ -308,7 +310,7 @@ FOUND: dict[str, Forgery] = {
 }
 """Forgeries that `verify` has to find, by what they change."""
 
-HEARSAY: dict[str, Forgery] = {
+UNVERIFIABLE: dict[str, Forgery] = {
     "iterations": last(
         lambda result: replace(result, attempts=tuple(replace(one, iterations=1) for one in result.attempts))
     ),

@@ -5,24 +5,24 @@ from dataclasses import replace
 
 import canned_procedure
 import pytest
-from canned_procedure import on_one_mesh, stage_result
+from canned_procedure import solve_single_mesh, stage_result
 
-from airrace.inputs import load_inputs
 from airrace.errors import InputError
-from airrace.procedure import reading
+from airrace.inputs import load_inputs
+from airrace.procedure import results_api
 from airrace.procedure import run as procedure
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
 from airrace.procedure.settings import MeshCheck
 from airrace.runs.answer import Answer
-from airrace.runs.flying import fly_stages
+from airrace.runs.execution import fly_stages
 from airrace.runs.resuming import continued_task
 from airrace.runs.run import Run
-from airrace.runs.stored import new_run
+from airrace.runs.stored_inputs import new_run
 from airrace.runs.task import described
 
 PASSINGS = [passage.name for passage in load_inputs("rovinj_2014").race.course.passages]
-SOLVED = on_one_mesh(stage_result(Stage.POINT_MASS, passings=PASSINGS))
+SOLVED = solve_single_mesh(stage_result(Stage.POINT_MASS, passings=PASSINGS))
 CERTIFIED = stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
 
@@ -76,7 +76,7 @@ def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -
         yield from results
 
     monkeypatch.setattr(procedure, "optimize", optimize)
-    monkeypatch.setattr(reading, "continuous", canned_procedure.continuous)
+    monkeypatch.setattr(results_api, "continuous", canned_procedure.continuous)
     answer = Answer()
     task = continued_task(run, until="transfer-function", mesh_check="all")
     return answer, fly_stages(answer, task, threads=1, progress=Silent())

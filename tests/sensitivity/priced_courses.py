@@ -7,11 +7,11 @@ from pathlib import Path
 from kept import kept
 
 from airrace.inputs import Document, Inputs, inputs_from_documents
-from airrace.sensitivity.price import Price
-from airrace.sensitivity.pricing import prices
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
+from airrace.sensitivity.price import Price
+from airrace.sensitivity.pricing import prices
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))

@@ -3,6 +3,7 @@
 import re
 from typing import get_args
 
+from airrace.extensions import load_extensions
 from airrace.inputs.features import Feature
 from airrace.inputs.kinds.defaults import GateDefaultsEntry
 from airrace.inputs.kinds.entry import KindEntry
@@ -10,7 +11,6 @@ from airrace.inputs.kinds.gates import KnifeEdgeGateEntry, LevelGateEntry, QuadE
 from airrace.inputs.kinds.manoeuvres import HighTurnEntry, ManoeuvreEntry, VerticalRollEntry
 from airrace.inputs.kinds.pylon import PylonEntry
 from airrace.inputs.places import Places
-from airrace.extensions import load_extensions
 
 _kinds: list[type[KindEntry]] = [
     LevelGateEntry,

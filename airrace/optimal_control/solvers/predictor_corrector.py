@@ -12,9 +12,9 @@ import sys
 import numpy as np
 
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.kkt import MULTIPLIER_SCALE
 from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.solvers.riccati import StageSystem
 from airrace.records import record
 from airrace.trajectory import Array

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.repeated import Entries, Memory, RepeatedSums, chosen, kinds
+from airrace.optimal_control.stage_assembly import Entries, Memory, StageAssembly, chosen, kinds
 from airrace.trajectory import Array
 
 MOST_UNKNOWNS = 64
@@ -57,15 +57,15 @@ class StageSystem:
         return np.arange(self.unknowns) - _begins(self._sizes.astype(np.int64))[layout.stage_of_unknown]
 
     @cached_property
-    def _hessian(self) -> RepeatedSums:
+    def _hessian(self) -> StageAssembly:
         kind, first = kinds(self._assembly.alike(rows=False))
         sums = self._assembly.hessian_of(chosen(first, len(self._sizes)))
         stage = self._assembly.layout.stage_of_unknown[sums.rows]
         offsets = self._place[sums.columns] * self._sizes[stage] + self._place[sums.rows]
-        return RepeatedSums(sums, _entries(stage, np.zeros_like(stage), offsets), kind)
+        return StageAssembly(sums, _entries(stage, np.zeros_like(stage), offsets), kind)
 
     @cached_property
-    def _jacobian(self) -> RepeatedSums:
+    def _jacobian(self) -> StageAssembly:
         """The Jacobian: of the gaps with the other sign and without the next states, of the rows as it is."""
         layout = self._assembly.layout
         kind, first = kinds(self._assembly.alike(rows=True))
@@ -84,7 +84,7 @@ class StageSystem:
         as_row = number[constraint] * self._sizes[stage] + place
         as_gap = place * self._states + number[constraint]
         entries = _entries(stage, family, np.where(family == 1, as_row, as_gap))
-        return RepeatedSums(sums.chosen(own, np.where(family == 1, 1.0, -1.0)), entries, kind)
+        return StageAssembly(sums.chosen(own, np.where(family == 1, 1.0, -1.0)), entries, kind)
 
     def write(self, linear: Array, curved: Array) -> bool:
         """Take the derivatives at a point, drawn from what `Evaluation` returns; return whether all are finite."""

@@ -12,18 +12,18 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.solvers import riccati
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.solvers.fatrop.probe import require_known_interface
-from airrace.optimal_control.solvers.fatrop.solver import FatropSolver
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernels
 from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers import riccati
+from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
+from airrace.optimal_control.solvers.fatrop.solver import FatropSolver
+from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
+from airrace.optimal_control.solvers.predictor_corrector import PredictorCorrector
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -130,7 +130,7 @@ class Answer:
     derivative_seconds: float
 
 
-class ReadySolver(Protocol):
+class SolverInstance(Protocol):
     """A solver set up for one program."""
 
     def solve(self, guess: Array, bounds: Bounds, p: Array, multipliers: Multipliers | None) -> Answer:
@@ -152,7 +152,7 @@ class Solver(ABC):
     effort = 1
 
     @abstractmethod
-    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
         """Set up the solver for a program that these functions evaluate."""
 
     def infeasible(self, status: str) -> bool:
@@ -176,7 +176,7 @@ class Fatrop(Solver):
     name = "fatrop"
     begins_with_multipliers = True
 
-    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
         require_known_interface()
         solver = FatropSolver(functions, fatrop_options(options), exact=options.exact)
         near = options.barrier <= NEAR_BARRIER and riccati.available(functions.assembly)
@@ -258,7 +258,7 @@ class Ipopt(Solver):
     name = "ipopt"
     effort = 2
 
-    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
         settings = {"tol": options.tolerance, "max_iter": options.iterations_max, "mu_init": options.barrier}
         return _ReadyIpopt(functions, settings)
 

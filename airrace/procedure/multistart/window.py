@@ -13,12 +13,19 @@ import numpy as np
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.attitudes import ROWS as ATTITUDE
-from airrace.procedure.flight import Flight
 from airrace.procedure.homotopy import held
-from airrace.procedure.joint import COLD_BARRIER
-from airrace.procedure.pieces import joined, phase_piece
-from airrace.procedure.multistart.sketch import AGAIN_BARRIER, Draught, Sketch, attempted, deceit, sketched
-from airrace.procedure.multistart.stretches import Stretch
+from airrace.procedure.multistart.coarse_solution import (
+    AGAIN_BARRIER,
+    CoarseSolution,
+    InitialGuess,
+    objective_error,
+    solve_coarse,
+    try_solve,
+)
+from airrace.procedure.multistart.segments import Segment
+from airrace.procedure.phase_segments import joined, phase_piece
+from airrace.procedure.solve_and_refine import COLD_BARRIER
+from airrace.procedure.stage_problem import Flight
 from airrace.quantities import Interval
 
 ITERATIONS = 70
@@ -26,7 +33,7 @@ ITERATIONS = 70
 
 On Rovinj windows took 18 to 57; on Air Race X those that were lost took half of the time of exploring.
 """
-SPEED_REACH = 10.0
+END_SPEED_TRUST = 10.0
 """The largest difference of the speed at the end of a window, m/s; the price of the speed holds nearby."""
 COUNTERS = ("Phi", "gain")
 """The states that count rolls; they begin anew where they matter."""
@@ -43,7 +50,7 @@ class Window:
         pieces: a guess, one piece per phase of the window.
     """
 
-    base: Sketch
+    base: CoarseSolution
     first: int
     last: int
     flight: Flight
@@ -56,7 +63,7 @@ class Window:
 
 
 @dataclass(frozen=True, eq=False)
-class Priced:
+class EvaluatedMove:
     """A solved window: the flight's way through it, and the time that it saves, s, its errors of integration aside."""
 
     window: Window
@@ -65,18 +72,18 @@ class Priced:
     saved: float
 
     @property
-    def shown(self) -> Sketch:
+    def shown(self) -> CoarseSolution:
         """The window as a flight of its own."""
         return replace(self.window.base, problem=self.problem, iterate=self.iterate)
 
-    def inside(self, places: Sequence[Stretch]) -> list[tuple[Stretch, Stretch]]:
+    def inside(self, places: Sequence[Segment]) -> list[tuple[Segment, Segment]]:
         """Return the stretches that lie in the window, as they are numbered in it and in the race."""
         first, last = self.window.first, self.window.last
         within = [one for one in places if first <= one.first and one.last <= last]
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
-def priced(service: SolverService, window: Window, barrier: float = COLD_BARRIER) -> Priced | None:
+def priced(service: SolverService, window: Window, barrier: float = COLD_BARRIER) -> EvaluatedMove | None:
     """Return the fastest flight through a window near its guess; None if there is none within the budget.
 
     Args:
@@ -85,19 +92,21 @@ def priced(service: SolverService, window: Window, barrier: float = COLD_BARRIER
         barrier: the first value of the barrier parameter.
     """
     problem, start, weight = _problem(window)
-    solution = attempted(service, problem, start, barrier, ITERATIONS)
+    solution = try_solve(service, problem, start, barrier, ITERATIONS)
     if solution is None or not solution.success:
         return None
     base, found = window.base, solution.iterate
     speed = [one.name for one in problem.system.states].index(SPEED)
     before = (base.iterate.durations + base.doubt)[window.first : window.last].sum()
-    after = found.durations.sum() + deceit(problem, solution).sum()
+    after = found.durations.sum() + objective_error(problem, solution).sum()
     last = base.problem.first_node[window.last]
     saved = before - after + weight * (base.iterate.state[speed, last] - found.state[speed, -1])
-    return Priced(window, found, problem, float(saved)) if math.isfinite(saved) else None
+    return EvaluatedMove(window, found, problem, float(saved)) if math.isfinite(saved) else None
 
 
-def spliced(service: SolverService, flight: Flight, base: Sketch, wins: Sequence[Priced]) -> Sketch | None:
+def apply_moves(
+    service: SolverService, flight: Flight, base: CoarseSolution, wins: Sequence[EvaluatedMove]
+) -> CoarseSolution | None:
     """Optimise the whole flight jointly, with the ways of some windows, which do not overlap.
 
     Args:
@@ -112,7 +121,7 @@ def spliced(service: SolverService, flight: Flight, base: Sketch, wins: Sequence
         for place, index in enumerate(win.window.phases):
             pieces[index] = phase_piece(win.iterate, win.problem, place)
             mesh[index] = win.problem.phases[place].fractions
-    return sketched(service, Draught(flight, mesh, joined(pieces), AGAIN_BARRIER))
+    return solve_coarse(service, InitialGuess(flight, mesh, joined(pieces), AGAIN_BARRIER))
 
 
 def _problem(window: Window) -> tuple[Problem, Iterate, float]:
@@ -154,7 +163,7 @@ def _held_end(names: Sequence[str], state: np.ndarray, start: Iterate) -> Bounda
         if row == largest:
             bounds[name] = Interval(lower=0.0) if value > 0.0 else Interval(upper=0.0)
         elif name == SPEED:
-            bounds[name] = Interval(value - SPEED_REACH, value + SPEED_REACH)
+            bounds[name] = Interval(value - END_SPEED_TRUST, value + END_SPEED_TRUST)
         else:
             bounds[name] = Interval.exactly(value)
     return Boundary("", bounds)

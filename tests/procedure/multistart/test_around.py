@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from explored_races import OFF, QUICK, WOUND, optimum
 from races import blown, prepared
-from ways_bench import workbench
+from ways_bench import open_session
 
-from airrace.procedure.flight import stage_flight
-from airrace.procedure.ladder import Ladder
+from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.multistart.coarse_solution import planned_draught, solve_coarse
+from airrace.procedure.multistart.local_search import find_faster_route
+from airrace.procedure.multistart.solver_pool import SolverPool
+from airrace.procedure.multistart.window import COLD_BARRIER
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
-from airrace.procedure.multistart.around import faster_way
-from airrace.procedure.multistart.crew import Crew
-from airrace.procedure.multistart.sketch import planned_draught, sketched
-from airrace.procedure.multistart.window import COLD_BARRIER
+from airrace.procedure.stage_problem import stage_flight
 from airrace.trajectory import Trajectory
 
 WINDY = blown(WOUND, 200.0, 2.0)
@@ -27,8 +27,8 @@ WINDY = blown(WOUND, 200.0, 2.0)
 
 def found_around(optimum: StageResult) -> str:
     source = stage_flight(optimum.stage, WOUND, QUICK, optimum.trajectory)
-    with workbench() as bench, bench.crew() as crew:
-        return faster_way(prepared(WOUND), source, optimum, WOUND.course, crew)
+    with open_session() as session, session.pool() as pool:
+        return find_faster_route(prepared(WOUND), source, optimum, WOUND.course, pool)
 
 
 def test_wrong_way_round_is_told() -> None:
@@ -72,16 +72,16 @@ def test_wrong_way_round_is_told_the_same_while_the_race_is_solved() -> None:
 
 
 def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
-    with workbench(threads=2) as bench:
+    with open_session(threads=2) as session:
         begun = threading.Event()
 
-        def endless(crew: Crew) -> str:
+        def endless(pool: SolverPool) -> str:
             begun.set()
             while True:
-                crew.work([planned_draught(prepared(WOUND), prepared(WOUND).plan, COLD_BARRIER)], sketched)
+                pool.work([planned_draught(prepared(WOUND), prepared(WOUND).plan, COLD_BARRIER)], solve_coarse)
 
         def interrupted() -> None:
-            with bench.aside(endless):
+            with session.aside(endless):
                 assert begun.wait(60.0)
                 raise KeyboardInterrupt
 
@@ -90,7 +90,7 @@ def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
 
 
 def test_error_of_a_search_beside_is_raised_where_it_is_asked_for() -> None:
-    with workbench(threads=2) as bench, bench.aside(lambda _: 1 / 0) as search, pytest.raises(ZeroDivisionError):
+    with open_session(threads=2) as session, session.aside(lambda _: 1 / 0) as search, pytest.raises(ZeroDivisionError):
         search.result()
 
 
@@ -104,7 +104,7 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
     """Another way seems faster when flown roughly; from scratch it leads to nothing faster, or to nothing at all."""
     good = started(optimum(WOUND), QUICK)
     promise = "left -> right, flat, saves about 0.03 s"
-    monkeypatch.setattr(Ladder, "faster_way", lambda *_: lambda _: promise)
+    monkeypatch.setattr(Ladder, "find_faster_route", lambda *_: lambda _: promise)
     for scratch in (slower(good), dataclasses.replace(good, outcome=Outcome.NOT_CERTIFIED)):
         monkeypatch.setattr(Ladder, "climb", lambda *_, found=scratch: found)
         result = started(optimum(WOUND), QUICK)
@@ -115,14 +115,14 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
 def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
     good = started(optimum(WOUND), QUICK)
-    monkeypatch.setattr(Ladder, "faster_way", lambda *_: lambda _: "a way round that saves about 0.03 s")
+    monkeypatch.setattr(Ladder, "find_faster_route", lambda *_: lambda _: "a way round that saves about 0.03 s")
     scratch = {
         Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),
         Stage.TRANSFER_FUNCTION: dataclasses.replace(
             good, stage=Stage.TRANSFER_FUNCTION, outcome=Outcome.NOT_CERTIFIED, message="no"
         ),
     }
-    monkeypatch.setattr(Ladder, "climb", lambda _, stage, bench: scratch[stage])
+    monkeypatch.setattr(Ladder, "climb", lambda _, stage, session: scratch[stage])
     run = optimize(
         *(WINDY, QUICK),
         until=Stage.TRANSFER_FUNCTION,

@@ -8,13 +8,13 @@ import time
 import pytest
 from races import SMALL
 from waiting import PATIENCE
-from ways_bench import planned_sketch, workbench
+from ways_bench import open_session, planned_sketch
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.procedure.multistart.crew import Crew
-from airrace.procedure.multistart.sketch import AGAIN_BARRIER, attempted
+from airrace.procedure.multistart.coarse_solution import AGAIN_BARRIER, try_solve
+from airrace.procedure.multistart.solver_pool import SolverPool
 
 
 class Idle(SolverService):
@@ -31,32 +31,32 @@ class Idle(SolverService):
         assert not self.working
 
 
-def crew_of(size: int) -> tuple[Crew, Idle, list[Idle]]:
+def crew_of(size: int) -> tuple[SolverPool, Idle, list[Idle]]:
     own, added = Idle(), list[Idle]()
 
     def make() -> Idle:
         added.append(Idle())
         return added[-1]
 
-    return Crew(own, size, make), own, added
+    return SolverPool(own, size, make), own, added
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
 def test_results_come_in_the_order_of_the_jobs_whoever_is_first(size: int) -> None:
-    crew, _, added = crew_of(size)
+    pool, _, added = crew_of(size)
     assert len(added) == size - 1
 
     def do(_: SolverService, job: int) -> int:
         time.sleep(0.02 / (1 + job))
         return job * job
 
-    with crew:
-        assert crew.work(range(12), do) == [job * job for job in range(12)]
-        assert crew.work([], do) == []
+    with pool:
+        assert pool.work(range(12), do) == [job * job for job in range(12)]
+        assert pool.work([], do) == []
 
 
 def test_nobody_works_on_two_jobs_at_once() -> None:
-    crew, own, added = crew_of(3)
+    pool, own, added = crew_of(3)
     all_at_work = threading.Barrier(3, timeout=PATIENCE)
 
     def do(service: SolverService, job: int) -> None:
@@ -70,34 +70,34 @@ def test_nobody_works_on_two_jobs_at_once() -> None:
         time.sleep(0.001)
         service.working = False
 
-    with crew:
-        crew.work(range(20), do)
+    with pool:
+        pool.work(range(20), do)
 
 
 def test_those_that_were_added_are_ended_and_the_first_one_works_on() -> None:
-    crew, own, added = crew_of(3)
-    with crew:
+    pool, own, added = crew_of(3)
+    with pool:
         pass
     assert [one.ended for one in added] == [True, True]
     assert not own.ended
 
 
 def test_error_reaches_the_caller_and_ends_all_for_any_may_be_in_mid_solve() -> None:
-    crew, own, added = crew_of(2)
+    pool, own, added = crew_of(2)
 
     def do(_: SolverService, job: int) -> int:
         if job == 1:
             raise SolverCrash("the solver process died")
         return job
 
-    with pytest.raises(SolverCrash, match="died"), crew:
-        crew.work(range(4), do)
+    with pytest.raises(SolverCrash, match="died"), pool:
+        pool.work(range(4), do)
     assert own.ended
     assert all(one.ended for one in added)
 
 
 def test_what_is_left_of_the_jobs_after_an_error_is_not_begun_on_a_process_that_was_ended() -> None:
-    crew, own, added = crew_of(2)
+    pool, own, added = crew_of(2)
     begun: list[int] = []
 
     def do(service: SolverService, job: int) -> None:
@@ -108,8 +108,8 @@ def test_what_is_left_of_the_jobs_after_an_error_is_not_begun_on_a_process_that_
         while not service.ended:
             time.sleep(0.001)
 
-    with pytest.raises(SolverCrash), crew:
-        crew.work(range(10), do)
+    with pytest.raises(SolverCrash), pool:
+        pool.work(range(10), do)
     assert len(begun) <= 3
     assert own.ended
     assert added[0].ended
@@ -125,7 +125,7 @@ def test_no_process_is_left_where_one_cannot_be_started() -> None:
         return made[-1]
 
     with pytest.raises(OSError, match="no memory"):
-        Crew(Idle(), 3, make)
+        SolverPool(Idle(), 3, make)
     assert made[0].ended
 
 
@@ -134,17 +134,17 @@ def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> Non
     sketch = planned_sketch(SMALL)
 
     def solve(service: SolverService, _: object = None) -> Solution | None:
-        return attempted(service, sketch.problem, sketch.iterate, AGAIN_BARRIER)
+        return try_solve(service, sketch.problem, sketch.iterate, AGAIN_BARRIER)
 
     def solve_anew(service: SolverService, _: object) -> Solution | None:
         service.stop()
         return solve(service)
 
-    with workbench() as bench:
-        with bench.crew() as crew:
-            (inside,) = crew.work([None], solve_anew)
+    with open_session() as session:
+        with session.pool() as pool:
+            (inside,) = pool.work([None], solve_anew)
         time.sleep(0.2)  # its thread has ended by now
-        outside = solve(bench.service)
+        outside = solve(session.service)
     assert inside is not None
     assert outside is not None
     assert outside.objective == inside.objective
@@ -152,17 +152,17 @@ def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> Non
 
 def test_service_that_was_ended_starts_no_other_process() -> None:
     sketch = planned_sketch(SMALL)
-    with workbench() as bench:
-        bench.service.end()
+    with open_session() as session:
+        session.service.end()
         with pytest.raises(SolverEnded):
-            attempted(bench.service, sketch.problem, sketch.iterate, AGAIN_BARRIER)
+            try_solve(session.service, sketch.problem, sketch.iterate, AGAIN_BARRIER)
 
 
 def test_flight_that_kills_its_solver_is_left_out_and_the_next_one_is_flown(caplog: pytest.LogCaptureFixture) -> None:
     sketch = planned_sketch(SMALL)
     broken = dataclasses.replace(sketch.iterate, state=sketch.iterate.state[:-1])
-    with workbench() as bench, caplog.at_level(logging.WARNING):
-        assert attempted(bench.service, sketch.problem, broken, AGAIN_BARRIER) is None
-        assert attempted(bench.service, sketch.problem, sketch.iterate, AGAIN_BARRIER) is not None
+    with open_session() as session, caplog.at_level(logging.WARNING):
+        assert try_solve(session.service, sketch.problem, broken, AGAIN_BARRIER) is None
+        assert try_solve(session.service, sketch.problem, sketch.iterate, AGAIN_BARRIER) is not None
     (record,) = caplog.records
     assert "left out" in record.getMessage()

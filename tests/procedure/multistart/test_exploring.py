@@ -10,19 +10,19 @@ import pytest
 from explored_races import OFF, PLAN, QUICK, WOUND, explored, optimum, wound
 from races import SHIPPED, SMALL, prepared
 from transformations import mirrored
-from ways_bench import workbench
+from ways_bench import open_session
 
 from airrace.planning.race import Race
-from airrace.procedure import ladder
-from airrace.procedure.ladder import Ladder
+from airrace.procedure import fidelity_continuation
+from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.multistart.budget import QUICK as QUICK_EFFORT
+from airrace.procedure.multistart.budget import THOROUGH, Radius, SearchBudget
+from airrace.procedure.multistart.multistart import Exploration, explore
+from airrace.procedure.multistart.search import WORTH
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, Way
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import SearchEffort
-from airrace.procedure.multistart.effort import QUICK as QUICK_EFFORT
-from airrace.procedure.multistart.effort import THOROUGH, Effort, Radius
-from airrace.procedure.multistart.exploring import Exploration, explore
-from airrace.procedure.multistart.search import WORTH
 
 SAME = 5e-3  # s
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
@@ -94,9 +94,9 @@ def test_result_is_the_same_in_every_bit_whoever_does_the_work(threads: int) -> 
     assert_same_flight(optimum(WOUND), again)
 
 
-def explored_with(effort: Effort, race: Race) -> Exploration:
-    with workbench() as bench:
-        return explore(prepared(race), race.course, bench, effort)
+def explored_with(effort: SearchBudget, race: Race) -> Exploration:
+    with open_session() as session:
+        return explore(prepared(race), race.course, session, effort)
 
 
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
@@ -124,9 +124,9 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
         found = explore(*arguments)  # type: ignore[arg-type]
         return dataclasses.replace(found, search=lambda one: dataclasses.replace(found.search(one), loops=(loop,)))
 
-    monkeypatch.setattr(ladder, "explore", looped)
-    with workbench(QUICK) as bench, caplog.at_level(logging.WARNING):
-        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, bench)
+    monkeypatch.setattr(fidelity_continuation, "explore", looped)
+    with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
+        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
     assert result.search.loops == (loop,)
     assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
 
@@ -170,7 +170,7 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
     """Were all other plans of no use, exploring would still end where the race ends without it."""
     others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ladder, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
+        patch.setattr(fidelity_continuation, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
         (result,) = optimize(WOUND, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
     assert (result.search.led, result.search.elsewhere, result.search.lost) == (1, 0, 0)
@@ -181,7 +181,7 @@ def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:
     assert {radius.factor for radius in QUICK_EFFORT.radii if not radius.slower} <= {
         radius.factor for radius in THOROUGH.radii if not radius.slower
     }
-    for name in ("dearest", "rounds", "alternatives", "finalists"):
+    for name in ("max_plan_penalty", "rounds", "alternatives", "finalists"):
         assert getattr(THOROUGH, name) >= getattr(QUICK_EFFORT, name)
 
 

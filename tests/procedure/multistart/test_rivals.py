@@ -8,22 +8,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from canned_procedure import on_one_mesh
+from canned_procedure import solve_single_mesh
 from explored_races import OFF, QUICK
 from explored_races import optimum as explored_optimum
 from races import SHIPPED, SMALL
-from ways_bench import planned_sketch, workbench
+from ways_bench import open_session, planned_sketch
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
-from airrace.procedure import ladder
-from airrace.procedure.joint import Start
-from airrace.procedure.ladder import Ladder
+from airrace.procedure import fidelity_continuation
+from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.multistart.multistart import Exploration
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, State, Way
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import Workbench
-from airrace.procedure.multistart.exploring import Exploration
+from airrace.procedure.solve_and_refine import Start
+from airrace.procedure.solver_session import SolverSession
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
 BOTH = dataclasses.replace(QUICK, alternatives=2)
@@ -83,9 +83,9 @@ def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatc
     """Also where they were read from a file: what a ladder stands on is what is finished."""
     below = explored_optimum(HALF_CUBAN, BOTH)
     answers = Answers(taking(9.0), taking(8.9), making=False)
-    monkeypatch.setattr(ladder, "optimise_jointly", answers)
-    with workbench(BOTH) as bench:
-        result = Ladder(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, bench)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
+    with open_session(BOTH) as session:
+        result = Ladder(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, session)
     assert len(answers.asked) == 2
     assert seconds(result) == pytest.approx(8.9)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
@@ -103,7 +103,7 @@ class Answers:
         self.asked: list[list[Start]] = []
 
     def __call__(
-        self, _: Workbench, starts: Sequence[Callable[[], Start]], refine: object, *, diagnosing: bool
+        self, _: SolverSession, starts: Sequence[Callable[[], Start]], refine: object, *, diagnosing: bool
     ) -> StageResult:
         self.asked.append([make() for make in starts] if self.making else [])
         return self.verdicts.pop(0)
@@ -128,11 +128,11 @@ def first_stage(
     sketch = planned_sketch(SMALL)
     starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
-    monkeypatch.setattr(ladder, "optimise_jointly", answers)
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: search))
-    monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
-    with workbench(chosen) as bench:
-        result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, bench)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
+    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: search))
+    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    with open_session(chosen) as session:
+        result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
     assert answers.verdicts == []
     return result, answers.asked, list(starts)
 
@@ -158,10 +158,12 @@ def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPa
     sketch = planned_sketch(SMALL)
     starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
     told = [SearchReport(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
-    monkeypatch.setattr(ladder, "optimise_jointly", Answers(taking(9.0, certified=False), taking(9.05)))
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, told.__getitem__))
-    with workbench(QUICK) as bench:
-        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, bench)
+    monkeypatch.setattr(
+        fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
+    )
+    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, told.__getitem__))
+    with open_session(QUICK) as session:
+        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
     assert result.search.ways[0].text == "second"
 
 
@@ -204,17 +206,17 @@ def close_together(
         return proofs[asked[-1]]
 
     left = list(verdicts)
-    monkeypatch.setattr(ladder, "optimise_jointly", lambda *_, **__: left.pop(0))
-    monkeypatch.setattr(ladder, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
-    monkeypatch.setattr(ladder, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
-    monkeypatch.setattr(ladder, "proved", answered)
-    with workbench(two) as bench:
-        result = Ladder(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, bench)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
+    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
+    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    monkeypatch.setattr(fidelity_continuation, "proved", answered)
+    with open_session(two) as session:
+        result = Ladder(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)
     return result, asked
 
 
 def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = on_one_mesh(taking(9.000)), on_one_mesh(taking(9.008))
+    first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
     proofs: dict[float, StageResult | str] = {9.000: taking(8.999), 9.008: taking(8.998)}
     result, asked = close_together(monkeypatch, first, second, proofs=proofs)
     assert asked == [9.000, 9.008]
@@ -223,7 +225,7 @@ def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch
 
 
 def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = on_one_mesh(taking(9.05)), on_one_mesh(taking(9.0))
+    first, second = solve_single_mesh(taking(9.05)), solve_single_mesh(taking(9.0))
     result, asked = close_together(monkeypatch, first, second, proofs={})
     assert asked == []
     assert (seconds(result), result.state) == (pytest.approx(9.0), State.SOLVED)
@@ -231,7 +233,7 @@ def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = on_one_mesh(taking(9.000)), on_one_mesh(taking(9.008))
+    first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
     result, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: taking(9.008)})
     assert (seconds(result), result.state) == (pytest.approx(9.008), State.CERTIFIED)
     assert result.alternatives == ()

@@ -6,15 +6,24 @@ import numpy as np
 import pytest
 from explored_races import OFF, WOUND, optimum
 from races import SHIPPED, SMALL, prepared
-from ways_bench import planned_sketch, workbench
+from ways_bench import open_session, planned_sketch
 
 from airrace.optimal_control.refinement import resampled
-from airrace.optimal_control.solvers.process.service import SolverService, Stalled
+from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
-from airrace.procedure.multistart import sketch
-from airrace.procedure.multistart.effort import Radius, scaled
-from airrace.procedure.multistart.sketch import INTERVAL, MOST, STEP, Draught, attempted, intervals, planned_draught, sketched
+from airrace.procedure.multistart import coarse_solution
+from airrace.procedure.multistart.budget import Radius, scaled
+from airrace.procedure.multistart.coarse_solution import (
+    INTERVAL,
+    MOST,
+    STEP,
+    InitialGuess,
+    intervals,
+    planned_draught,
+    solve_coarse,
+    try_solve,
+)
 from airrace.procedure.multistart.window import COLD_BARRIER
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
@@ -38,22 +47,22 @@ def test_sketch_is_never_deceived_by_its_own_errors(race: Race) -> None:
     found = planned_sketch(race)
     counts = [len(phase) for phase in found.problem.mesh]
     for error, count in zip(found.errors.tolist(), counts, strict=True):
-        assert abs(error) <= sketch.DECEIVED or count == MOST
+        assert abs(error) <= coarse_solution.ERROR_TOLERANCE or count == MOST
 
 
 def test_errors_of_integration_on_a_coarse_mesh_are_told_in_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Corrected, a race time is nearer to that of the same mesh where intervals are integrated more finely."""
-    monkeypatch.setattr(sketch, "INTERVAL", 0.5)
-    monkeypatch.setattr(sketch, "FEWEST", 3)
-    monkeypatch.setattr(sketch, "STEP", 1)
-    monkeypatch.setattr(sketch, "SKETCHES", 1)
+    monkeypatch.setattr(coarse_solution, "INTERVAL", 0.5)
+    monkeypatch.setattr(coarse_solution, "FEWEST", 3)
+    monkeypatch.setattr(coarse_solution, "STEP", 1)
+    monkeypatch.setattr(coarse_solution, "SKETCHES", 1)
     flight = prepared(HALF_CUBAN)
-    with workbench() as bench:
-        coarse = sketched(bench.service, planned_draught(flight, flight.plan, COLD_BARRIER))
+    with open_session() as session:
+        coarse = solve_coarse(session.service, planned_draught(flight, flight.plan, COLD_BARRIER))
         assert coarse is not None
         scheme = dataclasses.replace(coarse.problem.scheme, steps=4 * coarse.problem.scheme.steps)
         finer = dataclasses.replace(coarse.problem, scheme=scheme)
-        solution = attempted(bench.service, finer, coarse.iterate, sketch.AGAIN_BARRIER)
+        solution = try_solve(session.service, finer, coarse.iterate, coarse_solution.AGAIN_BARRIER)
     assert solution is not None
     assert solution.success
     true, raw = float(solution.iterate.durations.sum()), float(coarse.iterate.durations.sum())
@@ -66,17 +75,17 @@ def test_large_errors_count_against_a_flight_whatever_their_sign(error: float) -
     own = planned_sketch(SMALL)
     doubtful = dataclasses.replace(own, errors=own.errors + np.eye(len(own.errors))[0] * error)
     raw = float(own.iterate.durations.sum())
-    assert doubtful.race_time == pytest.approx(raw + 0.5, abs=2 * sketch.DECEIVED)
+    assert doubtful.race_time == pytest.approx(raw + 0.5, abs=2 * coarse_solution.ERROR_TOLERANCE)
 
 
 def test_mesh_that_deceives_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sketch, "INTERVAL", 0.5)
-    monkeypatch.setattr(sketch, "FEWEST", 3)
-    monkeypatch.setattr(sketch, "STEP", 1)
+    monkeypatch.setattr(coarse_solution, "INTERVAL", 0.5)
+    monkeypatch.setattr(coarse_solution, "FEWEST", 3)
+    monkeypatch.setattr(coarse_solution, "STEP", 1)
     flight = prepared(HALF_CUBAN)
     first = planned_draught(flight, flight.plan, COLD_BARRIER)
-    with workbench() as bench:
-        found = sketched(bench.service, first)
+    with open_session() as session:
+        found = solve_coarse(session.service, first)
     assert found is not None
     assert found.problem.intervals > sum(len(phase) for phase in first.mesh)
     assert abs(found.race_time - optimum(HALF_CUBAN, OFF).trajectory.race_time) < 0.2
@@ -117,18 +126,21 @@ class Hanging(SolverService):
     def __init__(self) -> None: ...
 
     def solve(self, *arguments: object, **named: object) -> None:  # type: ignore[override]
-        raise Stalled("no iteration finished within 1 s")
+        raise SolverTimeout("no iteration finished within 1 s")
 
 
 def test_start_on_which_the_solver_hangs_is_lost_and_nothing_else() -> None:
     flight = prepared(SMALL)
-    assert sketched(Hanging(), planned_draught(flight, flight.plan, COLD_BARRIER)) is None
+    assert solve_coarse(Hanging(), planned_draught(flight, flight.plan, COLD_BARRIER)) is None
 
 
 def test_sketch_of_an_optimum_stays_there() -> None:
     found = planned_sketch(SMALL)
-    with workbench() as bench:
-        again = sketched(bench.service, Draught(found.flight, found.problem.mesh, found.iterate, sketch.AGAIN_BARRIER))
+    with open_session() as session:
+        again = solve_coarse(
+            session.service,
+            InitialGuess(found.flight, found.problem.mesh, found.iterate, coarse_solution.AGAIN_BARRIER),
+        )
     assert again is not None
     assert again.race_time == pytest.approx(found.race_time, abs=1e-3)
 
@@ -138,9 +150,9 @@ def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
     rough = planned_sketch(SMALL)
     counts = [2 * len(phase) for phase in rough.problem.mesh]
     mesh, guess = resampled(rough.problem.mesh, rough.iterate, counts)
-    begun = Draught(rough.flight, mesh, guess, sketch.AGAIN_BARRIER, is_own=True)
-    with workbench() as bench:
-        found = sketched(bench.service, begun)
+    begun = InitialGuess(rough.flight, mesh, guess, coarse_solution.AGAIN_BARRIER, is_baseline=True)
+    with open_session() as session:
+        found = solve_coarse(session.service, begun)
     assert found is not None
     wanted = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
     assert [len(phase) for phase in found.problem.mesh] == wanted

@@ -9,38 +9,45 @@ from explored_races import OFF, QUICK, WOUND, optimum, wound
 from races import EDGE_540, SMALL, course, level, prepared, pylon
 from races import planned as plan_of
 from transformations import mirrored
-from ways_bench import planned_sketch, workbench
+from ways_bench import open_session, planned_sketch
 
 from airrace.environment.air import Air
-from airrace.planning.choices import Choices
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
+from airrace.planning.route_decisions import RouteDecisions
 from airrace.planning.waypoints import candidates
-from airrace.procedure.pieces import phase_piece
-from airrace.procedure.multistart.effort import QUICK as QUICK_EFFORT
-from airrace.procedure.multistart.effort import scaled
-from airrace.procedure.multistart.search import TriedWindow
-from airrace.procedure.multistart.sketch import Sketch, planned_draught, sketched
-from airrace.procedure.multistart.stretches import Stretch, shape, stretches
-from airrace.procedure.multistart.thoughts import Thinker, Thought
-from airrace.procedure.multistart.window import COLD_BARRIER, SPEED_REACH, Priced, Window, priced, spliced
+from airrace.procedure.multistart.budget import QUICK as QUICK_EFFORT
+from airrace.procedure.multistart.budget import scaled
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_draught, solve_coarse
+from airrace.procedure.multistart.moves import Move, MoveGenerator
+from airrace.procedure.multistart.search import EvaluatedWindow
+from airrace.procedure.multistart.segments import Segment, shape, stretches
+from airrace.procedure.multistart.window import (
+    COLD_BARRIER,
+    END_SPEED_TRUST,
+    EvaluatedMove,
+    Window,
+    apply_moves,
+    priced,
+)
+from airrace.procedure.phase_segments import phase_piece
 from airrace.quantities import Interval
 
 ATTITUDE = slice(4, 8)
 
 
-def own_window(base: Sketch, first: int, last: int) -> Window:
+def own_window(base: CoarseSolution, first: int, last: int) -> Window:
     """A window around a flight's own way."""
     pieces = [phase_piece(base.iterate, base.problem, index) for index in range(first, last)]
     return Window(base, first, last, base.flight, pieces)
 
 
-def solved_or_none(window: Window) -> Priced | None:
-    with workbench() as bench:
-        return priced(bench.service, window)
+def solved_or_none(window: Window) -> EvaluatedMove | None:
+    with open_session() as session:
+        return priced(session.service, window)
 
 
-def solved(window: Window) -> Priced:
+def solved(window: Window) -> EvaluatedMove:
     found = solved_or_none(window)
     assert found is not None
     return found
@@ -62,7 +69,7 @@ def test_window_begins_and_ends_in_the_states_of_the_flight_around_it() -> None:
     assert found.iterate.state[:, 0] == pytest.approx(before, abs=1e-4)
     for row, name in enumerate(names):
         if name == "V_K":
-            assert abs(found.iterate.state[row, -1] - behind[row]) <= SPEED_REACH
+            assert abs(found.iterate.state[row, -1] - behind[row]) <= END_SPEED_TRUST
         elif name not in ("q0", "q1", "q2", "q3"):
             assert found.iterate.state[row, -1] == pytest.approx(behind[row], abs=1e-3), name
     # Both signs of a quaternion are the same attitude.
@@ -78,19 +85,21 @@ def test_window_at_an_end_of_the_race_keeps_its_conditions(first: int) -> None:
     assert (found.problem.start == whole.start) is (first == 0)
 
 
-def thoughts(base: Sketch, race: Race, changed: set[int] | None = None) -> list[Thought]:
-    thinker = Thinker(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+def moves(base: CoarseSolution, race: Race, changed: set[int] | None = None) -> list[Move]:
+    move_generator = MoveGenerator(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
     phases = set(range(len(base.problem.phases))) if changed is None else changed
-    return list(thinker.thoughts(phases))
+    return list(move_generator.moves(phases))
 
 
 def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> None:
     base = planned_sketch(WOUND)
-    tried = [one for one in thoughts(base, WOUND) if one.dearer <= QUICK_EFFORT.dearest]
-    with workbench() as bench:
-        found = [priced(bench.service, one.window) for one in tried]
+    tried = [one for one in moves(base, WOUND) if one.plan_penalty <= QUICK_EFFORT.max_plan_penalty]
+    with open_session() as session:
+        found = [priced(session.service, one.window) for one in tried]
         best = max((one for one in found if one is not None), key=lambda one: one.saved)
-        whole = spliced(bench.service, dataclasses.replace(base.flight, plan=best.window.flight.plan), base, [best])
+        whole = apply_moves(
+            session.service, dataclasses.replace(base.flight, plan=best.window.flight.plan), base, [best]
+        )
     assert best.saved > 5.0
     assert whole is not None
     assert whole.race_time == pytest.approx(base.race_time - best.saved, abs=0.05)
@@ -99,10 +108,10 @@ def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> 
 
 @pytest.mark.parametrize("race", [pytest.param(SMALL, id="four gates"), pytest.param(WOUND, id="wound")])
 def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
-    for thought in thoughts(planned_sketch(race), race):
-        window = thought.window
+    for move in moves(planned_sketch(race), race):
+        window = move.window
         assert len(window.pieces) == window.last - window.first
-        assert window.first <= thought.stretch.first < thought.stretch.last <= window.last
+        assert window.first <= move.stretch.first < move.stretch.last <= window.last
         for piece in window.pieces:
             assert np.isfinite(piece.state).all()
             assert np.isfinite(piece.control).all()
@@ -110,13 +119,13 @@ def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
 
 
 def test_nothing_is_thought_of_where_nothing_has_changed() -> None:
-    assert thoughts(planned_sketch(WOUND), WOUND, changed=set()) == []
+    assert moves(planned_sketch(WOUND), WOUND, changed=set()) == []
 
 
 def test_mirrored_flight_is_thought_of_likewise() -> None:
-    own = [(one.stretch, one.kind) for one in thoughts(planned_sketch(WOUND), WOUND)]
+    own = [(one.stretch, one.kind) for one in moves(planned_sketch(WOUND), WOUND)]
     image = mirrored(WOUND)
-    assert [(one.stretch, one.kind) for one in thoughts(planned_sketch(image), image)] == own
+    assert [(one.stretch, one.kind) for one in moves(planned_sketch(image), image)] == own
 
 
 def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> None:
@@ -125,14 +134,14 @@ def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> No
     race = Race(course("from a pylon", *elements), EDGE_540, Air())
     forward = plan_of(race)
     backwards = [one for one in candidates(race.course, 0) if math.cos(one.axis - forward.waypoints[0].axis) < 0.0]
-    chosen = Choices(ways={0: tuple(backwards)})
+    chosen = RouteDecisions(ways={0: tuple(backwards)})
     flight = prepared(race)
     wrong = dataclasses.replace(flight, plan=plan(race.course, flight.plan.cruise, chosen))
-    with workbench() as bench:
-        base = sketched(bench.service, planned_draught(wrong, wrong.plan, COLD_BARRIER))
+    with open_session() as session:
+        base = solve_coarse(session.service, planned_draught(wrong, wrong.plan, COLD_BARRIER))
     assert base is not None
     assert base.race_time > planned_sketch(race).race_time + 2.0
-    about_start = [one for one in thoughts(base, race) if one.kind == "other direction" and one.stretch.number == 0]
+    about_start = [one for one in moves(base, race) if one.kind == "other direction" and one.stretch.number == 0]
     saved = [solved(one.window).saved for one in about_start]
     assert max(saved) == pytest.approx(base.race_time - planned_sketch(race).race_time, abs=0.05)
 
@@ -142,7 +151,9 @@ def test_ways_are_told_apart_whatever_they_hold() -> None:
     base = planned_sketch(WOUND)
     window = own_window(base, 0, 3)
     one, other = (
-        TriedWindow(Thought(Stretch(1, 1, 2), again, 0.0, "a way"), Priced(again, base.iterate, base.problem, 0.1))
+        EvaluatedWindow(
+            Move(Segment(1, 1, 2), again, 0.0, "a way"), EvaluatedMove(again, base.iterate, base.problem, 0.1)
+        )
         for again in (window, dataclasses.replace(window))
     )
     assert one in [one]
@@ -159,12 +170,12 @@ def twice(race: Race) -> Race:
 def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
     race = twice(WOUND)
     base = planned_sketch(race)
-    thinker = Thinker(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
-    about = [one for one in thinker.thoughts(set(range(len(base.problem.phases)))) if one.stretch.number == 1]
+    move_generator = MoveGenerator(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+    about = [one for one in move_generator.moves(set(range(len(base.problem.phases)))) if one.stretch.number == 1]
     best = max((solved_or_none(one.window) for one in about), key=lambda one: 0.0 if one is None else one.saved)
     assert best is not None
     assert best.saved > 3.0
-    (again,) = thinker.in_other_laps(best, "unwound")
+    (again,) = move_generator.replicate_in_other_laps(best, "unwound")
     assert (again.stretch.number, again.kind) == (4, "unwound in another lap")
     assert solved(again.window).saved == pytest.approx(best.saved, rel=0.2)
 
@@ -172,8 +183,8 @@ def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
 def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
     """The window is the whole race here: what it saves is the difference between both flights."""
     base, good = planned_sketch(WOUND), planned_sketch(wound(8.0))
-    thinker = Thinker(base, WOUND.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
-    found = solved(thinker.from_flight(good, thinker.stretches).window)
+    move_generator = MoveGenerator(base, WOUND.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+    found = solved(move_generator.from_flight(good, move_generator.stretches).window)
     assert found.saved == pytest.approx(base.race_time - optimum(WOUND).trajectory.race_time, abs=0.05)
 
 
@@ -191,8 +202,8 @@ def test_short_turn_that_leads_high_is_thought_of_flat() -> None:
     state[z, first : last + 1] -= 90.0 * np.sin(np.linspace(0.0, math.pi, last - first + 1))
     high = dataclasses.replace(base, iterate=dataclasses.replace(base.iterate, state=state))
 
-    def shapes(flown: Sketch) -> list[str]:
-        about = [one for one in thoughts(flown, WOUND) if one.stretch == short]
+    def shapes(flown: CoarseSolution) -> list[str]:
+        about = [one for one in moves(flown, WOUND) if one.stretch == short]
         return [one.kind for one in about if one.kind == "flat" or one.kind.startswith("slanted")]
 
     assert shapes(base) == []

@@ -11,11 +11,11 @@ from transformations import mirrored
 from ways_bench import planned_sketch
 
 from airrace.procedure.guess import guess
-from airrace.procedure.pieces import joined, phase_piece
-from airrace.procedure.multistart.sketch import Sketch
-from airrace.procedure.multistart.slanting import slanted
-from airrace.procedure.multistart.stretches import Shape, differing, same_way, shape, stretches
-from airrace.procedure.multistart.words import flight_in_words, named, shape_in_words, way_in_words
+from airrace.procedure.multistart.coarse_solution import CoarseSolution
+from airrace.procedure.multistart.description import describe_route, named, shape_in_words, way_in_words
+from airrace.procedure.multistart.segments import Shape, differing, same_way, shape, stretches
+from airrace.procedure.multistart.tilted_turns import tilt_turn
+from airrace.procedure.phase_segments import joined, phase_piece
 
 DEGREE = math.radians(1.0)
 FLAT = Shape(
@@ -61,8 +61,8 @@ def test_way_names_the_passages_at_both_ends() -> None:
 
 
 def test_flight_is_told_by_its_long_turns() -> None:
-    assert flight_in_words(SMALL.course, planned_sketch(SMALL), stretches(SMALL.course)) == "no long turns"
-    told = flight_in_words(WOUND.course, planned_sketch(WOUND), stretches(WOUND.course))
+    assert describe_route(SMALL.course, planned_sketch(SMALL), stretches(SMALL.course)) == "no long turns"
+    told = describe_route(WOUND.course, planned_sketch(WOUND), stretches(WOUND.course))
     assert [one.split(": ")[0] for one in told.split("; ")] == ["left -> right", "right -> last"]
 
 
@@ -114,14 +114,14 @@ def test_stretches_of_the_same_flight_are_the_same_way_only_where_they_are_flown
     assert not same_way(found, places[0], found, places[2])
 
 
-def with_state(found: Sketch, state: np.ndarray) -> Sketch:
+def with_state(found: CoarseSolution, state: np.ndarray) -> CoarseSolution:
     return dataclasses.replace(found, iterate=dataclasses.replace(found.iterate, state=state))
 
 
 # slanted turns
 
 
-def level_turn() -> Sketch:
+def level_turn() -> CoarseSolution:
     """The planned, level flight of the wound race, unsolved."""
     found = planned_sketch(WOUND)
     flight = prepared(WOUND)
@@ -132,7 +132,7 @@ def level_turn() -> Sketch:
 def test_slanted_turn_keeps_its_ends_durations_and_mesh_and_leads_higher(angle: float) -> None:
     planned = level_turn()
     pieces = [phase_piece(planned.iterate, planned.problem, index) for index in (1, 2)]
-    raised = slanted(pieces, angle * DEGREE)
+    raised = tilt_turn(pieces, angle * DEGREE)
     own, other = joined(pieces), joined(raised)
     assert other.state.shape == own.state.shape
     assert other.control.shape == own.control.shape
@@ -146,11 +146,11 @@ def test_slanted_turn_keeps_its_ends_durations_and_mesh_and_leads_higher(angle: 
 def test_turn_that_is_not_slanted_stays_where_it_is() -> None:
     planned = level_turn()
     pieces = [phase_piece(planned.iterate, planned.problem, index) for index in (1, 2)]
-    assert joined(slanted(pieces, 0.0)).state[:3] == pytest.approx(joined(pieces).state[:3], abs=1e-9)
+    assert joined(tilt_turn(pieces, 0.0)).state[:3] == pytest.approx(joined(pieces).state[:3], abs=1e-9)
 
 
 def test_steeper_slant_leads_higher() -> None:
     planned = level_turn()
     pieces = [phase_piece(planned.iterate, planned.problem, index) for index in (1, 2)]
-    tops = [-joined(slanted(pieces, angle * DEGREE)).state[2].min() for angle in (0.0, 20.0, 50.0, 85.0)]
+    tops = [-joined(tilt_turn(pieces, angle * DEGREE)).state[2].min() for angle in (0.0, 20.0, 50.0, 85.0)]
     assert tops == sorted(tops)

@@ -9,25 +9,25 @@ from races import prepared
 
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_draught, solve_coarse
+from airrace.procedure.multistart.window import COLD_BARRIER
 from airrace.procedure.progress import Silent
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import Workbench
-from airrace.procedure.multistart.sketch import Sketch, planned_draught, sketched
-from airrace.procedure.multistart.window import COLD_BARRIER
+from airrace.procedure.solver_session import SolverSession
 
 
 @contextmanager
-def workbench(settings: Settings = PLAN, threads: int = 1) -> Iterator[Workbench]:
+def open_session(settings: Settings = PLAN, threads: int = 1) -> Iterator[SolverSession]:
     """A solver process of its own, ended afterwards."""
     with SolverService() as service:
-        yield Workbench(service, settings, Silent(), threads)
+        yield SolverSession(service, settings, Silent(), threads)
 
 
 @functools.cache
-def planned_sketch(race: Race) -> Sketch:
+def planned_sketch(race: Race) -> CoarseSolution:
     """A race sketched from its own plan; done once however many tests ask."""
     flight = prepared(race)
-    with workbench() as bench:
-        found = sketched(bench.service, planned_draught(flight, flight.plan, COLD_BARRIER))
+    with open_session() as session:
+        found = solve_coarse(session.service, planned_draught(flight, flight.plan, COLD_BARRIER))
     assert found is not None
     return found

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.solvers.fatrop.library import doubles_at, fatrop
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.repeated import Memory, kinds
+from airrace.optimal_control.solvers.fatrop.library import doubles_at, fatrop
+from airrace.optimal_control.stage_assembly import Memory, kinds
 from airrace.trajectory import Array
 
 _ROOM = 128  # bytes, more than any struct blasfeo_dmat

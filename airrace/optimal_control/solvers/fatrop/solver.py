@@ -11,7 +11,6 @@ import numpy as np
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.solvers.process.deferred_signals import interrupts_held_back
 from airrace.optimal_control.solvers.fatrop.library import (
     EVALUATED,
     OUTPUT,
@@ -21,9 +20,10 @@ from airrace.optimal_control.solvers.fatrop.library import (
     interface,
     number_of_stage,
 )
-from airrace.optimal_control.solvers.fatrop.sides import Known
+from airrace.optimal_control.solvers.fatrop.one_sided_bounds import PrimalDualPoint
+from airrace.optimal_control.solvers.fatrop.output_buffers import OutputBuffers
 from airrace.optimal_control.solvers.fatrop.stages import Bounds, Rows, Stages
-from airrace.optimal_control.solvers.fatrop.targets import Targets
+from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -42,7 +42,7 @@ LARGEST_COSTATE = 1e9
 
 Its own value of 1000 is for multipliers that were found from a guess; these are known.
 """
-PUSHED = 30.0
+BOUND_PUSH = 30.0
 """The multiple of the barrier parameter by which slacks are pushed off their limits where multipliers are known (1).
 
 Where a limit begins or ceases to be pressed on, the first step is then longer. Of the stages above the point mass of
@@ -142,8 +142,8 @@ class FatropSolver:
         self._functions.w[:] = guess
         self._functions.values()
         barrier = float(self._options["mu_init"])
-        known = Known(np.concatenate([self._functions.g, guess]), multipliers, barrier)
-        options = self._options | {"bound_push": PUSHED * barrier, "lam_max": LARGEST_COSTATE}
+        known = PrimalDualPoint(np.concatenate([self._functions.g, guess]), multipliers, barrier)
+        options = self._options | {"bound_push": BOUND_PUSH * barrier, "lam_max": LARGEST_COSTATE}
         rows = Rows(self._stages, bounds, known, exact=self._exact)
         return _Run(self._stages, rows, self._functions, guess, options).result()
 
@@ -160,7 +160,7 @@ class _Run:
         self._steps = 0
         self._restoring = 0  # so many of the last steps
         self._initial = guess.copy()
-        self._targets = Targets(stages, rows)
+        self._targets = OutputBuffers(stages, rows)
         self._values = np.empty(stages.constraints + stages.unknowns)
         self._options = options
         self._solver = 0
@@ -168,7 +168,7 @@ class _Run:
 
     def result(self) -> FatropResult:
         """Solve once, and return the answer."""
-        with interrupts_held_back(self._stop):
+        with defer_signals(self._stop):
             outcome = self._outcome()
         if error := self._error or OUTPUT.error:
             raise error

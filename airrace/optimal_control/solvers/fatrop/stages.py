@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily
-from airrace.optimal_control.solvers.fatrop.sides import Known, plain, unrelaxed, weighed
+from airrace.optimal_control.assembly_sums import Sums
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.repeated import Entries, Factors, RepeatedSums, chosen, kinds
-from airrace.optimal_control.sums import Sums
+from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily
+from airrace.optimal_control.solvers.fatrop.one_sided_bounds import PrimalDualPoint, plain, unrelaxed, weighed
+from airrace.optimal_control.stage_assembly import Entries, Factors, StageAssembly, chosen, kinds
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -75,7 +75,7 @@ class Stages:
         return self.assembly.alike(rows=True)
 
     @cached_property
-    def _hessian(self) -> tuple[RepeatedSums, NDArray[np.bool_]]:
+    def _hessian(self) -> tuple[StageAssembly, NDArray[np.bool_]]:
         """The Hessian's nonzeros, and which of those that stand for all are on the diagonal.
 
         Raises:
@@ -89,10 +89,10 @@ class Stages:
         row, column = self.place_in_stage[sums.rows], self.place_in_stage[sums.columns]
         nothing = np.zeros_like(stage)
         entries = Entries(stage, nothing, self.matrices.offsets(stage, row, column), nothing - 1)
-        return RepeatedSums(sums, entries, kind), row == column
+        return StageAssembly(sums, entries, kind), row == column
 
     @property
-    def hessian(self) -> RepeatedSums:
+    def hessian(self) -> StageAssembly:
         """The nonzeros that are written to the matrices RSQrqt."""
         return self._hessian[0]
 
@@ -134,7 +134,9 @@ class Rows:
         lower, upper: bounds of the inequalities.
     """
 
-    def __init__(self, stages: Stages, bounds: Bounds, known: Known | None = None, *, exact: bool = False) -> None:
+    def __init__(
+        self, stages: Stages, bounds: Bounds, known: PrimalDualPoint | None = None, *, exact: bool = False
+    ) -> None:
         self.stages = stages
         lower = np.concatenate([bounds.g_lower, bounds.lower])
         upper = np.concatenate([bounds.g_upper, bounds.upper])
@@ -186,7 +188,7 @@ class Rows:
         return kinds(np.hstack([self.stages.alike, told]))
 
     @cached_property
-    def jacobian(self) -> RepeatedSums:
+    def jacobian(self) -> StageAssembly:
         """The nonzeros that are written to BAbt and both Ggt.
 
         The others of the program's Jacobian belong to the next states, whose matrix fatrop knows, and to rows without
@@ -204,7 +206,7 @@ class Rows:
         signs = np.where(inequality, 1.0, self.factors[items])
         row = self.stages.place_in_stage[sums.columns[numbers]]
         entries = Entries(stage, family, self.offsets(items, row), np.where(inequality, column, -1))
-        return RepeatedSums(sums.chosen(numbers, signs), entries, kind)
+        return StageAssembly(sums.chosen(numbers, signs), entries, kind)
 
     def written(self, sums: Sums) -> tuple[Indices, Indices]:
         """Return which nonzeros are written, and to which items' columns."""

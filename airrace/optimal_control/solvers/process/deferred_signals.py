@@ -14,7 +14,7 @@ def _nothing() -> None:
 
 
 @contextmanager
-def interrupts_held_back(stop: Callable[[], None] = _nothing) -> Generator[None]:
+def defer_signals(stop: Callable[[], None] = _nothing) -> Generator[None]:
     """Turn Ctrl-C into a request to stop, and handle the signal after the block.
 
     Python would raise KeyboardInterrupt as soon as a callback of fatrop begins, before anything there can catch it, and

@@ -31,7 +31,7 @@ class SolveRequest:
 
 
 @record
-class Announcement:
+class PreloadRequest:
     """A system that will be flown, whose kernels can be made ready. It has no answer."""
 
     system: System
@@ -99,7 +99,7 @@ class Sender:
         self._names: dict[int, str] = {}
         self._kept: list[System | Observation] = []  # keeps the ids valid
 
-    def send(self, message: SolveRequest | Announcement) -> None:
+    def send(self, message: SolveRequest | PreloadRequest) -> None:
         """Write one message, after those that wait.
 
         Raises:
@@ -109,7 +109,7 @@ class Sender:
         self.pack(message)
         self.deliver()
 
-    def pack(self, message: SolveRequest | Announcement) -> None:
+    def pack(self, message: SolveRequest | PreloadRequest) -> None:
         """Get a message ready that is to wait until `deliver`."""
         for shared in _shared(message):
             if id(shared) not in self._names:
@@ -138,14 +138,14 @@ class Sender:
         self._names[id(shared)] = name
         self._kept.append(shared)
 
-    def _pack(self, message: SolveRequest | Announcement | _Definition) -> None:
+    def _pack(self, message: SolveRequest | PreloadRequest | _Definition) -> None:
         buffer = io.BytesIO()
         _Pickler(buffer, self._names).dump(message)
         self._packed.append(buffer.getvalue())
 
 
-def _shared(message: SolveRequest | Announcement) -> list[System | Observation]:
-    if isinstance(message, Announcement):
+def _shared(message: SolveRequest | PreloadRequest) -> list[System | Observation]:
+    if isinstance(message, PreloadRequest):
         return [message.system]
     problem = message.problem
     exact = [watch.exact for phase in problem.phases for watch in phase.watches if watch.exact is not None]
@@ -159,7 +159,7 @@ class Receiver:
         self._stream = stream
         self._shared: dict[str, System | Observation] = {}
 
-    def receive(self) -> SolveRequest | Announcement | None:
+    def receive(self) -> SolveRequest | PreloadRequest | None:
         """Return the next message; None at the end of the stream."""
         while True:
             try:

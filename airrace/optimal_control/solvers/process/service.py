@@ -18,20 +18,20 @@ from typing import Self
 
 from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers.process.idle_processes import take
 from airrace.optimal_control.solvers.process.messages import (
-    Announcement,
     Inbox,
     IterationReport,
     Notice,
+    PreloadRequest,
     Reply,
     Sender,
     SolveRequest,
     WorkerFailure,
 )
-from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
-from airrace.optimal_control.solvers.process.idle_processes import take
 from airrace.system import System
 
 STALL_SECONDS = 120.0
@@ -43,7 +43,7 @@ less; the rest is for slower machines and for setting a large problem up, which 
 """
 
 
-class Stalled(Exception):
+class SolverTimeout(Exception):
     """The error of a solver that has finished no iteration for too long and was stopped."""
 
 
@@ -105,7 +105,7 @@ class SolverService:
         it has written that, and a pipe holds so little that each would wait for the other to read.
         """
         if self._process is not None:
-            self._sender.pack(Announcement(system, scheme))
+            self._sender.pack(PreloadRequest(system, scheme))
             if not self._solving:
                 self._deliver()
 
@@ -256,6 +256,6 @@ class SolverService:
                 if time.monotonic() >= self._deadline:
                     raise OutOfTime("there is no time left") from None
                 if left <= 0.0:
-                    raise Stalled(f"no iteration finished within {patience:g} s") from None
+                    raise SolverTimeout(f"no iteration finished within {patience:g} s") from None
             else:
                 return reply

@@ -17,21 +17,21 @@ from functools import partial
 
 from airrace import memory, process
 from airrace.errors import SolverCrash, is_lack_of_memory
-from airrace.optimal_control.solvers.fatrop import interposition
-from airrace.optimal_control.solvers.fatrop.probe import require_known_interface
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
 from airrace.optimal_control.solvers.process.messages import (
-    Announcement,
     Inbox,
     IterationReport,
     Notice,
     Outbox,
+    PreloadRequest,
     Receiver,
     SolveRequest,
     WorkerFailure,
 )
-from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
 from airrace.system import Observation, System
 
@@ -84,7 +84,7 @@ class NoticeHandler(logging.Handler):
         self._replies.send(Notice(record.getMessage()))
 
 
-class Workshop:
+class SolveServer:
     """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
 
     def __init__(self) -> None:
@@ -106,7 +106,7 @@ class Workshop:
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
 
-    def expect(self, announced: Announcement) -> None:
+    def expect(self, announced: PreloadRequest) -> None:
         """Make the kernels of a system ready."""
         self._kernels_of(announced.system, announced.scheme)
 
@@ -135,7 +135,7 @@ class Workshop:
     def _key(self, layout: Layout, request: SolveRequest) -> Structure:
         """Return everything that the prepared functions depend on; two problems with equal keys share them."""
         problem = request.problem
-        observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.sightings]
+        observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.output_samples]
         observed_last = problem.objective.observation
         cost = (
             replace(problem.objective, observation=None, values=()),
@@ -159,14 +159,14 @@ def main() -> None:
     requests = Inbox(asked, partial(_received, Receiver(asked)))
     with contextlib.suppress(SolverCrash):  # which the first solve tells
         require_known_interface()  # while the other process prepares what is to be solved
-    workshop = Workshop()
+    server = SolveServer()
     while True:
         request = requests.next()
         try:
-            if isinstance(request, Announcement):
-                workshop.expect(request)
+            if isinstance(request, PreloadRequest):
+                server.expect(request)
             else:
-                replies.send(workshop.solve(request))
+                replies.send(server.solve(request))
         except BrokenPipeError:
             return
         except Exception as error:  # whatever it is, the other side must hear of it
@@ -176,7 +176,7 @@ def main() -> None:
                 replies.send(WorkerFailure(traceback.format_exc()))
 
 
-def _received(receiver: Receiver) -> SolveRequest | Announcement:
+def _received(receiver: Receiver) -> SolveRequest | PreloadRequest:
     """Return the next request; after the last one end this process, whatever it is at."""
     request = receiver.receive()
     if request is None:
