@@ -138,7 +138,7 @@ class RecordingBench(SolverSession):
 
     def solve(
         self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, **others: Any
-    ) -> Solution | None:  # Any: as the workbench has them
+    ) -> Solution | None:  # Any: as the solver session has them
         before = len(self.attempts)
         solution = super().solve(problem, guess, purpose, barrier=barrier, **others)
         seconds = sum(attempt.seconds for attempt in self.attempts[before:])

@@ -100,7 +100,7 @@ def lift(state: Array, leg: Leg, height: float) -> None:
 
 @contextmanager
 def bench_of(settings: Settings, threads: int) -> Iterator[SolverSession]:
-    """A workbench with a solver process of its own."""
+    """A solver session with a solver process of its own."""
     solver = settings.solver
     with SolverService(threads=threads, stall_seconds=solver.stall_seconds) as service:
         yield SolverSession(service, settings, Silent())

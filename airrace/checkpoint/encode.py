@@ -17,7 +17,7 @@
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
     search/ways, loops, summary         tables: other ways round that were tried
-    remedies                            table: what would resolve conflicts of limits; only where there are any
+    suggested changes                            table: what would resolve conflicts of limits; only where there are any
     alternatives/N/                     flights on other ways round, but for the hashes like the stage itself
 """
 

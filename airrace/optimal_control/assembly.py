@@ -166,7 +166,7 @@ class Assembly:
         return Calls(kernel, inputs, own, shared, rows, weights, nodes, self._unseen_jumps(output_samples))
 
     def _unseen_jumps(self, output_samples: Sequence[OutputSample]) -> Indices | None:
-        """Return the places of the changes to be subtracted from the states at these nodes, shape (sightings, n_x).
+        """Return the places of the changes to be subtracted from the states at these nodes, shape (samples, n_x).
 
         It is None if none of the nodes has a jump.
         """

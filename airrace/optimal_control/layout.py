@@ -300,7 +300,7 @@ class Layout:
     def parameter_values(self) -> Array:
         """Return the parameters of the nonlinear program.
 
-        They are the system's, the fractions, those of all sightings, the jumps, those of the objective's observation.
+        They are the system's, the fractions, those of all samples, the jumps, those of the objective's observation.
         """
         jumps = [self.problem.jumps[:, self._phase_before(node)] for node in self.jump_at]
         parts = [self.problem.parameters, self.fractions, *self._sightings[1], *jumps, self.problem.objective.values]

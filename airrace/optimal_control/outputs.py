@@ -1,4 +1,4 @@
-"""The sightings of a problem: every look that it takes at an observation, at boundaries and along watched phases."""
+"""The samples of a problem: every look that it takes at an observation, at boundaries and along watched phases."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ class OutputSample:
         node: where.
         name: of the boundary, or of phase and watch, for people.
         bounds: ranges by name of the observation's quantities.
-        offset: place of the observation's parameters among those of all sightings; a watch shares them.
+        offset: place of the observation's parameters among those of all output samples; a watch shares them.
         jump: number, among the jumps of the problem, of that which follows at this node and is not seen yet; None
             where there is none, and where the phase after it is looked at.
     """
@@ -36,7 +36,7 @@ def boundaries_of(problem: Problem) -> list[tuple[int, Boundary]]:
 
 
 def sightings_of(problem: Problem, jump_at: Mapping[int, int]) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
-    """Return all sightings, and the parameters that they share: at the boundaries in order, then watch by watch.
+    """Return all output samples, and the parameters that they share: at the boundaries in order, then watch by watch.
 
     Args:
         problem: whose boundaries and watches observe.

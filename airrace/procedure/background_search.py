@@ -17,8 +17,8 @@ class BackgroundSearch(Generic[Found]):
     It is a context manager; what is still searched for at its end is given up.
 
     Args:
-        search: what is searched for, with a crew to solve what it needs.
-        crew: makes the crew that searches when the result is asked for.
+        search: what is searched for, with a pool to solve what it needs.
+        pool: makes the pool that searches when the result is asked for.
         make: starts the solver process of a search that begins at once; None to wait until the result is asked for.
     """
 

@@ -385,13 +385,13 @@ def _nothing(_: SolverPool) -> str:
 
 
 def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
-    """Return a plan as a draught, on the mesh on which the race's own is solved without exploring."""
+    """Return a plan as a initial guess, on the mesh on which the race's own is solved without exploring."""
     mesh = first_mesh(way, session.settings.mesh)
     return InitialGuess(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, is_baseline=True)
 
 
 def _draught(flight: Flight, pieces: StageResult) -> InitialGuess:
-    """Return the pieces of a homotopy as a draught."""
+    """Return the pieces of a homotopy as a initial guess."""
     return InitialGuess(
         flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, is_baseline=True
     )

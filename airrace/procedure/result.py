@@ -227,7 +227,7 @@ class StageResult:
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         search: which other ways round were tried; empty in all stages but the one that explores.
-        remedies: what would resolve the conflicts for which no flight was found, the least change of each first.
+        suggestions: what would resolve the conflicts for which no flight was found, the least change of each first.
         alternatives: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
     """
 

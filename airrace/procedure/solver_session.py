@@ -1,4 +1,4 @@
-"""The workbench of a stage: the primary solver, then the fallback, with every attempt on record."""
+"""The solver session of a stage: the primary solver, then the fallback, with every attempt on record."""
 
 import math
 import time

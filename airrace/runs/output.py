@@ -27,7 +27,7 @@ def ensure_free(path: Path, *, force: bool, suggested_change: str = "", sources:
     """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
 
     Args:
-        remedy: what to do besides `--force`, a clause.
+        suggested change: what to do besides `--force`, a clause.
         sources: see `ensure_unread`.
 
     Raises:

@@ -320,7 +320,7 @@ def test_announced_kernels_are_made_ready_once(monkeypatch: pytest.MonkeyPatch) 
 
 
 def kernels_that_are_built(monkeypatch: pytest.MonkeyPatch) -> list[System]:
-    """The systems whose kernels a workshop has made so far."""
+    """The systems whose kernels a server has made so far."""
     made: list[System] = []
 
     def watched(system: System, scheme: RungeKutta) -> Kernels:

@@ -97,7 +97,7 @@ def _on_record(result: StageResult, session: SolverSession) -> StageResult:
 
 
 def _impatient(session: SolverSession, problem: Problem) -> SolverSession:
-    """Return a workbench that gives a flight up which takes much work."""
+    """Return a solver session that gives a flight up which takes much work."""
     settings = session.settings
     solver = settings.solver
     sooner = dataclasses.replace(solver, iterations_max=min(solver.iterations_max, ITERATIONS_MAX))

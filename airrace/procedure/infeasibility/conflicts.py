@@ -1,8 +1,8 @@
 """The conflicts of a race for which no flight was found: what has to give way, by how much, and what else would do.
 
-All levers give way together first, each by as many usual steps. That solution tells which of them are to blame, and
+All parameters give way together first, each by as many usual steps. That solution tells which of them are to blame, and
 about how far each would have to give way alone: the steps of all together, divided by its share of the blame. Those for
-which that is possible are then relaxed one by one. Where none helps alone, there are several conflicts: the levers of
+which that is possible are relaxed one by one. Where none helps alone, there are several conflicts: the parameters of
 other places are set free, until the first conflict is resolved, and the next is looked for in the race without it.
 Every suggestion is flown on the whole race before it is told.
 """
@@ -23,27 +23,27 @@ from airrace.records import record
 CONFLICTS_MAX = 4
 """The largest number of conflicts that are looked for."""
 ALONE_MAX = {False: 5, True: 3}
-"""The largest number of levers that are relaxed alone for one conflict: of rules and gates, of the aircraft."""
+"""The largest number of parameters that are relaxed alone for one conflict: of rules and gates, of the aircraft."""
 MAX_PLAN_PENALTY = 12.0
-"""The factor on the least estimate of levers of a kind (usual steps) above which a lever is not relaxed alone.
+"""The factor on the least estimate of parameters of a kind (usual steps) above which a parameter is not relaxed alone.
 
 Those that helped on courses spoilt by one limit each were estimated at up to 6 times the least of them.
 """
 LEAST_SHARE = 1e-3
-"""The least share of the blame (1) with which a lever is considered."""
+"""The least share of the blame (1) with which a relaxable parameter is considered."""
 OPTIMISM = 1.0
-"""The factor by which a lever may have to give way farther than is possible, by the estimate, and still be relaxed.
+"""The factor by which a parameter may have to give way farther than is possible, by the estimate, and still be relaxed.
 
-The estimate is the tangent at the solution for all levers, mostly less than it takes in the end: on the half Cuban
+The estimate is the tangent at the solution for all parameters, mostly less than it takes in the end: on the half Cuban
 eight with a ceiling of 100 m it was 7.3 steps for the ceiling, which took 7.9, and 10.1 for the largest lift
 coefficient, which took 13.
 """
 FREED = 5.0
-"""The steps by which the levers of other places are set free besides those of all levers together."""
+"""The steps by which the parameters of other places are set free besides those of all parameters together."""
 SHARES = (0.2, 1.0)
-"""The shares of the largest blame (1) from which on local levers belong to the first conflict, tried in turn.
+"""The shares of the largest blame (1) from which on local parameters belong to the first conflict, tried in turn.
 
-Where two conflicts ask for about as much, both have blame, and only the lever with most of it is kept.
+Where two conflicts ask for about as much, both have blame, and only the relaxable parameter with most of it is kept.
 """
 
 
@@ -110,7 +110,7 @@ class Search:
     def _options(
         self, race: Race, known: Sequence[RelaxableParameter], relaxer: ElasticSolver, together: Relaxed
     ) -> list[Option]:
-        """Return the levers that resolve the conflict alone, the least change first."""
+        """Return the relaxable parameters that resolve the conflict alone, the least change first."""
         blamed = [(relaxer.blame(race, relaxable, together), relaxable) for relaxable in known]
         estimates = [(together.steps / blame, relaxable) for blame, relaxable in blamed if blame > LEAST_SHARE]
         possible = sorted(
@@ -131,7 +131,7 @@ class Search:
     def _helping(
         self, race: Race, known: Sequence[tuple[float, RelaxableParameter]], relaxer: ElasticSolver, together: Relaxed
     ) -> Iterator[Option]:
-        """Yield those of some levers, with their estimates, that help alone, until one shows that no limit has to."""
+        """Yield those parameters, with their estimates, that help alone until one shows that no limit has to."""
         for estimate, relaxable in known:
             relaxed = relaxer.alone(race, relaxable, together, estimate)
             if relaxed is None:
@@ -152,14 +152,14 @@ class Search:
 def _freed(
     race: Race, known: Sequence[RelaxableParameter], relaxer: ElasticSolver, together: Relaxed, share: float
 ) -> Race:
-    """Return the race with the levers of other places set free.
+    """Return the race with the relaxable parameters of other places set free.
 
     Args:
         race: the race.
-        known: its levers.
+        known: its relaxable parameters.
         relaxer: what relaxed it.
-        together: the race with all levers relaxed.
-        share: of the largest blame; local levers with as much of it stay as they are.
+        together: the race with all relaxable parameters relaxed.
+        share: of the largest blame; local relaxable parameters with as much of it stay as they are.
     """
     local = [(relaxer.blame(race, relaxable, together), relaxable) for relaxable in known if relaxable.local]
     most = max((blame for blame, _ in local), default=0.0)

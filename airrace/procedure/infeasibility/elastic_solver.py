@@ -1,8 +1,8 @@
-"""Races whose limits give way: the least relaxation of all levers at once, or of one, and which levers would help.
+"""Races whose limits give way: the least relaxation of all parameters at once, or of one, and which of them help.
 
 The race is stated along one plan and on one mesh, for numbers as they are and for milder ones, and the problem between
 the two is solved for the least relaxation, see `airrace.optimal_control.elastic`. At that solution the multipliers of
-the limits are the blame: what a usual step of each lever would spare of the relaxation.
+the limits are the blame: what a usual step of each relaxable parameter would spare of the relaxation.
 """
 
 import dataclasses
@@ -36,7 +36,7 @@ from airrace.records import record
 from airrace.trajectory import Array
 
 WEIGHT = 100.0
-"""The weight of a usual step of every lever that gives way."""
+"""The weight of a usual step of every relaxable parameter that gives way."""
 ORIGINAL_OBJECTIVE_WEIGHT = 1e-2
 """The factor on the weights of race time and controls beside it (1).
 
@@ -51,7 +51,7 @@ ALONE_ITERATIONS_MAX = 175
 Those that helped on eight courses spoilt by one limit each took 17 to 161; those that did not took 116 to 300 to fail.
 """
 FURTHEST = 60.0
-"""The largest number of usual steps by which all levers give way at once."""
+"""The largest number of usual steps by which all relaxable parameters give way at once."""
 NONE_NEEDED = 5e-3
 """The relaxation below which none is needed (usual steps); the barrier leaves less than a thousandth."""
 NO_BLAME = 1e-7
@@ -114,7 +114,7 @@ class ElasticSolver:
         )
 
     def together(self, race: Race, relaxables: Sequence[RelaxableParameter], start: Iterate) -> Relaxed | None:
-        """Return the least relaxation of all levers at once, each by as many usual steps; None if it is not found."""
+        """Return the least relaxation of all parameters at once, each by as many steps; None if it is not found."""
         mild = race
         for relaxable in relaxables:
             mild = relaxable.changed(mild, relaxable.milder)
@@ -122,13 +122,13 @@ class ElasticSolver:
         return self._least(race, mild, start, purpose, OPTIONS.iterations_max, begin=1.0, furthest=FURTHEST)
 
     def alone(self, race: Race, relaxable: RelaxableParameter, near: Relaxed, estimate: float) -> Relaxed | None:
-        """Return the least relaxation of one lever; None if that alone does not help, or it is not found.
+        """Return the least relaxation of one relaxable parameter; None if that alone does not help, or it is not found.
 
         Args:
             race: with its limits as they are.
-            lever: that gives way.
-            near: the race with all levers relaxed.
-            estimate: the steps by which the lever is expected to give way.
+            relaxable parameter: that gives way.
+            near: the race with all relaxable parameters relaxed.
+            estimate: the steps by which the relaxable parameter is expected to give way.
         """
         return self._least(
             race,
@@ -141,7 +141,7 @@ class ElasticSolver:
         )
 
     def blame(self, race: Race, relaxable: RelaxableParameter, at: Relaxed) -> float:
-        """Return what a usual step of a lever would spare, in steps of all levers together."""
+        """Return what a usual step of a parameter would spare, in steps of all parameters together."""
         strict, mild = self._varied.problem(race), self._varied.problem(relaxable.changed(race, relaxable.milder))
         return _spared(moves(strict, mild), strict, at) / WEIGHT
 

@@ -1,4 +1,4 @@
-"""The levers of gates, pylons and manoeuvres: what their passing tolerates."""
+"""The relaxable parameters of gates, pylons and manoeuvres: what their passing tolerates."""
 
 import dataclasses
 import math
@@ -28,7 +28,7 @@ def base_name(element: Element) -> str:
 
 
 def gate_levers(course: Course) -> Iterator[RelaxableParameter]:
-    """Yield the levers of all entries of `gates`, in the order in which they are first passed."""
+    """Yield the relaxable parameters of all entries of `gates`, in the order in which they are first passed."""
     seen: dict[str, Element] = {}
     for passage in course.passages:
         seen.setdefault(base_name(passage.element), passage.element)
@@ -47,7 +47,7 @@ Setting = Callable[[Tolerances, float], Tolerances]
 
 
 def _tolerances(name: str, element: Gate | Pylon) -> Iterator[RelaxableParameter]:
-    """Yield the levers of what a passing by the rules tolerates."""
+    """Yield the relaxable parameters of what a passing by the rules tolerates."""
     allowed = element.tolerances
     lowest = min(allowed.height.lower, 0.0)
     most_crossing = MOST_AT_QUADS if "/" in element.name else MOST_CROSSING
@@ -132,7 +132,7 @@ def _of_sine(value: float) -> float:
 
 
 def _manoeuvre(name: str, element: Manoeuvre) -> Iterator[RelaxableParameter]:
-    """Yield the levers of a manoeuvre that may lie within a range of heights."""
+    """Yield the relaxable parameters of a manoeuvre that may lie within a range of heights."""
     height = element.height
     if height.lower == height.upper:
         return

@@ -1,6 +1,6 @@
 """The numbers of a race that a director may relax, each by the key that `--set` takes, with its usual step.
 
-A lever knows its value in its user's unit, to which side it is relaxed, how far that makes sense, and how to make the
+A parameter knows its value in its user's unit, to which side it is relaxed, how far at most, and how to make the
 race with another value. Limits that nobody has set have none.
 """
 
@@ -20,7 +20,7 @@ DEGREE = math.pi / 180.0
 
 
 def relaxables(race: Race) -> list[RelaxableParameter]:
-    """Return all levers of a race: rules, gates, surroundings, the aircraft."""
+    """Return all relaxable parameters of a race: rules, gates, surroundings, the aircraft."""
     found = [*_rules(race), *gate_levers(race.course), *_surroundings(race.course), *_aircraft(race)]
     return [one for one in found if (one.furthest - one.value) * one.step > 0.0]
 

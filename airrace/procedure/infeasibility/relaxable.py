@@ -1,4 +1,4 @@
-"""A lever: a number of a race that may be relaxed, in its user's unit."""
+"""A relaxable parameter: a number of a race that may be relaxed, in its user's unit."""
 
 import math
 from collections.abc import Callable

@@ -21,7 +21,7 @@ from airrace.procedure.stage_problem import Flight
 from airrace.records import record
 
 MILDER = 4.0
-"""The usual steps by which all levers give way in the race whose plan is a second way round.
+"""The usual steps by which all relaxable parameters give way in the race whose plan is a second way round.
 
 Where an angle of crossing is too small, the plan loops; with a larger one it goes straight.
 """

@@ -1,4 +1,4 @@
-"""The suggestions where a race has no flight: levers that resolve a conflict alone, flown on the whole race first.
+"""The suggestions where a race has no flight: parameters that resolve a conflict alone, flown on the whole race first.
 
 Rules and gates come first, for those are a race director's; then the aircraft, whose numbers may be as much to blame.
 A suggestion that was certified in its trial is told before one that only flew.
@@ -32,7 +32,7 @@ the least. Where a roll from one gate to the next takes 28 deg/s at least, 33 an
 
 @record
 class Option:
-    """A lever that resolves a conflict alone, with the relaxed flight, and what relaxed it."""
+    """A relaxable parameter that resolves a conflict alone, with the relaxed flight, and what relaxed it."""
 
     relaxable: RelaxableParameter
     relaxer: ElasticSolver
@@ -90,9 +90,9 @@ class Tried:
     flown: Flown
 
     def suggested_change(self, number: int, where: str) -> SuggestedChange:
-        """Return it as a remedy of a conflict with a number and a place."""
+        """Return it as a suggested change of a conflict with a number and a place."""
         relaxable, value, time = self.option.relaxable, self.value, self.flown.race_time
-        assert time is not None  # else it is no remedy
+        assert time is not None  # else it is no suggested change
         key = relaxable.key if relaxable.settable(value) else ""
         return SuggestedChange(number, where, key, relaxable.told, relaxable.unit, relaxable.value, value, time)
 

@@ -57,7 +57,7 @@ def find_faster_route(
         source: the model that flew the optimum, planned as it goes round.
         optimum: the flight, of a race whose numbers may have been a little different.
         course: the course.
-        crew: what solves.
+        pool: what solves.
     """
     way = plan_as_flown(course, point_mass.plan.cruise, optimum.trajectory)
     (base,) = pool.work([_draught(replace(point_mass, plan=way), source, optimum)], solve_coarse)

@@ -1,4 +1,4 @@
-"""The thoughts of other ways to take a stretch of a flight, each with a guess through a window around it."""
+"""The moves of other ways to take a stretch of a flight, each with a guess through a window around it."""
 
 import dataclasses
 import itertools
@@ -30,19 +30,19 @@ On Rovinj a reversal that saves 0.40 s jointly was priced at 0.28 s with one of 
 """
 
 TURN = math.radians(60.0)
-"""The turn from which on the other side is thought of, rad.
+"""The turn from which on the other side is proposed, rad.
 
 Shorter ones that were forced there, on Rovinj, came back to where they were.
 """
 
 LONG_TURN = math.radians(100.0)
-"""The turn from which on a way over the top is thought of, rad."""
+"""The turn from which on a way over the top is proposed, rad."""
 
 HIGH = 40.0
 """The rise above both ends from which on a turn is no longer flat, m."""
 
 MAX_PLAN_PENALTY = 7.0
-"""The largest extra time of a way's plan with which it is thought of, whatever the effort, s.
+"""The largest extra time of a way's plan with which it is proposed, whatever the effort, s.
 
 On Rovinj and Air Race X ways that were dearer by 2 s and more in the plan were slower by 3.7 to 12 s in their windows.
 """
@@ -69,13 +69,13 @@ class Move:
 
 
 class MoveGenerator:
-    """A thinker of other ways around one flight.
+    """A move generator of other ways around one flight.
 
     Args:
         base: the flight.
         course: that it flies.
         pace: at which other ways are planned; a tight one leaves room for all of them.
-        dearest: the largest extra time of a way's plan with which it is thought of, s.
+        dearest: the largest extra time of a way's plan with which it is proposed, s.
     """
 
     def __init__(
@@ -90,11 +90,11 @@ class MoveGenerator:
     def moves(
         self, changed: Set[int], *, shapes: bool = True, places: Sequence[Segment] | None = None
     ) -> Iterator[Move]:
-        """Yield the thoughts whose window holds a phase that has changed, in the order of the course.
+        """Yield the moves whose window holds a phase that has changed, in the order of the course.
 
         Args:
             changed: numbers of the phases.
-            shapes: whether other shapes of the same turn are thought of, too.
+            shapes: whether other shapes of the same turn are proposed, too.
             places: stretches of which is thought; None for all.
         """
         for stretch in self.stretches if places is None else places:

@@ -77,7 +77,7 @@ class Search:
         course: the course.
         pace: at which the race is planned.
         effort: how much is tried.
-        crew: what solves.
+        pool: what solves.
         watch: told what is being done.
     """
 

@@ -1,4 +1,4 @@
-"""A crew: several solver processes side by side, for solves that do not depend on one another."""
+"""A pool: several solver processes side by side, for solves that do not depend on one another."""
 
 import queue
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ class SolverPool:
     a job does not depend on who does it, nor on how many there are.
 
     Args:
-        service: a process that exists already and is one of the crew.
+        service: a process that exists already and is one of the pool.
         size: how many there are in all.
         make: starts another process.
     """

@@ -1,4 +1,4 @@
-"""A crew does all jobs, tells results in the order of the jobs, and leaves no process behind."""
+"""A pool does all jobs, tells results in the order of the jobs, and leaves no process behind."""
 
 import dataclasses
 import logging

@@ -146,7 +146,7 @@ def test_sketch_of_an_optimum_stays_there() -> None:
 
 
 def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
-    """Other ways are thought of on the meshes of sketches, whatever mesh their flight was begun on."""
+    """Other ways are proposed on the meshes of sketches, whatever mesh their flight was begun on."""
     rough = planned_sketch(SMALL)
     counts = [2 * len(phase) for phase in rough.problem.mesh]
     mesh, guess = resampled(rough.problem.mesh, rough.iterate, counts)

@@ -1,4 +1,4 @@
-"""A workbench for the tests of exploring, and flights sketched on it."""
+"""A solver session for the tests of exploring, and flights sketched on it."""
 
 import functools
 from collections.abc import Iterator
