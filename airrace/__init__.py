@@ -14,9 +14,10 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
-    from airrace.documents import Inputs, load_inputs
+    from airrace.api import check, open, optimize, resume, tracks
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
+    from airrace.inputs import Inputs, load_inputs
     from airrace.optimal_control.certificate import Certificate
     from airrace.planning.race import Race
     from airrace.procedure.progress import Progress
@@ -24,13 +25,12 @@ if TYPE_CHECKING:
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
-    from airrace.runs.checked import Checked
-    from airrace.runs.doors import check, open, optimize, resume, tracks
-    from airrace.runs.flown_log import FlownLog
-    from airrace.runs.flown_stage import FlownStage
-    from airrace.runs.imported import import_log
+    from airrace.runs.course_check import Checked
     from airrace.runs.init import init
+    from airrace.runs.log_import import import_log
+    from airrace.runs.log_view import LogView
     from airrace.runs.run import Run
+    from airrace.runs.stage_view import StageView
     from airrace.track.course import Course, Direction, EndState, Origin, Passage, Rules
     from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
     from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine, Turning
@@ -48,11 +48,10 @@ __all__ = [
     "CrowdShape",
     "Direction",
     "EndState",
-    "FlownLog",
-    "FlownStage",
     "Gate",
     "Inputs",
     "Interval",
+    "LogView",
     "Manoeuvre",
     "Origin",
     "Outcome",
@@ -70,6 +69,7 @@ __all__ = [
     "Settings",
     "Stage",
     "StageResult",
+    "StageView",
     "StaticWind",
     "Thermal",
     "Tolerances",
@@ -87,7 +87,7 @@ __all__ = [
 
 _HOMES = {
     "airrace.aircraft.aircraft": ("Aircraft",),
-    "airrace.documents": ("Inputs", "load_inputs"),
+    "airrace.inputs": ("Inputs", "load_inputs"),
     "airrace.environment.air": ("Air", "Profile", "StaticWind", "Thermal"),
     "airrace.errors": ("AirraceError",),
     "airrace.optimal_control.certificate": ("Certificate",),
@@ -97,11 +97,11 @@ _HOMES = {
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
-    "airrace.runs.checked": ("Checked",),
-    "airrace.runs.doors": ("check", "open", "optimize", "resume", "tracks"),
-    "airrace.runs.flown_log": ("FlownLog",),
-    "airrace.runs.flown_stage": ("FlownStage",),
-    "airrace.runs.imported": ("import_log",),
+    "airrace.runs.course_check": ("Checked",),
+    "airrace.api": ("check", "open", "optimize", "resume", "tracks"),
+    "airrace.runs.log_view": ("LogView",),
+    "airrace.runs.stage_view": ("StageView",),
+    "airrace.runs.log_import": ("import_log",),
     "airrace.runs.init": ("init",),
     "airrace.runs.run": ("Run",),
     "airrace.track.course": ("Course", "Direction", "EndState", "Origin", "Passage", "Rules"),

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.documents.inputs import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
@@ -25,6 +24,7 @@ from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.errors import KernelError
+from airrace.inputs.inputs import load_inputs
 from airrace.native.interpreter import Interpreter
 from airrace.native.library import library_path, open_library
 from airrace.optimal_control.kernels import casadi_kernels, native_kernels

@@ -1,6 +1,6 @@
 """How long the whole ladder takes, from the point mass to six degrees of freedom, measured on the real command.
 
-    python scripts/benchmark_ladder.py [COURSE ...] [--repeats 3] [--threads 2] [--proof last] [--explore off]
+    python scripts/benchmark_ladder.py [COURSE ...] [--repeats 3] [--threads 2] [--mesh-check last] [--search off]
                                        [--until STAGE] [--beside PYTHON] [--shares] [--what-if KEY=VALUE] [--json FILE]
                                        [--against FILE]
 
@@ -95,7 +95,7 @@ def measured(*arguments: str, folder: Path, python: str = sys.executable) -> Mea
         if status:
             raise Uncertified(f"{' '.join(command)} ended with {os.waitstatus_to_exitcode(status)}:\n{told.read()}")
     answer = json.loads(said)
-    explored = [stage["explored"]["seconds"] for stage in answer["stages"] if stage["explored"]]
+    explored = [stage["search"]["seconds"] for stage in answer["stages"] if stage["search"]]
     return Measurement(
         wall=time.perf_counter() - started,
         processor=used.ru_utime + used.ru_stime,
@@ -226,11 +226,20 @@ def print_rows(rows: Sequence[Row]) -> None:
 
 def runs_of(courses: Sequence[str], asked: argparse.Namespace, folder: Path) -> dict[str, list[Measurement]]:
     """Fly all courses, as it is asked for beside another version and changed; the runs by what they are called."""
-    options = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
+    options = (
+        "--guess",
+        "plan",
+        "--threads",
+        str(asked.threads),
+        "--mesh-check",
+        asked.mesh_check,
+        "--until",
+        asked.until,
+    )
 
     def fly(course: str, python: str) -> Measurement:
         path = str(Path(course).resolve()) if Path(course).exists() else course
-        return measured("optimize", path, "--force", *options, "--explore", asked.explore, folder=folder, python=python)
+        return measured("optimize", path, "--force", *options, "--search", asked.search, folder=folder, python=python)
 
     runs: dict[str, list[Measurement]] = {}
     for _ in range(asked.repeats):
@@ -251,8 +260,17 @@ def shares_of(course: str, asked: argparse.Namespace, folder: Path) -> dict[str,
     """Fly a course once with clocks around its parts."""
     told, out = folder / "shares.json", str(folder / "shares.h5")
     timed = (sys.executable, str(ROOT / "scripts" / "ladder_shares.py"), str(told), "optimize", course)
-    chosen = ("--guess", "plan", "--threads", str(asked.threads), "--proof", asked.proof, "--until", asked.until)
-    command = (*timed, "--output", out, "--force", "--explore", "off", "--quiet", *chosen)
+    chosen = (
+        "--guess",
+        "plan",
+        "--threads",
+        str(asked.threads),
+        "--mesh-check",
+        asked.mesh_check,
+        "--until",
+        asked.until,
+    )
+    command = (*timed, "--output", out, "--force", "--search", "off", "--quiet", *chosen)
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=ROOT)
     found: dict[str, Any] = json.loads(told.read_text())
     return found
@@ -264,8 +282,8 @@ def main() -> int:
     parser.add_argument("courses", nargs="*", default=["rovinj_2014"], metavar="COURSE")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--proof", choices=("last", "all"), default="last")
-    parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
+    parser.add_argument("--mesh-check", choices=("last", "all"), default="last")
+    parser.add_argument("--search", choices=("off", "quick", "thorough"), default="off")
     parser.add_argument("--until", default="six-dof", metavar="STAGE")
     parser.add_argument("--beside", metavar="PYTHON", help="fly with the airrace of this Python, too, in turn")
     parser.add_argument("--shares", action="store_true", help="once more with clocks around its parts")
@@ -282,7 +300,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 1
     found = {name: median(several) for name, several in runs.items()}
-    print(f"{asked.threads} threads, exploring {asked.explore}, proof {asked.proof}: medians of {asked.repeats} runs\n")
+    print(f"{asked.threads} threads, search {asked.search}, mesh check {asked.mesh_check}, {asked.repeats} runs each\n")
     print_rows([HEADLINES, *(headline(name, run) for name, run in found.items())])
     if asked.beside:
         print_rows(ratio_rows(runs))

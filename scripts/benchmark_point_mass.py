@@ -1,11 +1,11 @@
 """How long the point-mass optimum takes, measured on the real command, side by side in one run.
 
     python scripts/benchmark_point_mass.py [--repeats 5] [--tracks tracks/rovinj_2014.yaml ...] [--laps 1 2 4 8 16]
-        [--explore off] [--markdown]
+        [--search off] [--markdown]
 
 For every track and both guesses: the median wall time of `airrace optimize` as a share of the race time, the shares of
 derivatives, solver and everything else, the peak memory of all processes. Last, the wall time over the number of laps
-and the exponent of its growth. Other ways round are not explored, unless `--explore` asks for it.
+and the exponent of its growth. Other ways round are not explored, unless `--search` asks for it.
 """
 
 import argparse
@@ -45,11 +45,11 @@ class Measurement:
     iterations: int
 
 
-def measure(track: Path, guess: str, *, explore: str, overrides: tuple[str, ...] = ()) -> Measurement:
+def measure(track: Path, guess: str, *, search: str, overrides: tuple[str, ...] = ()) -> Measurement:
     """Run `airrace optimize` once in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         command = [*COMMAND, "optimize", str(track), "--guess", guess, "--json", "--quiet"]
-        command += ["--until", "point-mass", "--explore", explore, "--output", f"{folder}/run.h5"]
+        command += ["--until", "point-mass", "--search", search, "--output", f"{folder}/run.h5"]
         command += [part for one in overrides for part in ("--set", one)]
         started = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -192,9 +192,9 @@ def main() -> None:
     parser.add_argument("--tracks", type=Path, nargs="+", default=[ROOT / "tracks" / f"{name}.yaml" for name in TRACKS])
     parser.add_argument("--laps", type=int, nargs="*", default=[1, 2, 4, 8, 16])
     parser.add_argument("--markdown", action="store_true", help="the first table as Markdown")
-    parser.add_argument("--explore", choices=("off", "quick", "thorough"), default="off")
+    parser.add_argument("--search", choices=("off", "quick", "thorough"), default="off")
     arguments = parser.parse_args()
-    fly = partial(measure, explore=arguments.explore)
+    fly = partial(measure, search=arguments.search)
     (warm_markdown if arguments.markdown else warm_table)(fly, arguments.tracks, arguments.repeats)
     if arguments.laps:
         laps_table(fly, ROOT / "tracks" / "sixteen_phases.yaml", arguments.laps)

@@ -27,17 +27,17 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.checkpoint import read_checkpoint
-from airrace.documents import load_inputs
 from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
 from airrace.errors import AirraceError, UsageError
+from airrace.inputs import load_inputs
 from airrace.jsbsim.accelerations import at_geopotential_height, differences, random_states
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
-from airrace.jsbsim.simulation import fly_course, simulate
-from airrace.procedure import reading
+from airrace.jsbsim.simulation import flown_by_jsbsim, fly_course
+from airrace.procedure import results_api
 from airrace.runs.run import Run
-from airrace.runs.stored import stored_run
+from airrace.runs.stored_inputs import stored_run
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540
@@ -71,7 +71,7 @@ def in_states(aircraft: Aircraft) -> Iterable[Row]:
             ("at the same height", True, states, False),
         ):
             with tempfile.TemporaryDirectory() as folder:
-                flown = simulate(Path(folder), numbers, atmosphere, planet, own_density=own_density)
+                flown = flown_by_jsbsim(Path(folder), numbers, atmosphere, planet, own_density=own_density)
                 force, angular = differences(flown, numbers, states, ours).worst
             text = f"{aircraft.name:<20}{planet.name:<8}{air:<24}{force:>12.1e}{angular:>12.1e}"
             yield Row(text, force <= FORCE_LIMIT and angular <= ANGULAR_LIMIT if limited else None)
@@ -84,8 +84,10 @@ def along_optimum(run: Run, planet: Planet) -> Row:
         raise UsageError(f"{run.path}: a flight in wind; JSBSim flies in still air here")
     result = run.stage("six-dof").result
     with tempfile.TemporaryDirectory() as folder:
-        flown = simulate(Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet)
-        at = reading.sampler(race, result)
+        flown = flown_by_jsbsim(
+            Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet
+        )
+        at = results_api.sampler(race, result)
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)
     most_turned = max(misses, key=lambda miss: miss.angle)

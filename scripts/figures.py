@@ -33,7 +33,7 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "procedure")]
 
 from matched_laps import PLAN, laps, matched_laps, optimum  # noqa: E402  (the folders above must be on the path first)
 
-from airrace.documents import load_inputs  # noqa: E402
+from airrace.inputs import load_inputs  # noqa: E402
 from airrace.track.course import Course  # noqa: E402
 from airrace.track.limits import SafetyLine  # noqa: E402
 from airrace.trajectory import Trajectory  # noqa: E402

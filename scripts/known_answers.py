@@ -22,7 +22,7 @@ from statement import KnownAnswer, Value  # noqa: E402
 from textbook import known_answers, refinements  # noqa: E402
 
 from airrace.optimal_control.problem import Problem  # noqa: E402
-from airrace.optimal_control.solvers import Solution  # noqa: E402
+from airrace.optimal_control.solvers.solver import Solution  # noqa: E402
 
 REFINEMENTS = 2
 ORDER_TOLERANCE = 0.2

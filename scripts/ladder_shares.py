@@ -28,10 +28,10 @@ from typing import Any
 
 from airrace.__main__ import main as command
 from airrace.checkpoint import store
-from airrace.control import settling, simulation
+from airrace.control import simulation, trim
 from airrace.optimal_control import replay
-from airrace.optimal_control.service import SolverService
-from airrace.procedure.ladder import Ladder
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.procedure.fidelity_continuation import Ladder
 from airrace.procedure.stage import Stage
 
 DERIVATIVES, ALGEBRA, TOGETHER = "derivatives", "linear algebra", "putting together"
@@ -43,7 +43,7 @@ BETWEEN = "-"
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {  # Any: they are only passed through
     REPLAY: (replay.replay, replay.replay_phases, replay.estimated_defect, replay.estimated_error),
-    SIMULATION: (simulation.follow, settling.settle),
+    SIMULATION: (simulation.follow, trim.settle),
     FILES: (store.write_checkpoint, store.read_checkpoint, store.read_stored),
 }
 

@@ -13,17 +13,17 @@ from airrace.errors import AirraceError
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Mesh, divide
 from airrace.optimal_control.replay import SAMPLES
-from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import Evidence, examine
-from airrace.procedure.flight import Flight
-from airrace.procedure.joint import REFINED_BARRIER
-from airrace.procedure.ladder import Ladder, wanted_stages
+from airrace.procedure.fidelity_continuation import Ladder, wanted_stages
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Explore, GuessKind, Settings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.procedure.solve_and_refine import REFINED_BARRIER
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import Flight
 
 COARSER = (0.17 * math.sqrt(2.0), 0.34)  # s, intervals of uniform meshes
 FINER = tuple(0.17 / math.sqrt(2.0) ** step for step in range(8))
@@ -131,14 +131,14 @@ class Solve:
 
 
 @dataclass
-class RecordingBench(Workbench):
+class RecordingBench(SolverSession):
     """Keeps what is solved on it."""
 
     solves: list[Solve] = field(default_factory=list[Solve])
 
     def solve(
         self, problem: Problem, guess: Iterate, purpose: str, *, barrier: float, **others: Any
-    ) -> Solution | None:  # Any: as the workbench has them
+    ) -> Solution | None:  # Any: as the solver session has them
         before = len(self.attempts)
         solution = super().solve(problem, guess, purpose, barrier=barrier, **others)
         seconds = sum(attempt.seconds for attempt in self.attempts[before:])
@@ -149,9 +149,9 @@ class RecordingBench(Workbench):
 class Comparer:
     """Measures meshes of one course at one stage."""
 
-    def __init__(self, flight: Flight, bench: RecordingBench) -> None:
+    def __init__(self, flight: Flight, session: RecordingBench) -> None:
         self._flight = flight
-        self._bench = bench
+        self._bench = session
 
     def measured(self, solve: Solve, spacing: float, before: float) -> Measured | None:
         """What a solve has found; None if it has not. `before` are the seconds of those before it."""
@@ -225,16 +225,16 @@ def compared(name: str, race: Race, settings: Settings, stage: Stage) -> Compari
     Raises:
         NotComparable: no certified flight, or the uniform meshes lead to another one.
     """
-    settings = dataclasses.replace(settings, guess=GuessKind.PLAN, explore=Explore.OFF)
+    settings = dataclasses.replace(settings, guess=GuessKind.PLAN, search=SearchEffort.OFF)
     with SolverService(threads=1) as service:
-        ladder, bench = Ladder(race, settings, ()), RecordingBench(service, settings, Silent())
+        ladder, session = Ladder(race, settings, ()), RecordingBench(service, settings, Silent())
         for one in wanted_stages(settings, stage):
-            bench.begin()
-            bench.solves.clear()
-            result = ladder.climb(one, bench)
+            session.begin()
+            session.solves.clear()
+            result = ladder.climb(one, session)
             if not result.certified:
                 raise NotComparable(f"no certified flight: {one.value}: {result.message}")
-        return followed_up(name, result, Comparer(ladder.flight(stage), bench), settings)
+        return followed_up(name, result, Comparer(ladder.flight(stage), session), settings)
 
 
 def followed_up(name: str, result: StageResult, comparer: Comparer, settings: Settings) -> Comparison:

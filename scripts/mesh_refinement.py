@@ -25,8 +25,8 @@ from pathlib import Path
 
 from mesh_comparison import MEASURES, Comparison, Measured, compared
 
-from airrace.documents import load_inputs
 from airrace.errors import AirraceError
+from airrace.inputs import load_inputs
 from airrace.procedure.stage import STAGES, Stage
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -13,18 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator
 from mesh_comparison import FINER, Comparison, Measured
 
-from airrace.procedure.result import Why
+from airrace.procedure.result import RefinementReason
 
 BLUE, ORANGE, BLACK, GREY = "#0072b2", "#d55e00", "#222222", "#777777"
 DOTS_PER_INCH = 110
 LEAST = 5e-3  # ms, of an error that is drawn
 REASONS = {
-    Why.FIRST: ("first mesh", "#999999"),
-    Why.CALM: ("joined where calm", "#009e73"),
-    Why.HAMILTONIAN: ("Hamiltonian", "#d55e00"),
-    Why.RACE_TIME: ("race time", "#cc79a7"),
-    Why.INTEGRATION: ("replay", "#56b4e9"),
-    Why.LIMITS: ("limits", "#e69f00"),
+    RefinementReason.FIRST: ("first mesh", "#999999"),
+    RefinementReason.CALM: ("joined where calm", "#009e73"),
+    RefinementReason.HAMILTONIAN: ("Hamiltonian", "#d55e00"),
+    RefinementReason.RACE_TIME: ("race time", "#cc79a7"),
+    RefinementReason.INTEGRATION: ("replay", "#56b4e9"),
+    RefinementReason.LIMITS: ("limits", "#e69f00"),
 }
 TITLE = "intervals of the answer, by what they were last made shorter or longer for"
 

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 
 PANELS = {"height_m": "height, m", "V_K_kt": "speed, kt", "n_z": "load factor, g"}
 

@@ -22,7 +22,7 @@ from airrace.cli.main import app
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = (sys.executable, "-P", "-m", "airrace")
-SMALL = ("half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--explore", "off")
+SMALL = ("half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--search", "off")
 Record = dict[str, Any]  # Any: JSON
 Part = tuple[int, int]  # number, of how many
 

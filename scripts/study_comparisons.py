@@ -120,8 +120,8 @@ class Comparison:
 
 def comparisons(study: Study, courses: Sequence[str], base: Job) -> list[Comparison]:
     """Fly courses without exploring and with it (`base` says how much; quick, where it does not)."""
-    both = (OFF, base.explore or QUICK)
-    records = iter(study.fly(replace(base, course=course, explore=explore) for course in courses for explore in both))
+    both = (OFF, base.search or QUICK)
+    records = iter(study.fly(replace(base, course=course, search=search) for course in courses for search in both))
     return [Comparison(course, next(records), next(records)) for course in courses]
 
 

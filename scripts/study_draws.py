@@ -21,19 +21,19 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import angles, quaternion, rotation
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.solvers import Solution, SolverOptions
-from airrace.planning.cruise import Cruise, cruise
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.planning.plan import Leg, plan
+from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.planning.race import Race
 from airrace.procedure.attitudes import align_quaternions
-from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.joint import COLD_BARRIER, REFINED_BARRIER, Start, optimise_jointly
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solve_and_refine import COLD_BARRIER, REFINED_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import Flight, stage_flight
 from airrace.trajectory import Array
 
 RADIUS = (0.3, 1.0)  # of the usual plan's
@@ -44,11 +44,11 @@ INTERVAL = 0.25  # s
 TOLERANCE, ITERATIONS = 1e-5, 200
 
 
-def pace(usual: Cruise, radius: float, speed: float) -> Cruise:
+def pace(usual: PlanningModel, radius: float, speed: float) -> PlanningModel:
     """A pace with another radius and another speed, both as factors."""
     V = speed * usual.V
     across = V**2 / (g0 * radius * usual.radius)
-    return Cruise(V, math.hypot(1.0, across), usual.p)
+    return PlanningModel(V, math.hypot(1.0, across), usual.p)
 
 
 def is_long(leg: Leg) -> bool:
@@ -99,17 +99,17 @@ def lift(state: Array, leg: Leg, height: float) -> None:
 
 
 @contextmanager
-def bench_of(settings: Settings, threads: int) -> Iterator[Workbench]:
-    """A workbench with a solver process of its own."""
+def bench_of(settings: Settings, threads: int) -> Iterator[SolverSession]:
+    """A solver session with a solver process of its own."""
     solver = settings.solver
     with SolverService(threads=threads, stall_seconds=solver.stall_seconds) as service:
-        yield Workbench(service, settings, Silent())
+        yield SolverSession(service, settings, Silent())
 
 
-def rough(bench: Workbench, problem: Problem, start: Iterate) -> Solution | None:
+def rough(session: SolverSession, problem: Problem, start: Iterate) -> Solution | None:
     """The coarse problem solved; None where no optimum was found."""
     options = SolverOptions(TOLERANCE, ITERATIONS, COLD_BARRIER)
-    solution = bench.attempt(problem, start, "a random start", bench.settings.solver.primary, options)
+    solution = session.attempt(problem, start, "a random start", session.settings.solver.primary, options)
     return solution if solution is not None and solution.success else None
 
 
@@ -119,11 +119,11 @@ def solved_roughly(
     """Race time (s, None where no optimum was found) and seconds of random starts."""
     flight = stage_flight(Stage.POINT_MASS, race, settings)
     rows: list[dict[str, float | None]] = []
-    with bench_of(settings, threads) as bench:
+    with bench_of(settings, threads) as session:
         for number in numbers:
             started = time.perf_counter()
             _, problem, start = drawn(flight, race, settings, f"{course} {number}")
-            solution = rough(bench, problem, start)
+            solution = rough(session, problem, start)
             seconds = time.perf_counter() - started
             race_time = None if solution is None else float(np.sum(solution.iterate.durations))
             rows.append({"number": number, "race_time_s": race_time, "seconds": seconds})
@@ -133,10 +133,10 @@ def solved_roughly(
 def refined(race: Race, settings: Settings, course: str, number: int, *, threads: int) -> StageResult:
     """The rough optimum of a random start, optimised on finer meshes until it is certified."""
     flight = stage_flight(Stage.POINT_MASS, race, settings)
-    with bench_of(settings, threads) as bench:
+    with bench_of(settings, threads) as session:
         flight, problem, start = drawn(flight, race, settings, f"{course} {number}")
-        solution = rough(bench, problem, start)
+        solution = rough(session, problem, start)
         begin = Start(flight, problem, start, COLD_BARRIER)
         if solution is not None:
             begin = Start(flight, problem, solution.iterate, REFINED_BARRIER)
-        return optimise_jointly(bench, [lambda: begin])
+        return solve_with_refinement(session, [lambda: begin])

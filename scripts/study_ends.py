@@ -87,7 +87,7 @@ def _fly(course: Path, start: str, until: str, changes: Sequence[str]) -> Flown:
     settings = [f"course.start_state={start}", *changes]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run.h5"
-        options = ["--until", until, "--guess", "plan", "--proof", "all", "--quiet", "--output", str(out)]
+        options = ["--until", until, "--guess", "plan", "--mesh-check", "all", "--quiet", "--output", str(out)]
         options += [word for one in settings for word in ("--set", one)]
         ran = subprocess.run([*COMMAND, "optimize", str(course), *options], capture_output=True, text=True, check=False)
         if not out.exists():

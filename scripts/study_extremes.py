@@ -17,13 +17,13 @@ from pathlib import Path
 
 from robustness import COMMAND, Ran, Record, choice_of, environment, outcome, play_study
 
-from airrace.documents import load_inputs
 from airrace.errors import InputError
+from airrace.inputs import load_inputs
 
 WAIT = 30.0  # s, which any course may take
 TIMES = 1.5  # as many seconds as this times the race time (without one, the planned time) may be taken as well
 LONGEST = 900.0  # s, after which nobody waits any more
-FLY = ("--until", "point-mass", "--guess", "plan", "--explore", "off", "--json")
+FLY = ("--until", "point-mass", "--guess", "plan", "--search", "off", "--json")
 
 
 def course(places: list[tuple[float, float, float]], rules: str = "", rest: str = "", height: str = "") -> str:

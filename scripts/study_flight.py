@@ -6,7 +6,7 @@ import signal
 import sys
 import time
 
-from airrace.optimal_control.spawn import start_early
+from airrace.optimal_control.solvers.process.idle_processes import start_early
 
 if __name__ == "__main__":
     start_early()  # the solver process loads while all else does
@@ -53,7 +53,7 @@ def record_of(result: StageResult) -> Record:
 
 def done(job: Job) -> Record:
     """The record of a job, but for its seconds."""
-    inputs = inputs_of(job.course, job.overrides, job.explore)
+    inputs = inputs_of(job.course, job.overrides, job.search)
     race = changed(inputs.race, job.change)
     if job.starts:
         starts = solved_roughly(race, inputs.settings, job.course, job.starts, threads=job.threads)

@@ -24,7 +24,7 @@ FLY = (
     "point-mass",
     "--guess",
     "plan",
-    "--explore",
+    "--search",
     "off",
     "--json",
     "--set",
@@ -236,11 +236,11 @@ def trial(rng: random.Random, number: int) -> Record:
     spoilt: Spoilt = drawn(rng)
     with tempfile.TemporaryDirectory() as name:
         ran, conflicts = fly(Path(name), spoilt.track, spoilt.changed)
-        first = [one["remedies"][0] for one in conflicts if one["remedies"]]
+        first = [one["suggested_changes"][0] for one in conflicts if one["suggested_changes"]]
         suggested = [f"{one['key']}={one['needed']:g}" for one in first if one["key"]]
         flown = fly(Path(name), spoilt.track, [*spoilt.changed, *suggested])[0] if suggested else None
     again = None if flown is None else flown.code
-    keys = {way["key"] for one in conflicts for way in one["remedies"]}
+    keys = {way["key"] for one in conflicts for way in one["suggested_changes"]}
     places = {at.partition(":")[2] for one in conflicts for at in one["where"].split(" -> ")}
     faults = ran.faults(LONGEST)
     if ran.code == 0:

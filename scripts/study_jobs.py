@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from generated_courses import generated_course  # noqa: E402  (the folder above must be on the path first)
 
-from airrace.documents import Inputs, load_inputs  # noqa: E402
+from airrace.inputs import Inputs, load_inputs  # noqa: E402
 from airrace.procedure.settings import Settings  # noqa: E402
 
 SHIPPED = tuple(sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml")))
@@ -42,7 +42,7 @@ class Job:
     Attributes:
         course: a shipped course by name, `seed 7` for a generated one, or a track file.
         overrides: `key=value`, as of `airrace optimize --set`.
-        explore: value of `settings.explore`; empty leaves it at its default.
+        search: value of `settings.search`; empty leaves it at its default.
         change: name of a transformation in `study_flight.py`; empty for none.
         starts: numbers of random starts to be solved roughly; no flight then.
         refine: number of the random start from which the flight is optimised and proved; None for a usual flight.
@@ -50,7 +50,7 @@ class Job:
 
     course: str
     overrides: tuple[str, ...] = ()
-    explore: str = ""
+    search: str = ""
     change: str = ""
     starts: tuple[int, ...] = ()
     refine: int | None = None
@@ -68,19 +68,19 @@ class Job:
         return Job(**{name: tuple(one) if isinstance(one, list) else one for name, one in fields.items()})
 
     def __str__(self) -> str:
-        parts = [self.course, *self.overrides, self.explore and f"explore {self.explore}", self.change]
+        parts = [self.course, *self.overrides, self.search and f"search {self.search}", self.change]
         parts += [f"starts {self.starts[0]} to {self.starts[-1]}"] if self.starts else []
         parts += [] if self.refine is None else [f"start {self.refine} refined"]
         return ", ".join(part for part in parts if part)
 
 
-def inputs_of(course: str, overrides: Sequence[str] = (), explore: str = "") -> Inputs:
+def inputs_of(course: str, overrides: Sequence[str] = (), search: str = "") -> Inputs:
     """The inputs of a course.
 
     Raises:
         InputError: with all findings.
     """
-    chosen = [*overrides, *exploring(explore)]
+    chosen = [*overrides, *exploring(search)]
     if course.startswith("seed "):
         with tempfile.TemporaryDirectory() as folder:
             track = Path(folder) / f"{course.replace(' ', '_')}.yaml"
@@ -89,10 +89,10 @@ def inputs_of(course: str, overrides: Sequence[str] = (), explore: str = "") -> 
     return load_inputs(ROOT / "tracks" / f"{course}.yaml" if course in SHIPPED else Path(course), overrides=chosen)
 
 
-def exploring(explore: str) -> list[str]:
+def exploring(search: str) -> list[str]:
     """The override that chooses how much is explored; where settings do not know it, `off` is all there is."""
-    known = "explore" in {field.name for field in dataclasses.fields(Settings)}
-    return [f"settings.explore={explore}"] if explore and (known or explore != OFF) else []
+    known = "search" in {field.name for field in dataclasses.fields(Settings)}
+    return [f"settings.search={search}"] if search and (known or search != OFF) else []
 
 
 class Log:

@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 import airrace
+from airrace.logs.log_flight import Flown, flown_flight
 from airrace.logs.reading import read_log
-from airrace.logs.recovery import RecoveredFlight, recover_flight
-from airrace.procedure.reading import sampler
+from airrace.procedure.results_api import sampler
 from airrace.results import Crossing, Flight
 from airrace.runs.run import Run
 from airrace.trajectory import Array
@@ -44,7 +44,7 @@ class Recorded:
     noise: float
     seed: int
 
-    def imported(self) -> RecoveredFlight:
+    def imported(self) -> Flown:
         """Return what the import makes of the log."""
         run = self.run
         with tempfile.TemporaryDirectory() as folder:
@@ -52,7 +52,7 @@ class Recorded:
             with path.open("w") as file:
                 file.write("time [s],north [m],east [m],height [m]\n")
                 np.savetxt(file, np.column_stack(self._samples()), fmt="%.4f", delimiter=",")
-            return recover_flight(read_log(path), run.inputs.race, label="log", penalties=run.inputs.penalties)
+            return flown_flight(read_log(path), run.inputs.race, label="log", penalties=run.inputs.penalties)
 
     def _samples(self) -> list[Array]:
         at, last = sampler(self.run.inputs.race, self.run.results[-1]), self.run.race_time
@@ -68,7 +68,7 @@ class Recorded:
         return samples
 
 
-def errors(flown: RecoveredFlight, known: Flight) -> Iterator[Mapping[str, float]]:
+def errors(flown: Flown, known: Flight) -> Iterator[Mapping[str, float]]:
     """Yield the errors at every passing, in standard deviations, by `QUANTITIES`."""
     for seen, true in zip(flown.flight.crossings, known.crossings, strict=True):
         if seen.found and seen.name in flown.known:
@@ -108,7 +108,7 @@ def main() -> None:
             found[hz, noise] += errors(flown, known)
             certain += [
                 (run.name, f"{hz:g}", f"{noise:g}", str(seed), one.passing, one.rule)
-                for one in flown.violations
+                for one in flown.breaches
                 if one.certain
             ]
         print(f"{hz:g} Hz, {noise:g} m", file=sys.stderr, flush=True)

@@ -15,20 +15,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from airrace.checkpoint import read_checkpoint
-from airrace.documents import Inputs, load_inputs
-from airrace.documents.variation import Variation
 from airrace.errors import InputError
+from airrace.inputs import Inputs, load_inputs
+from airrace.inputs.variation import Variation
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.models import iterate_of
+from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
-from airrace.procedure.solving import Workbench
-from airrace.procedure.varied import VariedProblem
-from airrace.runs.stored import stored_run
+from airrace.procedure.solver_session import SolverSession
+from airrace.runs.stored_inputs import stored_run
 from airrace.sensitivity.lagrangian import STEP, prices
 from airrace.sensitivity.sensitivity import Activity, Price
 
@@ -97,9 +97,9 @@ class Study:
 
     def __init__(self, inputs: Inputs, result: StageResult, service: SolverService) -> None:
         solver = dataclasses.replace(inputs.settings.solver, tolerance=TOLERANCE)
-        self._bench = Workbench(service, dataclasses.replace(inputs.settings, solver=solver), Silent())
+        self._bench = SolverSession(service, dataclasses.replace(inputs.settings, solver=solver), Silent())
         self._variation = Variation(inputs)
-        self._varied = VariedProblem.of_result(inputs.race, inputs.settings, result)
+        self._varied = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
         self._guess: Iterate = iterate_of(result.trajectory)
         self.now = self._solved(inputs.race)
 

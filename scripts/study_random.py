@@ -15,7 +15,7 @@ GATES = {"as in the file": (), "crossing 15°": ("gate_defaults.crossing_max_deg
 
 @dataclass(frozen=True)
 class Yardstick:
-    """A course with random starts, those refined, and flights by how much they explore.
+    """A course with random starts, those refined, and flights by how much they search.
 
     Attributes:
         starts: race time (s, None where not solved) and seconds of every random start.
@@ -42,16 +42,16 @@ class Yardstick:
         """What rough solves and refinements took together."""
         return sum(one["seconds"] for one in (*self.starts, *self.refined))
 
-    def behind(self, explore: str) -> float | None:
+    def behind(self, search: str) -> float | None:
         """How much slower than the best random start exploring ends, s."""
-        time = race_time(self.flights[explore])
+        time = race_time(self.flights[search])
         return None if time is None or self.best is None else time - self.best
 
-    def within(self, explore: str, slower: float) -> bool:
+    def within(self, search: str, slower: float) -> bool:
         """Whether exploring ends at most so much slower (s); also where no random start leads anywhere."""
         if self.best is None:
             return True
-        behind = self.behind(explore)
+        behind = self.behind(search)
         return behind is not None and behind <= slower
 
 
@@ -67,20 +67,20 @@ def yardsticks(study: Study, courses: Sequence[str], base: Job, count: int) -> l
             variants.append((course, gates, job))
     chunks = [tuple(range(first, min(first + AT_ONCE, count))) for first in range(0, count, AT_ONCE)]
     rough = iter(
-        study.fly(replace(job, starts=chunk, explore=OFF, threads=1) for _, _, job in variants for chunk in chunks)
+        study.fly(replace(job, starts=chunk, search=OFF, threads=1) for _, _, job in variants for chunk in chunks)
     )
     starts = [[one for _ in chunks for one in next(rough).get("starts", ())] for _ in variants]
     numbers = [fastest(some) for some in starts]
     refined = iter(
         study.fly(
-            replace(job, refine=number, explore=OFF, threads=1)
+            replace(job, refine=number, search=OFF, threads=1)
             for (_, _, job), some in zip(variants, numbers, strict=True)
             for number in some
         )
     )
     proved = [[next(refined) for _ in some] for some in numbers]
     kinds = (OFF, QUICK, THOROUGH)
-    explored = iter(study.fly(replace(job, explore=kind) for _, _, job in variants for kind in kinds))
+    explored = iter(study.fly(replace(job, search=kind) for _, _, job in variants for kind in kinds))
     flights = [{kind: next(explored) for kind in kinds} for _ in variants]
     return [
         Yardstick(course, gates, tuple(some), tuple(best), flown)

@@ -25,7 +25,7 @@ HANGS = 60.0  # s after which a command that nobody stopped counts as hanging
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 CODES = {signal.SIGKILL: -9, signal.SIGTERM: 130, signal.SIGINT: 130}
 WITHIN = 2.5  # s, the latest moment of a signal
-LADDER = ("half_cuban_eight", "--guess", "plan", "--explore", "off", "--proof", "all")
+LADDER = ("half_cuban_eight", "--guess", "plan", "--search", "off", "--mesh-check", "all")
 COMMANDS: dict[str, tuple[str, ...]] = {
     "optimize": ("optimize", *SMALL, "--output", "run.h5"),
     "optimize, ladder": ("optimize", *LADDER, "--output", "run.h5"),

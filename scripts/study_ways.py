@@ -68,9 +68,7 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="of --symmetry, besides the wind of the file; may be repeated",
     )
     parser.add_argument("--guess", choices=("plan", "homotopy"), default="plan", help="by default plan")
-    parser.add_argument(
-        "--explore", default="", metavar="HOW", help="settings.explore of all flights; else its default"
-    )
+    parser.add_argument("--search", default="", metavar="HOW", help="settings.search of all flights; else its default")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as of airrace optimize")
     parser.add_argument("--jobs", type=int, default=1, help="flights at the same time; by default 1")
     parser.add_argument("--threads", type=int, default=1, help="of each flight; by default 1")
@@ -116,7 +114,7 @@ def courses_of(chosen: argparse.Namespace) -> list[str]:
 
 def studied(chosen: argparse.Namespace, study: Study) -> list[Claim]:
     """Fly and print one study; its claims."""
-    either = Job("", tuple(chosen.set), chosen.explore, threads=chosen.threads)
+    either = Job("", tuple(chosen.set), chosen.search, threads=chosen.threads)
     if chosen.case:
         return study_limits.report_case(study_limits.case(study, either))
     base, courses = replace(either, overrides=(*chosen.set, f"settings.guess={chosen.guess}")), courses_of(chosen)

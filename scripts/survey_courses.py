@@ -29,8 +29,8 @@ sys.path.insert(0, str(ROOT / "tests"))
 from generated_courses import generated_course  # noqa: E402  (the folder above must be on the path first)
 
 from airrace.checkpoint import read_checkpoint  # noqa: E402
-from airrace.documents import load_inputs  # noqa: E402
 from airrace.errors import AirraceError  # noqa: E402
+from airrace.inputs import load_inputs  # noqa: E402
 
 COMMAND = (sys.executable, "-P", "-m", "airrace")
 GUESSES = {"plan": ("plan",), "homotopy": ("homotopy",), "both": ("plan", "homotopy")}

@@ -1,6 +1,6 @@
 """Print the tables of the documents as Markdown from runs of the command, or write them where they stand.
 
-    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.proof=all --output RUNS
+    airrace batch tracks/*.yaml --set settings.guess=plan --set settings.mesh_check=all --output RUNS
     python scripts/tables.py ladder RUNS [--write]              docs/ladder.md: what every stage found
     python scripts/tables.py courses RUNS [--write]             docs/courses.md: optima and winners
     python scripts/tables.py evidence RUNS                      the worst of every item, by stage, for docs/evidence.md
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMAND = (sys.executable, "-P", "-m", "airrace")
@@ -85,7 +85,7 @@ def shown(run: Path) -> Answer:
     unproved = [stage["stage"] for stage in answer["stages"] if stage["certificate"] and not stage["certified"]]
     if unproved or not answer["certified"]:
         told = ", ".join(unproved)
-        raise MissingRun(f"{run}: not certified{told and f': {told}'}; fly it with --proof all")
+        raise MissingRun(f"{run}: not certified{told and f': {told}'}; fly it with --mesh-check all")
     return answer
 
 
@@ -107,15 +107,15 @@ def whole_ladder(runs: Path, course: str) -> dict[str, Answer]:
 
 
 def ladder(runs: Path) -> Rows:
-    """One line per course: race time by stage, what all stages cost, farthest strayed, iterations."""
+    """One line per course: race time by stage, what all stages cost, largest tracking error, iterations."""
     names = tuple(f"`{stage}`" for stage in STAGES)
-    rows: Rows = [("course", *names, "last - first", "strayed at most, m", "iterations")]
+    rows: Rows = [("course", *names, "last - first", "tracking error at most, m", "iterations")]
     for course in COURSES:
         found = whole_ladder(runs, course)
         times = [one["race_time_s"] for one in found.values()]
-        strayed = max(one["strayed_m"] for one in found.values() if one["strayed_m"] is not None)
+        error = max(one["tracking_error_m"] for one in found.values() if one["tracking_error_m"] is not None)
         iterations = sum(one["iterations"] for one in found.values())
-        cells = (*(f"{time:.3f}" for time in times), f"{times[-1] - times[0]:+.3f}", f"{strayed:.1f}", str(iterations))
+        cells = (*(f"{time:.3f}" for time in times), f"{times[-1] - times[0]:+.3f}", f"{error:.1f}", str(iterations))
         rows.append((f"`{course}`", *cells))
     return rows
 

@@ -17,7 +17,7 @@ from airrace.optimal_control.certificate import Certificate, Item
 from airrace.planning.race import Race
 from airrace.procedure.continuous import Continuous
 from airrace.procedure.progress import Iteration, Progress
-from airrace.procedure.result import Attempt, Facts, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageProvenance, StageResult, Timings
 from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
@@ -27,10 +27,10 @@ REPLACED = {
     "STAGES": "airrace.procedure.run",
     "optimize": "airrace.procedure.run",
     "remeasured": "airrace.procedure.run",
-    "continuous": "airrace.procedure.reading",
-    "derived_quantities": "airrace.procedure.reading",
-    "ensure_declared": "airrace.procedure.reading",
-    "sampler": "airrace.procedure.reading",
+    "continuous": "airrace.procedure.results_api",
+    "derived_quantities": "airrace.procedure.results_api",
+    "ensure_matches_model": "airrace.procedure.results_api",
+    "sampler": "airrace.procedure.results_api",
 }
 """The names that this procedure takes the place of, each with the module in which they are looked up."""
 
@@ -79,11 +79,11 @@ def stage_result(
         ),
         attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Outcome.SOLVED, 12, 0.5),),
         timings=Timings(solve=0.5, derivatives=0.4, wall=0.75),
-        facts=Facts() if stage in STAGES else Facts(source=Stage.POINT_MASS.value),
+        facts=StageProvenance() if stage in STAGES else StageProvenance(source=Stage.POINT_MASS.value),
     )
 
 
-def on_one_mesh(result: StageResult) -> StageResult:
+def solve_single_mesh(result: StageResult) -> StageResult:
     """The same stage without the comparison of its race time with that on a coarser mesh."""
     assert result.certificate is not None
     items = tuple(item for item in result.certificate.items if item.name != "race_time_change")
@@ -153,7 +153,7 @@ def remeasured(
         yield result, dataclasses.replace(result, certificate=again)
 
 
-def ensure_declared(race: Race, result: StageResult) -> None:
+def ensure_matches_model(race: Race, result: StageResult) -> None:
     """Take any histories."""
 
 

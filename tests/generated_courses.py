@@ -1,4 +1,4 @@
-"""Courses drawn by lot: what the optimiser has to cope with beyond the courses that somebody thought of.
+"""Courses drawn by lot: what the optimiser has to cope with beyond the courses that somebody proposed.
 
 A course is a walk: from every element the way turns, goes on for a stretch, and the next element stands across it. The
 gates, the order and the surroundings are drawn from the distribution below, which was fixed before any of its

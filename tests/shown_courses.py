@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 
 ROOT = Path(__file__).parents[1]

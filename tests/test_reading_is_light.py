@@ -6,29 +6,29 @@ import sys
 import pytest
 
 READERS = (
-    "airrace.runs.exported",
-    "airrace.runs.shown",
+    "airrace.runs.exports",
+    "airrace.runs.show_view",
     "airrace.cli.show_texts",
-    "airrace.runs.compared",
+    "airrace.runs.comparison",
     "airrace.cli.compare_tables",
-    "airrace.runs.reported",
+    "airrace.runs.reports",
     "airrace.views.flight_figure",
     "airrace.views.comparison_figure",
 )
 """What the bodies of the commands import: export, show, compare, report and plot."""
 SOLVING = (
     "airrace.procedure.run",
-    "airrace.procedure.flight",
-    "airrace.procedure.solving",
-    "airrace.procedure.remeasured",
+    "airrace.procedure.stage_problem",
+    "airrace.procedure.solver_session",
+    "airrace.procedure.recomputation",
     "airrace.procedure.restart",
-    "airrace.optimal_control.fatrop.library",
+    "airrace.optimal_control.solvers.fatrop.library",
     "airrace.optimal_control.kernels",
     "airrace.optimal_control.layout",
-    "airrace.optimal_control.service",
-    "airrace.optimal_control.solvers",
-    "airrace.optimal_control.program_functions",
-    "airrace.logs.recovery",
+    "airrace.optimal_control.solvers.process.service",
+    "airrace.optimal_control.solvers.solver",
+    "airrace.optimal_control.solvers.ipopt_functions",
+    "airrace.logs.log_flight",
     "airrace.sensitivity.lagrangian",
     "multiprocessing",
     "scipy",
@@ -51,6 +51,8 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs(reader: str) -> No
 
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
-    program = "import airrace.runs.flying, airrace.runs.priced, airrace.runs.imported, scipy"
-    program += "\nimport airrace.optimal_control.worker, multiprocessing, airrace.sensitivity.lagrangian"
+    program = "import airrace.runs.execution, airrace.runs.sensitivities, airrace.runs.log_import, scipy"
+    program += (
+        "\nimport airrace.optimal_control.solvers.process.worker, multiprocessing, airrace.sensitivity.lagrangian"
+    )
     assert set(SOLVING) <= loaded(program)

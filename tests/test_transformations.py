@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from transformations import Change, changed, mirrored, moved, rotated
 
-from airrace.documents import Document, inputs_from_documents, load_inputs
-from airrace.planning.cruise import cruise
+from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.planning.plan import plan
+from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre, Pylon

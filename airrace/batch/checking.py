@@ -10,10 +10,10 @@ from itertools import islice, zip_longest
 
 from airrace.batch.job import Job
 from airrace.batch.sweep import Sweep, cover
-from airrace.documents import inputs_from_documents
-from airrace.documents.nodes import Place
-from airrace.documents.overrides import FILE as SET_OPTION
 from airrace.errors import Finding, InputError
+from airrace.inputs import inputs_from_documents
+from airrace.inputs.nodes import Place
+from airrace.inputs.overrides import FILE as SET_OPTION
 from airrace.records import record
 
 CHECKED_MAX = 300

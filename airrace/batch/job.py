@@ -7,7 +7,7 @@ from dataclasses import asdict, fields
 from functools import cache
 from typing import Any, Self
 
-from airrace.documents import Document
+from airrace.inputs import Document
 from airrace.records import record
 
 

@@ -15,17 +15,17 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from airrace import interrupts, memory, process
-from airrace.optimal_control.spawn import start_early
+from airrace.optimal_control.solvers.process.idle_processes import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
-from airrace.runs.answer import Answer, record_failure, unflown
+from airrace.runs.answer import Answer, empty_result, record_failure
 from airrace.runs.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
 
 
-class JsonProgress(Progress):
+class Told(Progress):
     """An observer that reports stages as lines of JSON."""
 
     def __init__(self, replies: IO[str]) -> None:
@@ -65,8 +65,8 @@ def main() -> None:
 
     job = Job.from_object(order["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:
-        told = JsonProgress(replies)
-        answer = Answer(unflown(job.course))
+        told = Told(replies)
+        answer = Answer(empty_result(job.course))
         try:
             _fly(answer, job, Path(order["checkpoint"]), told)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
@@ -79,10 +79,10 @@ def main() -> None:
 
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
-    from airrace.documents import inputs_from_documents
-    from airrace.runs.flying import fly_stages
+    from airrace.inputs import inputs_from_documents
+    from airrace.runs.execution import fly_stages
     from airrace.runs.resuming import continued_task
-    from airrace.runs.stored import new_run, taken_up
+    from airrace.runs.stored_inputs import new_run, taken_up
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = taken_up(new_run(inputs, path))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from airrace.batch.job import Job
-from airrace.batch.record import JobRecord, checkpoint_path, record_path
+from airrace.batch.record import Record, checkpoint_path, record_path
 from airrace.batch.sweep import Combination
 from airrace.errors import Finding
 from airrace.records import record
@@ -42,7 +42,7 @@ def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
 
 
 @record
-class JobResult:
+class Result:
     """The end of a job in short, for there may be thousands.
 
     Attributes:
@@ -68,10 +68,10 @@ class JobResult:
     laps: tuple[float, ...] = ()
 
 
-def result_of(record: JobRecord) -> JobResult:
+def result_of(record: Record) -> Result:
     """Return what a record says."""
     stages: Sequence[Mapping[str, Any]] = (record.run or {}).get("stages") or ({},)  # Any: JSON
-    return JobResult(
+    return Result(
         record.code,
         record.message,
         record.race_time,
@@ -84,15 +84,15 @@ def result_of(record: JobRecord) -> JobResult:
     )
 
 
-def invalid(findings: tuple[Finding, ...]) -> JobResult:
+def invalid(findings: tuple[Finding, ...]) -> Result:
     """Return the result of a job whose inputs are not valid."""
     number = len(findings)
     message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
-    return JobResult(ExitCode.INVALID_INPUT, message, findings=findings)
+    return Result(ExitCode.INVALID_INPUT, message, findings=findings)
 
 
 @record
-class PlannedJob:
+class Step:
     """A job of the plan and what is done with it.
 
     Attributes:
@@ -112,7 +112,7 @@ class PlannedJob:
     swept: Combination
     job: Job | None
     reason: str = ""
-    known: JobResult | None = None
+    known: Result | None = None
 
     @property
     def action(self) -> str:
@@ -135,7 +135,7 @@ class PlannedJob:
 
 
 @record
-class BatchPlan:
+class Plan:
     """The plan of a batch: all of its jobs, in order.
 
     Attributes:
@@ -145,7 +145,7 @@ class BatchPlan:
     """
 
     folder: Path
-    steps: tuple[PlannedJob, ...]
+    steps: tuple[Step, ...]
     findings: tuple[Finding, ...] = ()
     read: tuple[str, ...] = ()
 

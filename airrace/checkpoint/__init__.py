@@ -9,7 +9,7 @@ from airrace.checkpoint.checkpoint import (
     stale_stages,
 )
 from airrace.checkpoint.envelope import Sign, Signature
-from airrace.checkpoint.recorded import Recorded, RecordedLog, StoredHistory, StoredPassing
+from airrace.checkpoint.log_checkpoint import Recorded, RecordedLog, StoredHistory, StoredPassing
 from airrace.checkpoint.store import read_checkpoint, read_sealed, read_stored, write_checkpoint, write_recorded
 
 __all__ = [

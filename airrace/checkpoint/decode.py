@@ -6,24 +6,24 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, ExploredSummary, Version
-from airrace.checkpoint.place import Place
-from airrace.checkpoint.possible import ensure_possible
+from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, SearchSummary, Version
+from airrace.checkpoint.group_reader import Place
+from airrace.checkpoint.sanity_checks import ensure_possible
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import (
     Attempt,
-    Explored,
-    Facts,
     GateSplit,
     MeshRecord,
     Outcome,
-    Remedy,
+    RefinementReason,
+    SearchReport,
+    StageProvenance,
     StageResult,
+    SuggestedChange,
     Timings,
     Way,
-    Why,
 )
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
@@ -78,17 +78,17 @@ _HASHES = ("inputs_hash", "chain_hash")
 _TEXTS = ("outcome", "message")
 _MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
 _TABLES = ("splits", "attempts", "timings", "facts")
-_OPTIONAL = ("certificate", "remedies")
-_MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "explored")
+_OPTIONAL = ("certificate", "suggested_changes")
+_MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "search")
 
 
 def _stage(place: Place, stage: Stage) -> StoredStage:
-    place.expecting(*_MEMBERS, *_HASHES, "rivals", optional=_OPTIONAL)
-    rivals = place.group("rivals")
-    numbers = [str(number) for number in range(1, len(rivals.node.members) + 1)]
-    rivals.expecting(*numbers)
-    found = tuple(_result(rivals.group(one).expecting(*_MEMBERS, optional=_OPTIONAL), stage) for one in numbers)
-    result = replace(_result(place, stage), rivals=found)
+    place.expecting(*_MEMBERS, *_HASHES, "alternatives", optional=_OPTIONAL)
+    alternatives = place.group("alternatives")
+    numbers = [str(number) for number in range(1, len(alternatives.node.members) + 1)]
+    alternatives.expecting(*numbers)
+    found = tuple(_result(alternatives.group(one).expecting(*_MEMBERS, optional=_OPTIONAL), stage) for one in numbers)
+    result = replace(_result(place, stage), alternatives=found)
     return StoredStage(result, place.text("inputs_hash"), place.text("chain_hash"))
 
 
@@ -105,17 +105,17 @@ def _result(place: Place, stage: Stage) -> StageResult:
         splits=rows_of(GateSplit, place.table("splits"), f"{place.path}/splits"),
         attempts=rows_of(Attempt, place.table("attempts"), f"{place.path}/attempts"),
         timings=_one_row(place, "timings", Timings),
-        facts=_one_row(place, "facts", Facts),
+        facts=_one_row(place, "facts", StageProvenance),
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
-        explored=_explored(place.group("explored")),
-        remedies=_remedies(place) if "remedies" in place.node.members else (),
+        search=_explored(place.group("search")),
+        suggested_changes=_remedies(place) if "suggested_changes" in place.node.members else (),
     )
     ensure_possible(result, place.path)
     return result
 
 
-def _remedies(place: Place) -> tuple[Remedy, ...]:
-    return rows_of(Remedy, place.table("remedies"), f"{place.path}/remedies")
+def _remedies(place: Place) -> tuple[SuggestedChange, ...]:
+    return rows_of(SuggestedChange, place.table("suggested_changes"), f"{place.path}/remedies")
 
 
 def _one_row(place: Place, name: str, record: type[R]) -> R:
@@ -139,11 +139,13 @@ def _certificate(place: Place) -> Certificate:
     return Certificate(place.text("solver_status"), items)
 
 
-def _explored(place: Place) -> Explored:
+def _explored(place: Place) -> SearchReport:
     place.expecting("ways", "loops", "summary")
-    summary = _one_row(place, "summary", ExploredSummary)
+    summary = _one_row(place, "summary", SearchSummary)
     ways = rows_of(Way, place.table("ways"), f"{place.path}/ways")
-    return Explored(ways, summary.led, summary.elsewhere, summary.lost, summary.seconds, place.texts("loops", "loop"))
+    return SearchReport(
+        ways, summary.led, summary.elsewhere, summary.lost, summary.seconds, place.texts("loops", "loop")
+    )
 
 
 def _mesh(place: Place, intervals: int) -> MeshRecord:
@@ -153,7 +155,7 @@ def _mesh(place: Place, intervals: int) -> MeshRecord:
     lengths = (len(why), len(coarser), len(defect), len(drift))
     if lengths not in ((0, 0, 0, 0), (intervals, intervals + 1, intervals, intervals)):
         raise CheckpointError(f"{place.path}: does not belong to {intervals} intervals")
-    if not np.isin(why, [reason.value for reason in Why]).all() or not np.isin(coarser, (0, 1)).all():
+    if not np.isin(why, [reason.value for reason in RefinementReason]).all() or not np.isin(coarser, (0, 1)).all():
         raise CheckpointError(f"{place.path}: has unknown entries")
     return MeshRecord(why.astype(np.int8), coarser.astype(np.bool_), defect, drift)
 

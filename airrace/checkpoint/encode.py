@@ -16,9 +16,9 @@
     mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
-    explored/ways, loops, summary       tables: other ways round that were tried
-    remedies                            table: what would resolve conflicts of limits; only where there are any
-    rivals/N/                           flights on other ways round, but for the hashes like the stage itself
+    search/ways, loops, summary         tables: other ways round that were tried
+    suggested changes                            table: what would resolve conflicts of limits; only where there are any
+    alternatives/N/                     flights on other ways round, but for the hashes like the stage itself
 """
 
 import re
@@ -31,7 +31,17 @@ from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInpu
 from airrace.checkpoint.tree import Attribute, Group, Node, Series, Table, table_of
 from airrace.errors import CheckpointError
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, Explored, Facts, GateSplit, MeshRecord, Remedy, StageResult, Timings, Way
+from airrace.procedure.result import (
+    Attempt,
+    GateSplit,
+    MeshRecord,
+    SearchReport,
+    StageProvenance,
+    StageResult,
+    SuggestedChange,
+    Timings,
+    Way,
+)
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
@@ -52,8 +62,8 @@ class Version:
 
 
 @record
-class ExploredSummary:
-    """The one row that says how exploring went, see `Explored`."""
+class SearchSummary:
+    """The one row that says how exploring went, see `SearchReport`."""
 
     led: int
     elsewhere: int
@@ -95,12 +105,12 @@ def _document(document: StoredDocument) -> Group:
 
 def _stage(stored: StoredStage) -> Group:
     path = f"/stages/{stored.result.stage.value}"
-    rivals = {
-        f"{number}": Group(_result(rival, f"{path}/rivals/{number}"))
-        for number, rival in enumerate(stored.result.rivals, start=1)
+    alternatives = {
+        f"{number}": Group(_result(alternative, f"{path}/alternatives/{number}"))
+        for number, alternative in enumerate(stored.result.alternatives, start=1)
     }
     hashes = {"inputs_hash": stored.inputs_hash, "chain_hash": stored.chain_hash}
-    return Group({**hashes, **_result(stored.result, path), "rivals": Group(rivals)})
+    return Group({**hashes, **_result(stored.result, path), "alternatives": Group(alternatives)})
 
 
 def _result(result: StageResult, path: str) -> dict[str, Node]:
@@ -114,11 +124,11 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
-        "facts": table_of(Facts, [result.facts]),
-        "explored": _explored(result.explored),
+        "facts": table_of(StageProvenance, [result.facts]),
+        "search": _explored(result.search),
     }
-    if result.remedies:
-        members["remedies"] = table_of(Remedy, result.remedies)
+    if result.suggested_changes:
+        members["suggested_changes"] = table_of(SuggestedChange, result.suggested_changes)
     if result.certificate is not None:
         members["certificate"] = _certificate(result.certificate)
     return members
@@ -147,13 +157,13 @@ def _mesh(record: MeshRecord) -> Group:
     )
 
 
-def _explored(explored: Explored) -> Group:
-    summary = ExploredSummary(explored.led, explored.elsewhere, explored.lost, explored.seconds)
+def _explored(explored: SearchReport) -> Group:
+    summary = SearchSummary(explored.led, explored.elsewhere, explored.lost, explored.seconds)
     return Group(
         {
             "ways": table_of(Way, explored.ways),
             "loops": Table({"loop": explored.loops}),
-            "summary": table_of(ExploredSummary, [summary]),
+            "summary": table_of(SearchSummary, [summary]),
         }
     )
 

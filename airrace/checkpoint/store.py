@@ -14,8 +14,8 @@ from airrace.checkpoint.encode import encode
 from airrace.checkpoint.envelope import BLOCK_SIZE, Sign, Signature, seal, unsealed
 from airrace.checkpoint.hdf5_reader import tree_of
 from airrace.checkpoint.hdf5_writer import image_of
-from airrace.checkpoint.recorded import Recorded
-from airrace.checkpoint.recorded_tree import decode_recorded, encode_recorded, is_recorded
+from airrace.checkpoint.log_checkpoint import Recorded
+from airrace.checkpoint.log_tree import decode_recorded, encode_recorded, is_recorded
 from airrace.checkpoint.tree import Group
 from airrace.errors import CheckpointError
 from airrace.procedure.stage import Stage

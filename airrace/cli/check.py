@@ -36,8 +36,8 @@ def check(
         from airrace.cli.clearance_tables import planned_table
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
-        from airrace.cli.tables import render, takes_unicode, terminal_columns
-        from airrace.runs.checked import checked
+        from airrace.cli.tables import rendered, takes_unicode, terminal_columns
+        from airrace.runs.course_check import checked
 
         course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course.as_object())
@@ -47,8 +47,8 @@ def check(
         if not as_json and plot != STANDARD:
             race, remarks = course.race, course.warnings
             columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
-            view = plan_view(course.scenery, race.air.wind, columns=columns, plain=plain)
+            view = plan_view(course.map_model, race.air.wind, columns=columns, plain=plain)
             tables = course_tables(race)
             tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
-            answer.texts += [*(render(table) for table in tables), render(view)]
+            answer.texts += [*(rendered(table) for table in tables), rendered(view)]
             answer.texts += [remarks_text(remarks)] if remarks else []

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.tables import PAGE, plain_table, render
+from airrace.cli.tables import PAGE, plain_table, rendered
 from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss, near_misses
 from airrace.results.legs import passings_around
@@ -36,7 +36,7 @@ def planned_table(planned: Flight, clearances: Sequence[Clearance]) -> Table:
 def near_misses_text(flight: Flight) -> str:
     """Return the table of the near misses of a flight, with a sentence; empty where there are none."""
     misses = near_misses(flight)
-    return f"{render(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}" if misses else ""
+    return f"{rendered(near_miss_table(misses), columns=PAGE)}\n{NEAR_MISSES}" if misses else ""
 
 
 def near_miss_table(misses: Sequence[NearMiss]) -> Table:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.tables import PAGE, plain_table, render
+from airrace.cli.tables import PAGE, plain_table, rendered
 from airrace.results.comparison import TIE, Comparison, LegComparison, conditions
 
 IN_MILLISECONDS = round(1000.0 * TIE)
@@ -20,10 +20,10 @@ def comparison_texts(comparison: Comparison, *, every: bool) -> Iterator[str]:
     """
     yield "\n".join([_verdict(comparison), *_conditions(comparison)])
     if len(comparison.laps) > 1:
-        yield render(_laps_table(comparison), columns=PAGE)
+        yield rendered(_laps_table(comparison), columns=PAGE)
     legs = [leg for leg in comparison.by_loss if every or not leg.tie]
     if legs:
-        yield render(_legs_table(comparison, legs), columns=PAGE)
+        yield rendered(_legs_table(comparison, legs), columns=PAGE)
     ties = len(comparison.legs) - len(legs)
     if ties:
         legs_are = "1 leg is" if ties == 1 else f"{ties} legs are"

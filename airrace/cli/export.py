@@ -60,11 +60,11 @@ def csv_table(
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
         from airrace.runs.flight_sources import opened_file, source_of
-        from airrace.runs.flown_log import FlownLog
-        from airrace.runs.named import Named
+        from airrace.runs.log_view import LogView
         from airrace.runs.output import ensure_free
+        from airrace.runs.sources import Named
         from airrace.runs.splits import Splits
-        from airrace.views.streams import PlainStream
+        from airrace.views.streams import Shown
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
@@ -74,14 +74,14 @@ def csv_table(
             ensure_free(path, force=force, sources=[name])
         named = Named.of(name)
         flown = source_of(opened_file(named.path), named.stage or stage)
-        passings = flown.splits if isinstance(flown, FlownLog) else Splits(flown.result.splits)
+        passings = flown.splits if isinstance(flown, LogView) else Splits(flown.result.splits)
         if output != STANDARD:
             _ = passings.to_csv(output) if splits else flown.to_csv(output, rate)
         elif splits:
             answer.texts.append(passings.to_csv())
         else:
             try:
-                flown.write_csv(cast(TextIO, PlainStream(sys.stdout)), rate)
+                flown.write_csv(cast(TextIO, Shown(sys.stdout)), rate)
             except BrokenPipeError:  # the reader has seen enough
                 abandon_stdout()
         for path in beside:
@@ -115,7 +115,7 @@ def _subcommand(name: str) -> Callable[..., None]:
         verbose: Verbose = False,
     ) -> None:
         with answering(as_json=as_json, verbose=verbose) as answer:
-            from airrace.runs.exported import output_of, write_flights
+            from airrace.runs.exports import output_of, write_flights
 
             path = output or output_of(name, names)
             ensure_room(path, as_json=as_json)

@@ -8,15 +8,15 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.leg_tables import laps_line, leg_tables
-from airrace.cli.tables import PAGE, plain_table, render
-from airrace.logs.violations import Violation
+from airrace.cli.tables import PAGE, plain_table, rendered
+from airrace.logs.violations import Breach
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
 from airrace.results import Flight
-from airrace.runs.flown_log import FlownLog
+from airrace.runs.log_view import LogView
 
 
-def flown_texts(flown: FlownLog, *, legs: bool = False) -> Iterator[str]:
+def flown_texts(flown: LogView, *, legs: bool = False) -> Iterator[str]:
     """Yield race time and passings, breaches and remarks; at most 80 columns wide.
 
     Args:
@@ -24,14 +24,14 @@ def flown_texts(flown: FlownLog, *, legs: bool = False) -> Iterator[str]:
         legs: whether every leg is told, too.
     """
     flight = flown.flight()
-    yield render(_passings_table(flight), columns=PAGE)
+    yield rendered(_passings_table(flight), columns=PAGE)
     if flown.breaches:
-        yield render(_breaches_table(flown.breaches), columns=PAGE)
+        yield rendered(_breaches_table(flown.breaches), columns=PAGE)
     yield f"penalties of what is certain: {penalty_text(flown.penalty)}"
     if line := laps_line(flight):
         yield line
     if legs:
-        yield from (render(table, columns=PAGE) for table in leg_tables(flight))
+        yield from (rendered(table, columns=PAGE) for table in leg_tables(flight))
     notes = (textwrap.fill(f"note: {one}", PAGE, subsequent_indent=6 * " ") for one in flown.remarks)
     yield "\n".join(notes)
 
@@ -58,7 +58,7 @@ def _passings_table(flight: Flight) -> Table:
     return plain_table(f"{flight.label}: race time {race_time}, as flown", ("passing",), numbers, rows)
 
 
-def _breaches_table(breaches: Sequence[Violation]) -> Table:
+def _breaches_table(breaches: Sequence[Breach]) -> Table:
     """Return a table of the rules that would be broken; `+-` is the standard deviation of what was flown."""
     table = plain_table("rules that would be broken", ("at", "rule"), ("time\ns", "flown", "+-", "allowed"), ())
     for name in ("unit", "penalty", "certain"):

@@ -60,8 +60,8 @@ def import_log(
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
         from airrace.cli.flown_tables import flown_texts
-        from airrace.runs.flown_object import flown_object
-        from airrace.runs.imported import import_log as imported
+        from airrace.runs.log_import import import_log as imported
+        from airrace.runs.log_object import flown_object
 
         flown = imported(
             log,

@@ -19,10 +19,10 @@ from airrace.cli.import_log import import_log
 from airrace.cli.init import init
 from airrace.cli.optimize import optimize
 from airrace.cli.plot import plot
-from airrace.cli.prices import prices
 from airrace.cli.report import report
 from airrace.cli.resume import resume
 from airrace.cli.schema import schema
+from airrace.cli.sensitivity import sensitivity
 from airrace.cli.show import show
 from airrace.cli.tracks import tracks
 from airrace.cli.verify import verify
@@ -46,7 +46,7 @@ for _name, _command in {
     "compare": compare,
     "plot": plot,
     "verify": verify,
-    "prices": prices,
+    "sensitivity": sensitivity,
     "check": check,
     "batch": batch,
     "tracks": tracks,

@@ -5,7 +5,7 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.tables import plain_table
-from airrace.procedure.result import StageResult, Why
+from airrace.procedure.result import RefinementReason, StageResult
 from airrace.runs.run_object import REASONS
 from airrace.trajectory import Array
 
@@ -29,8 +29,11 @@ def mesh_table(result: StageResult) -> Table:
 
 def _reasons(why: np.ndarray) -> str:
     """Return how many intervals owe their length to which reason, the most frequent reason first."""
-    counts = np.bincount(why, minlength=len(Why)).tolist()
-    told = sorted(((count, REASONS[reason]) for reason, count in zip(Why, counts, strict=True) if count), reverse=True)
+    counts = np.bincount(why, minlength=len(RefinementReason)).tolist()
+    told = sorted(
+        ((count, REASONS[reason]) for reason, count in zip(RefinementReason, counts, strict=True) if count),
+        reverse=True,
+    )
     return ", ".join(f"{reason} {count}" for count, reason in told)
 
 

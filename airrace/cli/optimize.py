@@ -12,6 +12,7 @@ from airrace.cli.options import (
     DryRun,
     Force,
     LastStage,
+    MeshChecked,
     Overrides,
     Quiet,
     SettingsFile,
@@ -20,11 +21,10 @@ from airrace.cli.options import (
     Timeout,
     TrackFile,
     Verbose,
-    WhatIsProved,
     output_option,
 )
-from airrace.procedure.settings import Explore, GuessKind
-from airrace.runs.answer import unflown
+from airrace.procedure.settings import GuessKind, SearchEffort
+from airrace.runs.answer import empty_result
 from airrace.standard_streams import STANDARD, stem_of
 
 
@@ -35,14 +35,14 @@ def optimize(
     guess: Annotated[
         GuessKind | None, typer.Option(help="Where the point mass starts from; the settings say homotopy by default.")
     ] = None,
-    explore: Annotated[
-        Explore | None,
-        typer.Option(help="How much is tried to find the fastest way round; the settings say quick by default."),
+    search: Annotated[
+        SearchEffort | None,
+        typer.Option(help="How much is tried to find the fastest route; the settings say quick by default."),
     ] = None,
-    climb: Annotated[
-        int | None, typer.Option(min=1, max=20, metavar="K", help="Take the best K ways round up the ladder.")
+    alternatives: Annotated[
+        int | None, typer.Option(min=1, max=20, metavar="K", help="Take the K best routes through all stages.")
     ] = None,
-    proof: WhatIsProved = None,
+    mesh_check: MeshChecked = None,
     until: LastStage = None,
     output: Annotated[
         Path | None, output_option("RUN.h5", "Checkpoint to write; by default TRACK.h5 in the current folder.")
@@ -66,15 +66,15 @@ def optimize(
     """Fly a course as fast as can be.
 
     The flight is optimised stage by stage, and each stage is kept in a checkpoint as soon as it is finished. The last
-    one is certified; those before it are solved and checked on one mesh, or certified as well with --proof all.
+    one is certified; those before it are solved and checked on one mesh, or certified as well with --mesh-check all.
     """
-    with answering(unflown(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
-        from airrace.optimal_control.spawn import start_early
+    with answering(empty_result(stem_of(track)), as_json=as_json, verbose=verbose) as answer:
+        from airrace.optimal_control.solvers.process.idle_processes import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()
         if not dry_run:
-            start_early(1 if explore is Explore.OFF else min(2, threads))  # the other is for what is tried
+            start_early(1 if search is SearchEffort.OFF else min(2, threads))  # the other is for what is tried
         from airrace.cli.running import describe_task, fly
         from airrace.errors import UsageError
         from airrace.runs.beginning import new_task, settings_texts
@@ -86,8 +86,11 @@ def optimize(
         if path == STANDARD:
             raise UsageError(NO_PIPE)
         read = [track, aircraft, settings, start, sign]
-        ensure_free(path, force=force, remedy=f"continue it with `airrace resume {path}` or ", sources=read)
-        entries = [*(overrides or ()), *settings_texts(guess=guess, explore=explore, climb=climb, proof=proof)]
+        ensure_free(path, force=force, suggested_change=f"continue it with `airrace resume {path}` or ", sources=read)
+        entries = [
+            *(overrides or ()),
+            *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),
+        ]
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from airrace.cli import completion
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 
 
 def output_option(metavar: str, help: str) -> Any:  # Any: as of `typer.Option`
@@ -60,11 +60,11 @@ LastStage = Annotated[
         metavar="STAGE", autocompletion=completion.stages, help="Last stage to run; by default the last available one."
     ),
 ]
-WhatIsProved = Annotated[
-    Proof | None,
+MeshChecked = Annotated[
+    MeshCheck | None,
     typer.Option(
-        "--proof",
-        help="Which stages are also solved on a second mesh, which proves their race time; the settings say last by "
+        "--mesh-check",
+        help="Which stages are also solved on a second mesh, which confirms their race time; the settings say last by "
         "default.",
     ),
 ]

@@ -8,8 +8,8 @@ from rich.console import Group
 from rich.text import Text
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
-from airrace.documents.units import KNOT
 from airrace.environment.air import StaticWind
+from airrace.inputs.units import KNOT
 from airrace.planning.clearances import ground_distance
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges

@@ -5,7 +5,7 @@ import io
 import math
 from collections.abc import Sequence
 
-from airrace.cli.tables import plain_table, render
+from airrace.cli.tables import plain_table, rendered
 from airrace.procedure.result import StageResult
 from airrace.sensitivity.sensitivity import Activity, Price
 
@@ -50,7 +50,7 @@ def prices_text(result: StageResult, prices: Sequence[Price], columns: int | Non
     if dear:
         rows = [_row(price, folded=folded) for price in dear]
         table = plain_table(title, ["key"], ["value", "s per unit", "step", "step up\nms"], rows)
-        parts.append(render(table))
+        parts.append(rendered(table))
     sided = [_both_sides(price) for price in dear if price.activity is Activity.ONE_SIDED]
     if sided:
         parts.append("\n".join(["one-sided (*), a usual step up and down:", *sided]))

@@ -22,8 +22,8 @@ def report(
         Path | None, output_option("FILE.html", "The page; by default beside the run, as RUN.html.")
     ] = None,
     stage: StageOfRun = None,
-    prices: Annotated[
-        bool, typer.Option("--prices", help="Compute what every number costs, and tell it; takes some seconds.")
+    sensitivities: Annotated[
+        bool, typer.Option("--sensitivities", help="Show the sensitivities to all numbers; takes some seconds.")
     ] = False,
     force: Force = False,
     as_json: AsJson = False,
@@ -33,11 +33,11 @@ def report(
     """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.runs.output import beside, ensure_free, write_text
-        from airrace.runs.reported import opened_report
+        from airrace.runs.reports import opened_report
 
         path = output or beside(run_file, "html")
         names = [str(run_file), *(flights or [])]
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        write_text(path, opened_report(names, stage=stage, priced=prices))
+        write_text(path, opened_report(names, stage=stage, priced=sensitivities))
         answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)

@@ -13,6 +13,7 @@ from airrace.cli.options import (
     DryRun,
     Force,
     LastStage,
+    MeshChecked,
     Overrides,
     Quiet,
     RunFile,
@@ -21,10 +22,9 @@ from airrace.cli.options import (
     Threads,
     Timeout,
     Verbose,
-    WhatIsProved,
     output_option,
 )
-from airrace.runs.answer import unflown
+from airrace.runs.answer import empty_result
 
 if TYPE_CHECKING:
     from airrace.runs.starting import Changes
@@ -42,7 +42,7 @@ def resume(
             help="Compute this stage and all after it again.",
         ),
     ] = None,
-    proof: WhatIsProved = None,
+    mesh_check: MeshChecked = None,
     dry_run: DryRun = False,
     overrides: Overrides = None,
     track: Annotated[
@@ -69,12 +69,12 @@ def resume(
 ) -> None:
     """Continue a run, or change it.
 
-    It goes on after the last stage that still stands, in the same file. With --proof all the proof of stages that were
-    solved on one mesh is completed first. With --set, --track, --aircraft or --settings the changed run is started from
-    the highest stage of this one that holds and written to --output; this file stays as it is.
+    It goes on after the last stage that still stands, in the same file. With --mesh-check all the mesh check of stages
+    that were solved on one mesh comes first. With --set, --track, --aircraft or --settings the changed run is started
+    from the highest stage of this one that holds and written to --output; this file stays as it is.
     """
-    with answering(unflown(None), as_json=as_json, verbose=verbose) as answer:
-        from airrace.optimal_control.spawn import start_early
+    with answering(empty_result(None), as_json=as_json, verbose=verbose) as answer:
+        from airrace.optimal_control.solvers.process.idle_processes import start_early
         from airrace.process import available_cores
 
         threads = threads or available_cores()
@@ -85,17 +85,17 @@ def resume(
         from airrace.runs.resuming import changed_task, continued_task
         from airrace.runs.signing import ensure_own, signer_of
         from airrace.runs.starting import Changes, other_run
-        from airrace.runs.stored import opened_run
+        from airrace.runs.stored_inputs import opened_run
 
         signer = None if sign is None else signer_of(sign)
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))
         _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
         if output is not None:
-            changes = changes.with_overrides(settings_texts(proof=proof))
+            changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
             task = changed_task(other_run(run_file), changes, until=until, out=output)
         else:
             ensure_own(run_file, signer)
-            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, proof=proof)
+            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
         if dry_run:
             describe_task(answer, task, quiet=quiet)
             return

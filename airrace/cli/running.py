@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from airrace.procedure.result import StageResult
 from airrace.runs.answer import Answer
+from airrace.runs.execution import fly_stages
 from airrace.runs.exit_codes import ExitCode
-from airrace.runs.flying import fly_stages
 from airrace.runs.task import Step, Task, described
 from airrace.views.progress_view import watching
 
@@ -38,17 +38,17 @@ def _tell(answer: Answer, task: Task, results: Sequence[StageResult]) -> None:
     # Imported here: what draws tables is not needed before there is something to show.
     from airrace.cli.clearance_tables import near_misses_text
     from airrace.cli.split_comparison import comparison_table
-    from airrace.cli.tables import PAGE, render, result_tables, stages_table
+    from airrace.cli.tables import PAGE, rendered, result_tables, stages_table
     from airrace.cli.ways_table import ways_table
-    from airrace.runs.flown_stage import FlownStage
+    from airrace.runs.stage_view import StageView
 
     climbed = [stages_table(results)] if any(result.holds for result in results) else []
     answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.holds and one.message)
-    ways = [ways_table(one.explored) for one in results[:-1] if one.explored.ways]
+    ways = [ways_table(one.search) for one in results[:-1] if one.search.ways]
     tables = (*climbed, *ways, *result_tables(results[-1]))
-    answer.texts.extend(render(table, columns=PAGE) for table in tables)
-    last = FlownStage(task.run.inputs, results[-1], {})
+    answer.texts.extend(rendered(table, columns=PAGE) for table in tables)
+    last = StageView(task.run.inputs, results[-1], {})
     misses = near_misses_text(last.flight()) if results[-1].is_flight else ""
     answer.texts.extend([misses] if misses else [])
     difference = None if task.start is None else comparison_table(task.start, results)
-    answer.texts.extend(() if difference is None else [render(difference, columns=PAGE)])
+    answer.texts.extend(() if difference is None else [rendered(difference, columns=PAGE)])

@@ -30,6 +30,6 @@ def schema(
     It is draft-07, for editors that complete keys and mark mistakes while you type.
     """
     with answering(as_json=False, verbose=verbose) as answer:
-        from airrace.documents.json_schema import schema_text
+        from airrace.inputs.json_schema import schema_text
 
         answer.texts.append(schema_text(language.value))

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from airrace.cli.clearance_tables import near_misses_text
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.mesh_table import mesh_table
-from airrace.cli.tables import PAGE, certificate_line, render, result_tables, stages_table
-from airrace.procedure.result import HEARSAY, StageResult
-from airrace.runs.shown import Shown
+from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
+from airrace.procedure.result import UNVERIFIABLE, StageResult
+from airrace.runs.show_view import Shown
 
 UNVERIFIED = "\n".join(
     textwrap.wrap(
         "unverified: all of this is read from the file, and nothing was measured again. `airrace verify` does that. "
-        f"Nobody can verify {', '.join(HEARSAY[:-1])} and {HEARSAY[-1]}.",
+        f"Nobody can verify {', '.join(UNVERIFIABLE[:-1])} and {UNVERIFIABLE[-1]}.",
         PAGE,
     )
 )
@@ -29,11 +29,11 @@ def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str
         certificates: whether the items of the certificates are listed instead of told in a line.
     """
     results = shown.results
-    yield render(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
+    yield rendered(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
     if results:
         yield UNVERIFIED
     yield from (f"{result.stage.value}: {result.message}" for result in results if result.message)
-    yield from (f"a needless loop: {loop}" for result in results for loop in result.explored.loops)
+    yield from (f"a needless loop: {loop}" for result in results for loop in result.search.loops)
     for result in results:
         yield from _stage_texts(result, certificates=certificates)
         if result.stage.value == shown.stage:
@@ -43,7 +43,7 @@ def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str
 def _stage_texts(result: StageResult, *, certificates: bool) -> Iterator[str]:
     meshes = [mesh_table(result)] if len(result.mesh.why) else []
     for table in (*result_tables(result, certificate=certificates), *meshes):
-        yield render(table, columns=PAGE)
+        yield rendered(table, columns=PAGE)
     if result.certificate is not None and not certificates:
         yield certificate_line(result)
 
@@ -55,4 +55,4 @@ def _flight_texts(shown: Shown, *, legs: bool) -> Iterator[str]:
     if misses := near_misses_text(shown.flight):
         yield misses
     if legs:
-        yield from (render(table, columns=PAGE) for table in leg_tables(shown.flight))
+        yield from (rendered(table, columns=PAGE) for table in leg_tables(shown.flight))

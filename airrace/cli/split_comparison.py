@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from airrace.cli.tables import plain_table
-from airrace.procedure.restart import Another
+from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult
 from airrace.procedure.split_comparison import compared, last_common
 
 
-def comparison_table(start: Another, results: Sequence[StageResult]) -> Table | None:
+def comparison_table(start: SourceRun, results: Sequence[StageResult]) -> Table | None:
     """Return a table of the legs: time before and after, what was lost on the leg and so far.
 
     It is None where the two runs have no stage in common.

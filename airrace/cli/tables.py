@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.ways_table import ways_table
-from airrace.documents.units import KNOT
+from airrace.inputs.units import KNOT
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Outcome, StageResult, State
 from airrace.views.plain_console import PlainConsole
@@ -30,7 +30,7 @@ ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 
 
-def render(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
+def rendered(content: RenderableType, *, columns: int = UNLIMITED_WIDTH) -> str:
     """Return a table or a picture as text for stdout.
 
     Without a terminal the text is plain, whatever the environment says of colours; where stdout takes no Unicode, rules
@@ -82,7 +82,7 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
         certificate: whether the items of its certificate are listed.
     """
     tables = [splits_table(result)] if result.splits and result.is_flight else []
-    tables += [ways_table(result.explored)] if result.explored.ways else []
+    tables += [ways_table(result.search)] if result.search.ways else []
     if certificate and result.certificate is not None:
         stands = result.outcome is Outcome.SOLVED or not result.certificate.holds
         tables.append(certificate_table(result.certificate, "" if stands else DOES_NOT_STAND))
@@ -156,7 +156,7 @@ def stages_table(results: Sequence[StageResult]) -> Table:
     """
     table = _table("stages", "stage")
     table.add_column("status")  # of two words, which a narrow terminal puts below each other
-    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "strayed\nm", "iter.", "wall\ns")
+    _numbers(table, "time\ns", "cost\ns", "regul.\ns", "track.\nm", "iter.", "wall\ns")
     before: float | None = None
     for result in results:
         race_time, facts = result.trajectory.race_time, result.facts
@@ -167,7 +167,7 @@ def stages_table(results: Sequence[StageResult]) -> Table:
             f"{race_time:.3f}" if result.is_flight else "-",
             f"{race_time - before:+.3f}" if optimum and before is not None else "-",
             f"{facts.regularisation:.3f}" if optimum else "-",
-            f"{facts.strayed:.2f}" if facts.source else "-",
+            f"{facts.tracking_error:.2f}" if facts.source else "-",
             str(result.iterations),
             f"{result.timings.wall:.1f}",
         )

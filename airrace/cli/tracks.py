@@ -12,14 +12,14 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
     with answering(as_json=as_json, verbose=verbose) as answer:
         from textwrap import fill
 
-        from airrace.cli.tables import plain_table, render
+        from airrace.cli.tables import plain_table, rendered
         from airrace.runs.shipped import shipped
 
         listed = shipped()
         answer.fields.update(listed.as_object())
         courses = [(one.name, one.title, one.aircraft, str(one.laps), str(one.passages)) for one in listed.tracks]
         names, numbers = ("name", "course", "aircraft"), ("laps", "passings")
-        answer.texts.append(render(plain_table("courses", names, numbers, courses)))
+        answer.texts.append(rendered(plain_table("courses", names, numbers, courses)))
         aircraft = [(one.name, one.title) for one in listed.aircraft]
-        answer.texts.append(render(plain_table("aircraft", ("name", "aircraft"), (), aircraft)))
+        answer.texts.append(rendered(plain_table("aircraft", ("name", "aircraft"), (), aircraft)))
         answer.texts.append(fill(f"rule books (rules: NAME): {', '.join(listed.rules)}", 80, break_on_hyphens=False))

@@ -30,12 +30,12 @@ def verify(
     """
     with answering({"track": None, "verified": False, "stages": []}, as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import read_sealed
-        from airrace.cli.tables import certificate_table, render
+        from airrace.cli.tables import certificate_table, rendered
         from airrace.errors import UsageError
-        from airrace.procedure.result import HEARSAY
+        from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.exit_codes import ExitCode
         from airrace.runs.signing import ensure_signed, signer_of
-        from airrace.runs.stored import readable, stored_run
+        from airrace.runs.stored_inputs import readable, stored_run
         from airrace.runs.verification import verified
         from airrace.standard_streams import STANDARD
 
@@ -50,13 +50,13 @@ def verify(
         for stage in stages:
             if stage.objection:
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{stage.result.stage.value}: {stage.objection}")
-        hearsay = [] if trust is not None else list(HEARSAY) + ["versions"] * other_versions
+        hearsay = [] if trust is not None else list(UNVERIFIABLE) + ["versions"] * other_versions
         answer.fields.update(verified=not answer.error, stages=[stage.as_object() for stage in stages])
         answer.fields.update(unverified=hearsay, signed_by=signed_by or None)
         for stage in stages:
             answer.texts.append(f"{stage.result.stage.value}: {stage.finding}")
             if stage.certificate is not None:
-                answer.texts.append(render(certificate_table(stage.certificate)))
+                answer.texts.append(rendered(certificate_table(stage.certificate)))
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
         elif hearsay:

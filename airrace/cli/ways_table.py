@@ -4,13 +4,13 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from airrace.procedure.result import Explored
+from airrace.procedure.result import SearchReport
 
 SHOWN = 12
 """The largest number of ways in the table; all of them are in the checkpoint and in the object."""
 
 
-def ways_table(explored: Explored) -> Table:
+def ways_table(explored: SearchReport) -> Table:
     """Return a table of the best way and those that came next, with what they cost."""
     starts = f"{explored.led} of {explored.led + explored.elsewhere + explored.lost} flights led to the best"
     title = f"ways round: {len(explored.ways)} tried in {explored.seconds:.1f} s, {starts}"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from airrace.control.inner_controller import InnerController, InnerLoopInverse
 from airrace.control.outer_loop import PathGains, errors, path_following
 from airrace.control.reference import Reference, ReferencePoint
-from airrace.control.settling import at, settled_states
+from airrace.control.trim import at, settled_states
 from airrace.dynamics.flight_model import FlightModel, column, named_symbols
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.points import at_points
@@ -55,8 +55,8 @@ class Followed:
         state: then; shape (n_x, N + 1).
         control: constant controls that lead from one of these to the next, within their bounds; shape (n_u, N).
         durations: of the reference's phases as flown, s; shape (n,).
-        strayed: largest distance from the reference, m.
-        strayed_at: the reference's clock at that distance, s.
+        tracking_error: largest distance from the reference, m.
+        tracking_error_time: the reference's clock at that distance, s.
         end_distance: distance from the reference's end, m.
         end_roll: roll angle to the reference's attitude there, rad.
     """
@@ -66,14 +66,14 @@ class Followed:
     state: Array
     control: Array
     durations: Array
-    strayed: float
-    strayed_at: float
+    tracking_error: float
+    tracking_error_time: float
     end_distance: float
     end_roll: float
 
 
 @record
-class Pilot:
+class TrackingSimulator:
     """A model under its controllers, ready to follow any reference.
 
     Attributes:
@@ -92,7 +92,7 @@ class Pilot:
 
 def pilot(
     model: FlightModel, inverse: InnerLoopInverse, *, gains: PathGains | None = None, step: float = STEP
-) -> Pilot:
+) -> TrackingSimulator:
     """Put a model under its controllers.
 
     Args:
@@ -102,10 +102,10 @@ def pilot(
         step: of time, s.
     """
     inner = inverse(model)
-    return Pilot(model, inner, step, _advance(model, inner, gains or PathGains(), step))
+    return TrackingSimulator(model, inner, step, _advance(model, inner, gains or PathGains(), step))
 
 
-def follow(pilot: Pilot, reference: Reference, *, nodes: Array) -> Followed:
+def follow(pilot: TrackingSimulator, reference: Reference, *, nodes: Array) -> Followed:
     """Fly along `reference`, in the air that both have in common.
 
     Args:
@@ -128,7 +128,7 @@ class _Flown:
     roll: Array
 
 
-def _fly(pilot: Pilot, reference: Reference) -> _Flown:
+def _fly(pilot: TrackingSimulator, reference: Reference) -> _Flown:
     system, step = pilot.model.system, pilot.step
     n_x, n_u = len(system.states), len(system.controls)
     advance = _step(pilot, reference).mapaccum("flight", CHUNK)
@@ -150,7 +150,7 @@ def _fly(pilot: Pilot, reference: Reference) -> _Flown:
     )
 
 
-def _step(pilot: Pilot, reference: Reference) -> ca.Function:
+def _step(pilot: TrackingSimulator, reference: Reference) -> ca.Function:
     """Return one step along a reference as a function: from (x, s) to (x, s) after it and the observations before."""
     lookup = _lookup(reference)
     y = ca.MX.sym("y", len(pilot.model.system.states) + 1)
@@ -161,7 +161,7 @@ def _step(pilot: Pilot, reference: Reference) -> ca.Function:
 
 
 def _advance(model: FlightModel, inner: InnerController, gains: PathGains, step: float) -> ca.Function:
-    """Return one step between two points of a reference, see `Pilot.advance`."""
+    """Return one step between two points of a reference, see `TrackingSimulator.advance`."""
     size, width = len(model.system.states) + 1, ReferencePoint.size()
     now, here, ahead = ca.SX.sym("now", size), ca.SX.sym("here", width), ca.SX.sym("ahead", width)
     slope: Any = _slope(model, inner, gains)  # Any: likewise
@@ -237,8 +237,8 @@ def _followed(system: System, reference: Reference, nodes: Array, flown: _Flown)
         state=state,
         control=_controls(system, flown, time, state),
         durations=np.diff(_at(reference.boundaries, flown.clock, flown.time)),
-        strayed=float(distance[worst]),
-        strayed_at=float(clock[worst]),
+        tracking_error=float(distance[worst]),
+        tracking_error_time=float(clock[worst]),
         end_distance=float(distance[-1]),
         end_roll=float(np.interp(end, flown.clock, flown.roll)),
     )

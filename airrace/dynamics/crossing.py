@@ -21,7 +21,7 @@ from airrace.environment.elementary import sqrt
 from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.system import Observation
-from airrace.track.element import Sight
+from airrace.track.element import GateOutput
 
 LEVEL_BLEND = 1e-6
 """A small number (1) that keeps the horizontal normal of the path defined where the path is vertical."""
@@ -89,7 +89,7 @@ def crossing_observation(states: Sequence[Quantity]) -> Observation:
 
 
 @functools.lru_cache(maxsize=64)
-def with_sight(crossing: Observation, sight: Sight | None) -> Observation:
+def with_sight(crossing: Observation, sight: GateOutput | None) -> Observation:
     """Return the crossing together with what a kind of element observes besides.
 
     Equal arguments give one and the same object, so that all elements of a kind share it. Quantities and parameters of

@@ -118,7 +118,7 @@ def body_attitude(state: SixDofState[float]) -> Array:
 
 
 @record
-class SimulatedAircraft:
+class Flown:
     """An aircraft flown by JSBSim in still air.
 
     Attributes:
@@ -177,14 +177,14 @@ class SimulatedAircraft:
         return self.simulator.attitude()
 
 
-def simulate(
+def flown_by_jsbsim(
     folder: Path,
     aircraft: InnerLoopParameters[float],
     atmosphere: AtmosphereParameters[float],
     planet: Planet,
     *,
     own_density: bool = True,
-) -> SimulatedAircraft:
+) -> Flown:
     """Write the model into the folder and load it.
 
     Args:
@@ -192,7 +192,7 @@ def simulate(
         aircraft: its numbers.
         atmosphere: the atmosphere of the day; there is no wind.
         planet: what it flies over.
-        own_density: see `SimulatedAircraft`.
+        own_density: see `Flown`.
 
     Raises:
         UsageError: JSBSim does not take the model.
@@ -201,15 +201,13 @@ def simulate(
     return loaded(folder, atmosphere, planet, own_density=own_density)
 
 
-def loaded(
-    folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True
-) -> SimulatedAircraft:
-    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `simulate`."""
+def loaded(folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True) -> Flown:
+    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `flown_by_jsbsim`."""
     simulator = Simulator(folder, STEP)
     simulator["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
     simulator["atmosphere/P-sl-psf"] = atmosphere.p_0 / PRESSURE
     simulator["ic/lat-geod-rad"] = planet.latitude
-    return SimulatedAircraft(simulator, atmosphere, own_density)
+    return Flown(simulator, atmosphere, own_density)
 
 
 PIECE = 1.0
@@ -233,7 +231,7 @@ class Miss:
 
 
 def fly_course(
-    flown: SimulatedAircraft, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
+    flown: Flown, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
 ) -> tuple[Miss, ...]:
     """Fly every piece of the optimum by JSBSim with the optimum's controls; the last piece may be shorter.
 

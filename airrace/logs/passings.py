@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.logs.recording import Recording, count_text, refuse
+from airrace.logs.recording import Recording, counted, refuse
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.track.course import Passage
@@ -42,13 +42,13 @@ def in_order(recording: Recording) -> Recording:
             known &= np.isfinite(recording.columns[name])
     told: list[str] = []
     if not known.all():
-        told.append(f"{count_text(int((~known).sum()), 'sample')} without a position and left out")
+        told.append(f"{counted(int((~known).sum()), 'sample')} without a position and left out")
     fresh = known.copy()
     rows = np.flatnonzero(known)
     fresh[rows] = _apart(recording.time[rows])
     if repeated := int(known.sum() - fresh.sum()):
         nearest = f"{1e3 * NEAREST_IN_TIME:g} ms"
-        told.append(f"{count_text(repeated, 'sample')} left out for coming less than {nearest} behind another")
+        told.append(f"{counted(repeated, 'sample')} left out for coming less than {nearest} behind another")
     if fresh.sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
     return recording.kept(fresh, *told)
@@ -100,7 +100,7 @@ def in_frame(recording: Recording, race: Race) -> Recording:
     if count := int(outliers.sum()):
         line = int(told.lines[np.flatnonzero(outliers)[0]])
         where = f"the first one in line {line}"
-        return told.kept(near & ~outliers, f"{count_text(count, 'outlier')} left out: leaps faster than sound, {where}")
+        return told.kept(near & ~outliers, f"{counted(count, 'outlier')} left out: leaps faster than sound, {where}")
     return told.kept(near)
 
 

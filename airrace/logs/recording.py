@@ -47,7 +47,7 @@ class Recording:
 
 
 @record
-class ColumnLayout:
+class Layout:
     """The meaning of a log where it does not say so itself.
 
     Attributes:
@@ -79,7 +79,7 @@ def refuse(path: str, line: int, message: str, key: str = "") -> Never:
     raise InputError([Finding(path, line, 0 if line == 0 else 1, key, message)])
 
 
-def count_text(number: int, what: str) -> str:
+def counted(number: int, what: str) -> str:
     """Return a number of things with their verb, `1 outlier is` or `3 outliers are`."""
     return f"1 {what} is" if number == 1 else f"{number} {what}s are"
 

@@ -97,7 +97,7 @@ class Path:
         return found
 
 
-def smooth(time: Array, places: Array, noise: float | None = None) -> Path:
+def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
     """Return the path of positions.
 
     Args:

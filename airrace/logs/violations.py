@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from airrace.dynamics.crossing import crossing_values
 from airrace.frames import angle_between
 from airrace.planning.race import Race
-from airrace.procedure.statement import crossing_parameters
+from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results import Crossing, Flight
@@ -77,7 +77,7 @@ An optimum touches its limits at many gates, and of two standard deviations ever
 
 
 @record
-class Violation:
+class Breach:
     """A rule that a flight would break.
 
     Attributes:
@@ -107,7 +107,7 @@ class Violation:
 
 
 @record
-class StandardDeviations:
+class Deviations:
     """Standard deviations of what is known at a passing.
 
     Attributes:
@@ -128,12 +128,12 @@ class StandardDeviations:
     load: float
 
 
-NOT_KNOWN = StandardDeviations(*(math.nan,) * 7)
+NOT_KNOWN = Deviations(*(math.nan,) * 7)
 
 
-def violations(
-    flight: Flight, axes: Mapping[str, float], deviations: Mapping[str, StandardDeviations], penalties: Penalties
-) -> tuple[Violation, ...]:
+def breaches(
+    flight: Flight, axes: Mapping[str, float], deviations: Mapping[str, Deviations], penalties: Penalties
+) -> tuple[Breach, ...]:
     """Return all rules that a flight would break, in the order of the course, then those of the flight as a whole.
 
     Args:
@@ -142,10 +142,10 @@ def violations(
         deviations: how well every passing is known, likewise.
         penalties: of the season.
     """
-    found: list[Violation] = []
+    found: list[Breach] = []
     for crossing in flight.crossings:
         known = deviations.get(crossing.name, NOT_KNOWN)
-        found += _Judge(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties).violations()
+        found += _Judge(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties).breaches()
     worst = max(deviations.values(), key=lambda one: one.up, default=NOT_KNOWN)
     return (*found, *_load_factors(flight, penalties, worst.load), *_distances(flight, worst))
 
@@ -153,14 +153,12 @@ def violations(
 class _Judge:
     """The judge of one passing."""
 
-    def __init__(
-        self, race: Race, crossing: Crossing, axis: float, known: StandardDeviations, penalties: Penalties
-    ) -> None:
+    def __init__(self, race: Race, crossing: Crossing, axis: float, known: Deviations, penalties: Penalties) -> None:
         self._crossing, self._known, self._penalties = crossing, known, penalties
         self._element = by_the_rules(crossing.passage.element)
         self._span, self._axis = race.aircraft.airframe.b, axis
 
-    def violations(self) -> Iterator[Violation]:
+    def breaches(self) -> Iterator[Breach]:
         """Yield what is broken."""
         passage = self._crossing.passage
         if not self._crossing.found:
@@ -185,7 +183,7 @@ class _Judge:
         named = {name: float(value) for name, value in vars(seen).items()}
         return named | {"x": place[0], "y": place[1], "z": place[2], "bank": bank}
 
-    def _beside(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
+    def _beside(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Breach]:
         """Yield a pylon that is touched, or a passing outside: of the centre, else of the worse of the wing tips."""
         outside = bounds.get("right", _between_pylons(self._element))
         if excess := _excess(values["right"], outside):
@@ -204,7 +202,7 @@ class _Judge:
             penalty = self._penalties.pylon if left <= 0.0 else 0.0
             yield self._breach("pylon", left, clearance, "m", penalty, self._known.tip)
 
-    def _heights(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
+    def _heights(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Breach]:
         if "height" in bounds:
             allowed = bounds["height"]
         else:
@@ -219,7 +217,7 @@ class _Judge:
                 rule, penalty = "manoeuvre", self._penalties.manoeuvre
             yield self._breach(rule, values["height"], values["height"] - excess, "m", penalty, self._known.up)
 
-    def _angles(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
+    def _angles(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Breach]:
         climb = math.degrees(math.asin(max(-1.0, min(1.0, values["climb_sine"]))))
         if excess := _excess(values["climb_sine"], bounds.get("climb_sine", Interval())):
             limit = math.degrees(math.asin(max(-1.0, min(1.0, values["climb_sine"] - excess))))
@@ -236,7 +234,7 @@ class _Judge:
             if abs(off) > most:
                 yield self._breach("course", off, math.copysign(most, off), "deg", None, math.degrees(self._known.path))
 
-    def _speed(self, passage: Passage) -> Iterator[Violation]:
+    def _speed(self, passage: Passage) -> Iterator[Breach]:
         speed = self._crossing.value("V_K")
         if excess := _excess(speed, passage.speed):
             limit, ends = speed - excess, self._penalties.start_speed_end
@@ -247,9 +245,9 @@ class _Judge:
 
     def _breach(
         self, rule: str, value: float, limit: float, unit: str, penalty: float | None, deviation: float = math.nan
-    ) -> Violation:
+    ) -> Breach:
         known = math.nan if penalty is None else penalty
-        return Violation(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, known)
+        return Breach(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, known)
 
 
 def by_the_rules(element: Element) -> Element:
@@ -277,7 +275,7 @@ def _tolerance_of_bank(element: Element) -> float | None:
     return math.degrees(element.tolerances.bank)
 
 
-def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Iterator[Violation]:
+def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Iterator[Breach]:
     """Yield the load factor where it is too large for too long, and where it ends the race."""
     if "n_z" not in flight:
         return
@@ -285,7 +283,7 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
     row = int(np.nanargmax(n_z))
     most, when = float(n_z[row]), float(time[row])
     if penalties.load_factor_end is not None and most > penalties.load_factor_end:
-        yield Violation("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
+        yield Breach("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
         return
     limit = penalties.load_factor_from or flight.course.rules.n_z.upper
     above = np.concatenate(([False], n_z > limit, [False]))
@@ -293,10 +291,10 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
     lasting = time[ends - 1] - time[begins] if len(begins) else np.zeros(0)
     if len(lasting) and lasting.max() >= penalties.load_factor_time:
         known = math.nan if penalties.load_factor is None else penalties.load_factor
-        yield Violation("", "load-factor", when, most, limit, deviation, "g", known)
+        yield Breach("", "load-factor", when, most, limit, deviation, "g", known)
 
 
-def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]:
+def _distances(flight: Flight, known: Deviations) -> Iterator[Breach]:
     """Yield what the flight came too near to: people, safety lines, borders, floor and ceiling."""
     for one in distances(flight):
         if one.kind == "pylon":
@@ -310,7 +308,7 @@ def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]
             row = least if rows is None else int(rows[least])
             rule, when, nearest = one.kind.replace(" ", "-"), float(flight.time[row]), float(values[least])
             off = known.up if rule in ("floor", "ceiling") else known.across
-            yield Violation("", rule, when, nearest, one.required, off, "m", math.nan)
+            yield Breach("", rule, when, nearest, one.required, off, "m", math.nan)
 
 
 def _rows(flight: Flight, leg: int) -> NDArray[np.int64]:

@@ -12,11 +12,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from airrace.optimal_control.assembly_sums import Contributions, Sums
 from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
-from airrace.optimal_control.layout import Indices, Layout, Sighting
+from airrace.optimal_control.layout import Indices, Layout, OutputSample
 from airrace.optimal_control.mapping import Callee
-from airrace.optimal_control.repeated import kinds
-from airrace.optimal_control.sums import Contributions, Sums
+from airrace.optimal_control.stage_assembly import kinds
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -145,38 +145,38 @@ class Assembly:
     def _sightings(self) -> list[Calls]:
         """Return the calls of the observations, those of one kind together."""
         groups: dict[int, list[int]] = {}
-        for number, sighting in enumerate(self.layout.sightings):
-            groups.setdefault(id(sighting.observation), []).append(number)
+        for number, output_sample in enumerate(self.layout.output_samples):
+            groups.setdefault(id(output_sample.observation), []).append(number)
         return [self._observations(members) for members in groups.values()]
 
     def _observations(self, members: list[int]) -> Calls:
         layout = self.layout
-        sightings = [layout.sightings[number] for number in members]
-        observation = sightings[0].observation
-        call_of = np.full(len(layout.sightings) + 1, -1)  # the last one stands for the path
+        output_samples = [layout.output_samples[number] for number in members]
+        observation = output_samples[0].observation
+        call_of = np.full(len(layout.output_samples) + 1, -1)  # the last one stands for the path
         call_of[members] = np.arange(len(members))
         kernel = observation_kernel(observation, layout.n_x)
-        nodes = np.array([sighting.node for sighting in sightings])
+        nodes = np.array([output_sample.node for output_sample in output_samples])
         inputs = layout.state_index[nodes]
         rows, weights = self._rows(kernel, len(members), call_of[layout.rows.source])
         first = len(layout.problem.parameters) + layout.intervals
-        offsets = np.array([first + sighting.offset for sighting in sightings])
+        offsets = np.array([first + output_sample.offset for output_sample in output_samples])
         own = offsets[:, None] + np.arange(len(observation.parameters))
         shared = np.zeros(0, dtype=np.int64)
-        return Calls(kernel, inputs, own, shared, rows, weights, nodes, self._unseen_jumps(sightings))
+        return Calls(kernel, inputs, own, shared, rows, weights, nodes, self._unseen_jumps(output_samples))
 
-    def _unseen_jumps(self, sightings: Sequence[Sighting]) -> Indices | None:
-        """Return the places of the changes to be subtracted from the states at these nodes, shape (sightings, n_x).
+    def _unseen_jumps(self, output_samples: Sequence[OutputSample]) -> Indices | None:
+        """Return the places of the changes to be subtracted from the states at these nodes, shape (samples, n_x).
 
         It is None if none of the nodes has a jump.
         """
         layout = self.layout
-        if all(sighting.jump is None for sighting in sightings):
+        if all(output_sample.jump is None for output_sample in output_samples):
             return None
-        places = np.full((len(sightings), layout.n_x), len(layout.parameter_values()))
-        for row, sighting in enumerate(sightings):
-            if sighting.jump is not None:
-                places[row] = layout.jump_offset + sighting.jump * layout.n_x + np.arange(layout.n_x)
+        places = np.full((len(output_samples), layout.n_x), len(layout.parameter_values()))
+        for row, output_sample in enumerate(output_samples):
+            if output_sample.jump is not None:
+                places[row] = layout.jump_offset + output_sample.jump * layout.n_x + np.arange(layout.n_x)
         return places
 
     def _rows(self, kernel: Callee, calls: int, call: Indices) -> tuple[Indices, Array]:

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, Watch
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Phase, Problem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.system import Observation, System
@@ -33,7 +33,7 @@ AT_MOST, AT_LEAST = ", at most", ", at least"
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
 
-Place = TypeVar("Place", Boundary, Watch)
+Place = TypeVar("Place", Boundary, PathConstraint)
 
 Owner = tuple[str, int, int]
 """The owner of a range: ("path", 0, 0), ("boundary", its number, 0) or ("watch", its phase, its number there)."""
@@ -247,7 +247,7 @@ def boundaries_of(problem: Problem) -> list[tuple[Owner, Boundary]]:
     return [(("boundary", number, 0), one) for number, one in enumerate(every)]
 
 
-def _owners(problem: Problem) -> Iterator[tuple[Owner, "Boundary | Watch | _Along"]]:
+def _owners(problem: Problem) -> Iterator[tuple[Owner, "Boundary | PathConstraint | _Along"]]:
     """Yield all that owns ranges, in the same order for problems of the same structure."""
     system = problem.system
     yield PATH, _Along({one.name: Interval(one.lower, one.upper) for one in (*system.states, *system.path)})
@@ -265,7 +265,7 @@ class _Along:
     values: tuple[float, ...] = ()
 
 
-def _watches(phase: Phase, index: int, moved: Moves, system: System) -> tuple[Watch, ...]:
+def _watches(phase: Phase, index: int, moved: Moves, system: System) -> tuple[PathConstraint, ...]:
     return tuple(
         dataclasses.replace(_elastic(watch, moved, ("watch", index, number), system), exact=None)
         for number, watch in enumerate(phase.watches)

@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from airrace.optimal_control.outputs import OutputSample, boundaries_of, sightings_of
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.rows import Block, Indices, Limit, Row, Rows, limits_on, rows_of
-from airrace.optimal_control.sightings import Sighting, boundaries_of, sightings_of
 from airrace.optimal_control.validity import require_valid
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
@@ -142,11 +142,11 @@ class Layout:
         return {node: number for number, node in enumerate(nodes)}
 
     @cached_property
-    def _sightings(self) -> tuple[list[Sighting], list[tuple[float, ...]]]:
+    def _sightings(self) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
         return sightings_of(self.problem, self.jump_at)
 
     @property
-    def sightings(self) -> list[Sighting]:
+    def output_samples(self) -> list[OutputSample]:
         """The observations: at the boundaries in order, then along the phases, watch by watch and node by node."""
         return self._sightings[0]
 
@@ -155,11 +155,11 @@ class Layout:
         """The constraints besides the gaps: at every node those of the path, then those of what is observed there."""
         known: dict[tuple[int, int], Sequence[Limit]] = {}  # what limits a watch is the same at all of its nodes
         blocks = self._path_blocks()
-        for number, sighting in enumerate(self.sightings):
-            shared = id(sighting.observation), id(sighting.bounds)
+        for number, output_sample in enumerate(self.output_samples):
+            shared = id(output_sample.observation), id(output_sample.bounds)
             if shared not in known:
-                known[shared] = limits_on(sighting.observation.quantities, sighting.bounds)
-            blocks.append(Block(np.array([sighting.node]), number, known[shared]))
+                known[shared] = limits_on(output_sample.observation.quantities, output_sample.bounds)
+            blocks.append(Block(np.array([output_sample.node]), number, known[shared]))
         return rows_of(blocks)
 
     def _path_blocks(self) -> list[Block]:
@@ -300,7 +300,7 @@ class Layout:
     def parameter_values(self) -> Array:
         """Return the parameters of the nonlinear program.
 
-        They are the system's, the fractions, those of all sightings, the jumps, those of the objective's observation.
+        They are the system's, the fractions, those of all samples, the jumps, those of the objective's observation.
         """
         jumps = [self.problem.jumps[:, self._phase_before(node)] for node in self.jump_at]
         parts = [self.problem.parameters, self.fractions, *self._sightings[1], *jumps, self.problem.objective.values]
@@ -325,7 +325,7 @@ class Layout:
         if within < gaps:
             return f"{phase.name}: continuity of the flight"
         row = self.rows.row(int(np.searchsorted(self.rows.node, stage)) + within - gaps)
-        place = phase.name if row.source < 0 else self.sightings[row.source].name
+        place = phase.name if row.source < 0 else self.output_samples[row.source].name
         return f"{place}: {row.quantity.text or row.quantity.name}"
 
 

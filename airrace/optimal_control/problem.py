@@ -40,7 +40,7 @@ class Boundary:
 
 
 @record
-class Watch:
+class PathConstraint:
     """A set of conditions on an observation all along a phase: at every node of it, both ends included.
 
     Attributes:
@@ -58,7 +58,7 @@ class Watch:
     values: tuple[float, ...]
     exact: Observation | None = None
 
-    def same_conditions(self, other: "Watch") -> bool:
+    def same_conditions(self, other: "PathConstraint") -> bool:
         """Return whether two watches ask for the very same."""
         alike = self.observation is other.observation and self.exact is other.exact
         return alike and self.values == other.values and dict(self.bounds) == dict(other.bounds)
@@ -86,7 +86,7 @@ class Phase:
     duration: Interval
     end: Boundary = field(default_factory=Boundary)
     bounds: Mapping[str, Interval] = field(default_factory=dict[str, Interval])
-    watches: tuple[Watch, ...] = ()
+    watches: tuple[PathConstraint, ...] = ()
     jump: Mapping[str, float] = field(default_factory=dict[str, float])
 
 

@@ -28,7 +28,7 @@ class Limit(NamedTuple):
 class Row(NamedTuple):
     """A constraint that is not a gap: its node, what it limits, its range and scale (SI).
 
-    `source` tells the path (-1) from the sighting with that number; `component` is the place within its quantities.
+    `source` is the path (-1) from the output sample with that number; `component` is the place within its quantities.
     """
 
     node: int

@@ -13,10 +13,10 @@ import time
 from dataclasses import dataclass
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.service import STALL_SECONDS, SolverService, Stalled
-from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.solvers.process.messages import IterationReport
+from airrace.optimal_control.solvers.process.service import STALL_SECONDS, SolverService, SolverTimeout
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 
 
 def solve(
@@ -56,7 +56,7 @@ def solve(
                 on_iteration=last.take,
                 stall_seconds=stall_seconds,
             )
-        except Stalled as stalled:
+        except SolverTimeout as stalled:
             seconds = time.perf_counter() - started
             return Solution.unsolved(problem, guess, solver, str(stalled), iterations=last.number, seconds=seconds)
 

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, Watch
+from airrace.optimal_control.problem import Boundary, PathConstraint, Phase, Problem
 from airrace.quantities import Quantity
 from airrace.system import Observation
 
@@ -83,7 +83,7 @@ def _check_phase(problem: Problem, phase: Phase) -> None:
     _check_boundary(problem, phase.end)
 
 
-def _check_watch(watch: Watch) -> None:
+def _check_watch(watch: PathConstraint) -> None:
     seen = watch.observation.quantities
     _require_known(f"watch {watch.name!r} bounds unknown quantities", watch.bounds, seen)
     _require_count(f"watch {watch.name!r}", watch.observation.parameters, watch.values)

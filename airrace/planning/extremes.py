@@ -7,9 +7,9 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.atmosphere import g0
-from airrace.planning.cruise import AIR_DENSITY, top_speed
 from airrace.planning.legs import Leg
 from airrace.planning.plan import ONE_PLACE
+from airrace.planning.planning_model import AIR_DENSITY, top_speed
 from airrace.quantities import Interval
 
 NEAR = 0.1

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from airrace.environment.atmosphere import g0
-from airrace.planning.cruise import AIR_DENSITY, Cruise, top_speed
 from airrace.planning.plan import plan
+from airrace.planning.planning_model import AIR_DENSITY, PlanningModel, top_speed
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.track.course import Passage
@@ -57,7 +57,7 @@ class Leg:
         return math.atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
 
-def tightest(race: Race) -> Cruise:
+def tightest(race: Race) -> PlanningModel:
     """Return the top speed of level flight, and all the load factor that race, aircraft and lift allow there.
 
     An aircraft that cannot fly level turns at the speed at which it is planned.
@@ -66,7 +66,7 @@ def tightest(race: Race) -> Cruise:
     V = min(top_speed(aircraft) or race.pace.V, aircraft.envelope.V.upper)
     lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
     n = min(aircraft.envelope.n_z.upper, rules.n_z.upper, lift / (aircraft.airframe.m * g0))
-    return Cruise(V, max(n, LEAST_LOAD_FACTOR), 0.5 * min(aircraft.point_mass.p, rules.p))
+    return PlanningModel(V, max(n, LEAST_LOAD_FACTOR), 0.5 * min(aircraft.point_mass.p, rules.p))
 
 
 def legs(race: Race) -> list[Leg]:

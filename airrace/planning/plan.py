@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from airrace.frames import angles, rotation
-from airrace.planning.choices import ANY, Choices
-from airrace.planning.cruise import Cruise
+from airrace.planning.planning_model import PlanningModel
 from airrace.planning.rotation_time import roll_time, rotation_time, rotation_vector, turned
+from airrace.planning.route_decisions import ANY, RouteDecisions
 from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.records import record
@@ -49,12 +49,12 @@ class Plan:
     Attributes:
         seconds: planned race time.
         counting: whether the flight counts its rolls, see `roll_counter.py`.
-        last: how ties were decided, and are to be decided on the way, see `Choices`.
+        last: how ties were decided, and are to be decided on the way, see `RouteDecisions`.
     """
 
     waypoints: tuple[Waypoint, ...]
     legs: tuple[Leg, ...]
-    cruise: Cruise
+    cruise: PlanningModel
     seconds: float
     counting: bool
     last: bool = False
@@ -80,7 +80,7 @@ class _Stop:
     roll: Roll | None
 
 
-def plan(course: Course, pace: Cruise, choices: Choices = ANY) -> Plan:
+def plan(course: Course, pace: PlanningModel, choices: RouteDecisions = ANY) -> Plan:
     """Choose the candidate at every passage that makes the shortest race.
 
     Passages that ask for a height alone are put on the way between their neighbours afterwards.
@@ -112,7 +112,7 @@ def stops_of(course: Course) -> list[int]:
     return [index for index, one in enumerate(course.passages) if index in (0, last) or not is_only_a_height(one)]
 
 
-def _shortest(stops: Sequence[_Stop], pace: Cruise, *, last: bool) -> tuple[list[Waypoint], float]:
+def _shortest(stops: Sequence[_Stop], pace: PlanningModel, *, last: bool) -> tuple[list[Waypoint], float]:
     """Return one of the candidates at every stop, and the planned time, s."""
     total = np.zeros(len(stops[0].ways))
     choices: list[np.ndarray] = []
@@ -134,7 +134,7 @@ def _level(here: Waypoint, there: Waypoint) -> bool:
     return known and here.climb == 0.0 and there.climb == 0.0 and there.passage.roll is None
 
 
-def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
+def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: PlanningModel) -> Array:
     """Return the planned time from every candidate to every one of a stop, shape (len(here), len(stop.ways)), s."""
     there = stop.ways
     if _level(here[0], there[0]):
@@ -152,7 +152,7 @@ def _leg_seconds(here: Sequence[Waypoint], stop: _Stop, pace: Cruise) -> Array:
     return np.array([[rotation_time(a.q, b.q, pace) for b in there] for a in here])
 
 
-def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: Cruise, *, last: bool) -> tuple[Leg, Waypoint]:
+def _leg(a: Waypoint, b: Waypoint, stop: _Stop, pace: PlanningModel, *, last: bool) -> tuple[Leg, Waypoint]:
     """Return the leg from a to b, and b as it is reached."""
     if _level(a, b):
         assert a.position is not None

@@ -4,8 +4,8 @@ from functools import cached_property
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air
-from airrace.planning.cruise import Cruise, cruise
 from airrace.planning.plan import Plan, plan
+from airrace.planning.planning_model import PlanningModel, cruise
 from airrace.records import record
 from airrace.track.course import Course
 
@@ -19,7 +19,7 @@ class Race:
     air: Air
 
     @cached_property
-    def pace(self) -> Cruise:
+    def pace(self) -> PlanningModel:
         """The pace at which the race is planned: how fast, and how tightly."""
         return cruise(self.aircraft, self.course.rules)
 

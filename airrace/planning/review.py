@@ -10,11 +10,11 @@ from enum import Enum
 
 from airrace.dynamics import handling
 from airrace.frames import angle_between
-from airrace.planning.cruise import top_speed
 from airrace.planning.extremes import climb_beyond_energy, narrow_heights, one_behind_the_other
 from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
+from airrace.planning.planning_model import top_speed
 from airrace.planning.race import Race
-from airrace.planning.slips import exchanged_axes, idle_pylons
+from airrace.planning.swapped_inputs import exchanged_axes, idle_pylons
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.track.course import Course, Direction, Passage

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 from airrace.environment.atmosphere import g0
 from airrace.frames import product
-from airrace.planning.cruise import Cruise
+from airrace.planning.planning_model import PlanningModel
 from airrace.track.limits import Roll, Turning
 
-PUSHED = 3.0
+BOUND_PUSH = 3.0
 """The time of a push in times of a pull: what an aircraft and its pilot bear downwards is about a third."""
 ROUNDING = 1e-6
 """The difference of attitude that counts as none, rad."""
@@ -48,7 +48,7 @@ def turned(start: Sequence[float], whole: Sequence[float], part: float) -> list[
     return product(start, [math.cos(angle / 2), *(factor * one for one in vector)])
 
 
-def rotation_time(start: Sequence[float], end: Sequence[float], pace: Cruise) -> float:
+def rotation_time(start: Sequence[float], end: Sequence[float], pace: PlanningModel) -> float:
     """Return the time of a rotation, s: rolling at the planned rate, pulling at the planned load factor.
 
     Pushing takes three times as long as pulling.
@@ -60,7 +60,7 @@ def rotation_time(start: Sequence[float], end: Sequence[float], pace: Cruise) ->
 
 
 def roll_time(
-    start: Sequence[float], end: Sequence[float], roll: Roll, pace: Cruise, *, last: bool = False
+    start: Sequence[float], end: Sequence[float], roll: Roll, pace: PlanningModel, *, last: bool = False
 ) -> tuple[float, float]:
     """Return the time (s) and the signed angle (rad, positive to the right) of a roll that leads from one attitude to
     another.
@@ -91,8 +91,8 @@ def _less_than_full(angle: float) -> float:
     return 0.0 if wrapped > 2.0 * math.pi - ROUNDING else wrapped
 
 
-def _turning_time(pitch: float, yaw: float, pace: Cruise) -> float:
+def _turning_time(pitch: float, yaw: float, pace: PlanningModel) -> float:
     pull = g0 * (pace.n - 1.0) / pace.V
     angle = math.hypot(pitch, yaw)
     pushed = max(0.0, -pitch / angle) if angle > ROUNDING else 0.0
-    return angle / pull * (1.0 + (PUSHED - 1.0) * pushed)
+    return angle / pull * (1.0 + (BOUND_PUSH - 1.0) * pushed)

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from airrace.optimal_control.problem import Problem
-from airrace.optimal_control.solvers import SOLVERS
+from airrace.optimal_control.solvers.solver import SOLVERS
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.settings import MeshSettings
@@ -41,7 +41,7 @@ class Budget:
 
     work: float = math.inf
     spent: int = 0
-    in_vain: bool = True
+    failed_only: bool = True
 
     @classmethod
     def of(cls, plan: Plan, settings: MeshSettings) -> "Budget":
@@ -67,9 +67,9 @@ class Budget:
         left = (self.work - self.spent) / _cost(problem, solver)
         return most if left >= most else max(0, math.ceil(left))
 
-    def spend(self, problem: Problem, solver: str, iterations: int, *, in_vain: bool) -> None:
+    def spend(self, problem: Problem, solver: str, iterations: int, *, failed_only: bool) -> None:
         """Take note of what a solver has done, and whether that was in vain."""
-        if in_vain or not self.in_vain:
+        if failed_only or not self.failed_only:
             self.spent += iterations * _cost(problem, solver)
 
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from airrace.optimal_control.audit import Audit, Tolerance, audit
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
+from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, audit
 from airrace.optimal_control.hamiltonian import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
@@ -38,7 +38,7 @@ class Evidence:
     """
 
     flown: Replay
-    audit: Audit
+    audit: ConstraintCheck
     drift: Array
     integration: Array
 

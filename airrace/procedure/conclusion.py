@@ -4,15 +4,15 @@ import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import Multipliers
-from airrace.procedure.flight import Flight, gate_splits, trajectory
-from airrace.procedure.result import NO_FACTS, NO_RECORD, Facts, MeshRecord, Outcome, Stage, StageResult
-from airrace.procedure.solving import Workbench
+from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.procedure.result import NO_FACTS, NO_RECORD, MeshRecord, Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import Flight, gate_splits, trajectory
 
 
 def conclude(
     flight: Flight,
-    bench: Workbench,
+    session: SolverSession,
     problem: Problem,
     iterate: Iterate,
     *,
@@ -21,7 +21,7 @@ def conclude(
     message: str = "",
     multipliers: Multipliers | None = None,
     certificate: Certificate | None = None,
-    facts: Facts = NO_FACTS,
+    facts: StageProvenance = NO_FACTS,
     mesh: MeshRecord = NO_RECORD,
 ) -> StageResult:
     """Return the result of a stage, by default the flight's own; without multipliers theirs are empty."""
@@ -35,8 +35,8 @@ def conclude(
         bound_multipliers=np.zeros(0) if multipliers is None else multipliers.bounds,
         certificate=certificate,
         splits=gate_splits(flight, flown),
-        attempts=tuple(bench.attempts),
-        timings=bench.timings(),
+        attempts=tuple(session.attempts),
+        timings=session.timings(),
         facts=facts,
         mesh=mesh,
     )

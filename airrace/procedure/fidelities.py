@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 
-from airrace.control.inversion_body_motion import SIX_DOF, STATE_SPACE, STATE_SPACE_INVERSION, invert_body_motion
+from airrace.control.dynamic_inversion import SIX_DOF, STATE_SPACE, STATE_SPACE_INVERSION, invert_body_motion
 from airrace.control.inversion_transfer_functions import invert_transfer_functions
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
@@ -12,7 +12,7 @@ from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.extensions import load_extensions
 from airrace.optimal_control.runge_kutta import VERNER_7
-from airrace.procedure.fidelity import Fidelity, Handover
+from airrace.procedure.fidelity import Fidelity, WarmStart
 from airrace.procedure.stage import Stage
 
 LONGEST_INTERVAL = 0.13
@@ -50,7 +50,7 @@ _fidelities: dict[Stage, Fidelity] = {
             inner_controller=functools.partial(invert_body_motion, chain=STATE_SPACE),
             scheme=VERNER_7,
             longest_interval=LONGEST_INTERVAL,
-            handover=Handover(retold=Stage.STATE_SPACE_INVERSION),
+            warm_start=WarmStart(same_dynamics_as=Stage.STATE_SPACE_INVERSION),
         ),
         Fidelity(
             Stage.SIX_DOF,

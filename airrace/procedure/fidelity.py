@@ -27,7 +27,7 @@ class Builder(Protocol):
 
 
 @record
-class Handover:
+class WarmStart:
     """The way in which a stage is started from the optimum of the stage below it.
 
     Attributes:
@@ -39,7 +39,7 @@ class Handover:
     """
 
     farthest: float = 25.0
-    retold: Stage | None = None
+    same_dynamics_as: Stage | None = None
 
 
 @record
@@ -66,7 +66,7 @@ class Fidelity:
     inner_controller: InnerLoopInverse | None = None
     scheme: RungeKutta = DORMAND_PRINCE_5
     longest_interval: float = math.inf
-    handover: Handover = Handover()
+    warm_start: WarmStart = WarmStart()
     columns: Mapping[Quantity, Callable[[Histories], Array]] = field(
         default_factory=dict[Quantity, Callable[[Histories], Array]]
     )

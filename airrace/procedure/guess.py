@@ -13,8 +13,8 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.frames import rotation
 from airrace.optimal_control.problem import Iterate
-from airrace.planning.cruise import Cruise
 from airrace.planning.plan import Leg, Plan
+from airrace.planning.planning_model import PlanningModel
 from airrace.planning.rotation_time import roll_time, rotation_time, turned
 from airrace.planning.waypoints import Waypoint
 from airrace.procedure.attitudes import align_quaternions
@@ -58,7 +58,7 @@ def leg_seconds(plan: Plan) -> list[float]:
     ]
 
 
-def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: Cruise) -> float:
+def _leg_seconds(leg: Leg, a: Waypoint, b: Waypoint, pace: PlanningModel) -> float:
     if leg.path is not None:
         assert a.position is not None  # a level leg's ends have positions
         assert b.position is not None
@@ -175,7 +175,7 @@ def _smoothed_curvature(plan: Plan, index: int, s: Array) -> Array:
     return curvature.mean(axis=1)
 
 
-def _bank_at_gates(bank: Array, s: Array, length: float, a: Waypoint, b: Waypoint, pace: Cruise) -> Array:
+def _bank_at_gates(bank: Array, s: Array, length: float, a: Waypoint, b: Waypoint, pace: PlanningModel) -> Array:
     """Return the bank of the turn (rad), blended into the prescribed banks at both ends."""
     for waypoint, distance in ((a, s), (b, length - s)):
         if waypoint.bank is not None:

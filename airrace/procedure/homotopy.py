@@ -14,16 +14,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem
-from airrace.optimal_control.solvers import SolverOptions
+from airrace.optimal_control.solvers.solver import SolverOptions
 from airrace.procedure.conclusion import conclude
-from airrace.procedure.flight import Flight
+from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.joint import COLD_BARRIER
-from airrace.procedure.phase_family import PhaseFamily, phase_family
-from airrace.procedure.pieces import joined, moved, phase_piece
+from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
+from airrace.procedure.phase_segments import joined, moved, phase_piece
 from airrace.procedure.result import Outcome, Stage, StageResult
-from airrace.procedure.solving import Workbench
-from airrace.procedure.statement import piece_boundary
+from airrace.procedure.solve_and_refine import COLD_BARRIER
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import Flight
 from airrace.quantities import Interval
 from airrace.trajectory import Array
 
@@ -46,7 +46,7 @@ Doubt = Callable[[Problem, int, Sequence[Iterate]], bool]
 """Tells of a race, a phase of it and some guesses of the race whether there is no flight around that phase."""
 
 
-def fly_homotopy(flight: Flight, bench: Workbench, hopeless: Doubt | None = None) -> StageResult:
+def fly_homotopy(flight: Flight, session: SolverSession, infeasible_apart: Doubt | None = None) -> StageResult:
     """Fly all phases one after the other; a phase that cannot be flown is left as planned.
 
     Args:
@@ -55,19 +55,19 @@ def fly_homotopy(flight: Flight, bench: Workbench, hopeless: Doubt | None = None
         hopeless: asked about the first phases that cannot be flown; where it says so, all that follows is left as
             planned. None to ask nobody.
     """
-    return _Homotopy(flight, bench, hopeless).fly()
+    return _Homotopy(flight, session, infeasible_apart).fly()
 
 
 class _Homotopy:
     """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
-    def __init__(self, flight: Flight, bench: Workbench, hopeless: Doubt | None) -> None:
+    def __init__(self, flight: Flight, session: SolverSession, infeasible_apart: Doubt | None) -> None:
         self.flight = flight
-        self.bench = bench
-        self.hopeless = hopeless
+        self.session = session
+        self.infeasible_apart = infeasible_apart
         self.doubted: set[int] = set()
         self.is_hopeless = False
-        self.mesh = first_mesh(flight.plan, bench.settings.mesh)
+        self.mesh = first_mesh(flight.plan, session.settings.mesh)
         self.race = flight.problem(self.mesh)
         self.planned = guess(flight.plan, self.mesh)
         self.pieces: list[Iterate] = []
@@ -78,14 +78,14 @@ class _Homotopy:
         for group in self._groups():
             *open_ended, index = group
             name = self.race.phases[index].name
-            self.bench.progress.activity(f"phase {index + 1} of {total}: {name}", index, total)
+            self.session.progress.activity(f"phase {index + 1} of {total}: {name}", index, total)
             self.pieces += [phase_piece(self.planned, self.race, one) for one in open_ended]
             if not self._add_phase(index, HORIZON + len(open_ended)):
                 skipped += [self.race.phases[one].name for one in group]
                 self.pieces.append(phase_piece(self.planned, self.race, index))
         return conclude(
             self.flight,
-            self.bench,
+            self.session,
             self.race,
             joined(self.pieces),
             stage=Stage.HOMOTOPY,
@@ -123,17 +123,17 @@ class _Homotopy:
 
     def _doubt(self, index: int) -> None:
         """Ask whether a phase that could not be added can be flown at all; once, and of the first such phases only."""
-        if self.hopeless is None or index in self.doubted or len(self.doubted) == DOUBTS_MAX:
+        if self.infeasible_apart is None or index in self.doubted or len(self.doubted) == DOUBTS_MAX:
             return
         self.doubted.add(index)
-        self.is_hopeless = self.hopeless(self.race, index, [self.planned, self._so_far()])
+        self.is_hopeless = self.infeasible_apart(self.race, index, [self.planned, self._so_far()])
 
     def _follow(self, index: int, first: int) -> bool:
         """Follow the family of a phase from its first member to the real gate; return whether that was reached.
 
         A step that gets too small ends the attempt.
         """
-        family = phase_family(self.flight.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
+        family = phase_homotopy(self.flight.plan, index, self.pieces[-1].state[:, -1] if self.pieces else None)
         fractions = self.mesh[index]
         part, step = family.first, 1.0
         reached = self._member(first, index, family, part, family.guess(part, fractions))
@@ -154,7 +154,7 @@ class _Homotopy:
         self,
         first: int,
         index: int,
-        family: PhaseFamily,
+        family: PhaseHomotopy,
         part: float,
         last: Iterate,
         before: Sequence[Iterate] | None = None,
@@ -165,7 +165,7 @@ class _Homotopy:
         purpose = f"{self.race.phases[index].name}, part {part:g}"
         barrier = COLD_BARRIER if before is None else STEP_BARRIER
         options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier)
-        solution = self.bench.attempt(problem, start, purpose, self.bench.settings.solver.primary, options)
+        solution = self.session.attempt(problem, start, purpose, self.session.settings.solver.primary, options)
         if solution is None or not solution.success or self._astray(solution.iterate, first, start):
             return None
         return [phase_piece(solution.iterate, problem, one) for one in range(len(problem.phases))]
@@ -175,7 +175,7 @@ class _Homotopy:
         planned = np.maximum(start.durations, self.planned.durations[first : first + len(start.durations)])
         return bool(found.durations.sum() > DETOUR * planned.sum() + DETOUR_SECONDS)
 
-    def _problem(self, first: int, index: int, family: PhaseFamily, part: float) -> Problem:
+    def _problem(self, first: int, index: int, family: PhaseHomotopy, part: float) -> Problem:
         target = piece_boundary(family.target(part), self.flight.observation)
         phases: list[Phase] = list(self.race.phases[first:index])
         last = dataclasses.replace(self.race.phases[index], end=target)

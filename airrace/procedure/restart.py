@@ -16,28 +16,28 @@ from typing import Protocol
 import numpy as np
 
 from airrace.errors import UsageError
-from airrace.optimal_control.carried import carried
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.multiplier_transfer import carried
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.solvers import Multipliers, Solution
+from airrace.optimal_control.solvers.solver import Multipliers, Solution
 from airrace.procedure.certification import examine
-from airrace.procedure.flight import Flight, mesh_of
-from airrace.procedure.handover import coarser_nodes
-from airrace.procedure.joint import (
+from airrace.procedure.models import iterate_of
+from airrace.procedure.passings import Passing, ensure_same_passings
+from airrace.procedure.refinement import MeshProposal, MeshSolution, doubled, provided
+from airrace.procedure.result import Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.solve_and_refine import (
     CARRIED_BARRIER,
-    Compared,
+    CoarseReference,
     Failure,
+    RefinementState,
     Start,
-    Upcoming,
     first_upcoming,
     refined_from,
 )
-from airrace.procedure.meshing import Draft, Solved, doubled, provided
-from airrace.procedure.models import iterate_of
-from airrace.procedure.passings import Passing, ensure_same_passings
-from airrace.procedure.result import Facts, Outcome, Stage, StageResult
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import Flight, mesh_of
+from airrace.procedure.warm_start import coarser_nodes
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Course
@@ -60,7 +60,7 @@ took 28 instead of 31 in one case, and 47 instead of 43 in another.
 
 
 @record
-class Another:
+class SourceRun:
     """Another run, under the name that users know, with the stages that it holds."""
 
     name: str
@@ -94,11 +94,11 @@ class Restart:
 
 
 def restarted(
-    another: Another,
+    another: SourceRun,
     stages: Sequence[Stage],
     course: Course,
     flights: Flights,
-    bench: Workbench,
+    session: SolverSession,
 ) -> Restart:
     """Solve the highest of these stages that can be started from another run's optimum of it.
 
@@ -114,8 +114,8 @@ def restarted(
     """
     obstacles: list[tuple[Stage, str]] = []
     for optimum in starting_points(another, stages, course):
-        bench.progress.stage_started(optimum.stage)
-        found = _from_optimum(flights, bench, optimum, another.name)
+        session.progress.stage_started(optimum.stage)
+        found = _from_optimum(flights, session, optimum, another.name)
         if isinstance(found, StageResult):
             remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
             return Restart(found, remark)
@@ -123,7 +123,7 @@ def restarted(
     return Restart(None, _remark(another, obstacles, "the start is from scratch"))
 
 
-def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
+def startable(another: SourceRun, stages: Sequence[Stage]) -> list[StageResult]:
     """Return the optima of another run that a run up to the last of these stages can be started from, highest first.
 
     Raises:
@@ -135,7 +135,7 @@ def startable(another: Another, stages: Sequence[Stage]) -> list[StageResult]:
     return optima
 
 
-def starting_points(another: Another, stages: Sequence[Stage], course: Course) -> list[StageResult]:
+def starting_points(another: SourceRun, stages: Sequence[Stage], course: Course) -> list[StageResult]:
     """Return the optima of another run that this course can be started from, highest first.
 
     Raises:
@@ -147,7 +147,7 @@ def starting_points(another: Another, stages: Sequence[Stage], course: Course) -
     return optima
 
 
-def overtaken(another: Another, optimum: StageResult, way: str) -> str:
+def superseded(another: SourceRun, optimum: StageResult, way: str) -> str:
     """Return why a start from another run was not enough: another way round has become faster."""
     return (
         f"{another.name}: from its {optimum.stage.value} an optimum of {optimum.trajectory.race_time:.3f} s was found, "
@@ -171,7 +171,7 @@ def _names(course: Course) -> list[Passing]:
     return [(passage.name, "") for passage in course.passages]
 
 
-def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
+def _remark(another: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
     """Return a sentence on what did not lead to a result, and what was done instead; empty where everything did."""
     reasons = [
         f"from its {', '.join(stage.value for stage, _ in alike)}, {reason}"
@@ -180,7 +180,7 @@ def _remark(another: Another, obstacles: Sequence[tuple[Stage, str]], consequenc
     return f"{another.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
 
 
-def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name: str) -> StageResult | str:
+def _from_optimum(flights: Flights, session: SolverSession, optimum: StageResult, name: str) -> StageResult | str:
     """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
     stored = _in_order_of(flights.flight(optimum.stage), optimum)
     if stored is None:
@@ -189,9 +189,9 @@ def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name
     if other_way := _other_way(flight, optimum):
         return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)
-    primary = bench.solvers[0]
-    bench.progress.activity(f"from {start.facts.source}, {start.problem.intervals} intervals", 0, 0)
-    solution = bench.solve(
+    primary = session.solvers[0]
+    session.progress.activity(f"from {start.facts.source}, {start.problem.intervals} intervals", 0, 0)
+    solution = session.solve(
         start.problem,
         start.guess,
         f"from {start.facts.source}",
@@ -203,7 +203,7 @@ def _from_optimum(flights: Flights, bench: Workbench, optimum: StageResult, name
     )
     if solution is None or not solution.success:
         return f"{primary} found no optimum ({'it stalled' if solution is None else solution.status})"
-    found = refined_from(bench, start, _upcoming(bench, start, finer, solution, primary))
+    found = refined_from(session, start, _upcoming(session, start, finer, solution, primary))
     if isinstance(found, Failure):
         return f"{primary} found no optimum on a finer mesh"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
@@ -233,38 +233,42 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
     return ""
 
 
-def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, Draft | None]:
+def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
     """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
     mesh, kept = mesh_of(optimum.trajectory), coarser_nodes(optimum)
-    facts = Facts(source=f"{optimum.stage.value} of {name}")
+    facts = StageProvenance(source=f"{optimum.stage.value} of {name}")
     if kept.all() or not kept[optimum.trajectory.first_node].all():
         return Start(flight, flight.problem(mesh), stored, RESTART_BARRIER, facts), None
     coarse, guess = restrict(mesh, stored, kept)
     start = Start(flight, flight.problem(coarse), guess, RESTART_BARRIER, facts)
-    return start, doubled(Draft(mesh, stored, optimum.mesh.why, kept))
+    return start, doubled(MeshProposal(mesh, stored, optimum.mesh.why, kept))
 
 
-def _upcoming(bench: Workbench, start: Start, finer: Draft | None, solution: Solution, solver: str) -> Upcoming:
+def _upcoming(
+    session: SolverSession, start: Start, finer: MeshProposal | None, solution: Solution, solver: str
+) -> RefinementState:
     """Return what follows the first solve: the finer of the stored meshes, or the usual refinement of the only one."""
     if finer is None:
         again = replace(start, guess=solution.iterate, barrier=CARRIED_BARRIER, multipliers=solution.multipliers)
         return first_upcoming(again, solver)
 
-    def measured() -> Solved:
-        limits = bench.settings.certificate
+    def measured() -> MeshSolution:
+        limits = session.settings.certificate
         evidence = examine(start.problem, solution.iterate, solution.multipliers.constraints, limits)
-        return Solved(start.problem, solution.iterate, Draft.first(start.problem, solution.iterate), evidence)
+        return MeshSolution(
+            start.problem, solution.iterate, MeshProposal.first(start.problem, solution.iterate), evidence
+        )
 
     moved = replace(finer, guess=_moved(finer, start.guess, solution.iterate))
-    draft = provided(moved, start.flight.problem(moved.mesh), bench.settings.certificate)
+    draft = provided(moved, start.flight.problem(moved.mesh), session.settings.certificate)
     multipliers = carried(solution.multipliers, Layout(start.problem), Layout(start.flight.problem(draft.mesh)))
-    compared = Compared(float(solution.iterate.durations.sum()), measured)
-    return Upcoming(
-        draft, compared, min(1, bench.settings.mesh.refinements_max), CARRIED_BARRIER, (solver,), multipliers
+    compared = CoarseReference(float(solution.iterate.durations.sum()), measured)
+    return RefinementState(
+        draft, compared, min(1, session.settings.mesh.refinements_max), CARRIED_BARRIER, (solver,), multipliers
     )
 
 
-def _moved(finer: Draft, before: Iterate, after: Iterate) -> Iterate:
+def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
     """Return the flight on the finer mesh, moved by what a solve has changed on the coarser one."""
     places = np.flatnonzero(finer.coarser)
     share = np.concatenate([np.asarray(phase) for phase in finer.mesh])

@@ -10,13 +10,13 @@ from airrace.procedure.stage import Stage
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
-HEARSAY = (
+UNVERIFIABLE = (
     "messages",
     "attempts and timings",
     "conflicts of limits",
     "ways that were tried",
     "what intervals were last cut or joined for",
-    "how far a start strayed",
+    "tracking error of a start",
 )
 """The records of a stage that nobody can measure again."""
 
@@ -86,28 +86,28 @@ class Timings:
 
 
 @record
-class Facts:
+class StageProvenance:
     """The start of a stage, and the cost of its regularisation.
 
     Attributes:
         regularisation: its share of the objective, s.
         source: the stage along whose optimum this one's model was flown for a first guess; empty without one.
-        strayed, strayed_at: farthest from that optimum (m), and when (s).
-        missed: how far beside its end that flight ended, m.
+        tracking_error, tracking_error_time: farthest from that optimum (m), and when (s).
+        terminal_miss: how far beside its end that flight ended, m.
     """
 
     regularisation: float = 0.0
     source: str = ""
-    strayed: float = 0.0
-    strayed_at: float = 0.0
-    missed: float = 0.0
+    tracking_error: float = 0.0
+    tracking_error_time: float = 0.0
+    terminal_miss: float = 0.0
 
 
-NO_FACTS = Facts()
+NO_FACTS = StageProvenance()
 """The facts of a stage about which nothing is known."""
 
 
-class Why(IntEnum):
+class RefinementReason(IntEnum):
     """The reason for an interval's length: what its mesh was last made coarser or finer for."""
 
     FIRST = 0
@@ -125,7 +125,7 @@ class MeshRecord:
     It is empty where nothing was measured.
 
     Attributes:
-        why: a `Why` per interval, shape (N,).
+        why: a `RefinementReason` per interval, shape (N,).
         coarser: which nodes belong to the mesh that the race time was compared with, shape (N + 1,).
         defect: scaled deviation of the replay from the next node, shape (N,).
         drift: distance of the Hamiltonian from -1, shape (N,).
@@ -159,7 +159,7 @@ class Way:
 
 
 @record
-class Explored:
+class SearchReport:
     """The ways that exploring tried before a race was optimised.
 
     Attributes:
@@ -179,12 +179,12 @@ class Explored:
     loops: tuple[str, ...] = ()
 
 
-NOT_EXPLORED = Explored()
+NOT_SEARCHED = SearchReport()
 """The record of a stage without exploring."""
 
 
 @record
-class Remedy:
+class SuggestedChange:
     """A number that resolves a conflict of limits when it is changed alone.
 
     Attributes:
@@ -226,9 +226,9 @@ class StageResult:
         timings: where the time went.
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
-        explored: which other ways round were tried; empty in all stages but the one that explores.
-        remedies: what would resolve the conflicts for which no flight was found, the least change of each first.
-        rivals: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
+        search: which other ways round were tried; empty in all stages but the one that explores.
+        suggestions: what would resolve the conflicts for which no flight was found, the least change of each first.
+        alternatives: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
     """
 
     stage: Stage
@@ -241,11 +241,11 @@ class StageResult:
     splits: tuple[GateSplit, ...]
     attempts: tuple[Attempt, ...]
     timings: Timings
-    facts: Facts = NO_FACTS
+    facts: StageProvenance = NO_FACTS
     mesh: MeshRecord = NO_RECORD
-    explored: Explored = NOT_EXPLORED
-    remedies: tuple[Remedy, ...] = ()
-    rivals: tuple["StageResult", ...] = ()
+    search: SearchReport = NOT_SEARCHED
+    suggested_changes: tuple[SuggestedChange, ...] = ()
+    alternatives: tuple["StageResult", ...] = ()
 
     @property
     def is_flight(self) -> bool:

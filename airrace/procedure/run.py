@@ -12,17 +12,17 @@ from functools import partial
 from airrace.dynamics import handling
 from airrace.native.library import MISSING, is_missing
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.service import SolverService
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.budget import Budget
 from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.ladder import Ladder, wanted_stages
+from airrace.procedure.fidelity_continuation import Ladder, wanted_stages
 from airrace.procedure.progress import Progress
-from airrace.procedure.remeasured import recertify, remeasured
-from airrace.procedure.restart import Another, is_better, overtaken, restarted, starting_points, told
+from airrace.procedure.recomputation import recertify, remeasured
+from airrace.procedure.restart import SourceRun, is_better, restarted, starting_points, superseded, told
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
 from airrace.records import record
 from airrace.system import System
@@ -71,7 +71,7 @@ def optimize(
         SolverCrash: the solver process died.
     """
     deadline = math.inf if timeout is None else time.monotonic() + timeout
-    another = Another(start_name, start)
+    another = SourceRun(start_name, start)
     optima = another.optima(STAGES[: STAGES.index(until) + 1])
     ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS, last=until)
     if any(fidelity_of(stage).inner_controller for stage in wanted_stages(settings, until)):
@@ -92,19 +92,19 @@ def optimize(
     ) as service:
         if is_missing():
             progress.activity(MISSING, 0, 0)
-        bench = Workbench(service, settings, progress, threads, deadline, Budget.of(race.plan, settings.mesh))
+        session = SolverSession(service, settings, progress, threads, deadline, Budget.of(race.plan, settings.mesh))
         for stage in unproved:
             progress.stage_started(stage)
-            completed = ladder.complete(stage, bench)
+            completed = ladder.complete(stage, session)
             yield completed
         found = _Found()
         if start and not finished:
-            found = _from_another(another, STAGES[: STAGES.index(until) + 1], race, ladder, bench)
+            found = _from_another(another, STAGES[: STAGES.index(until) + 1], race, ladder, session)
         if found.result is not None:
             ladder.done[found.result.stage] = found.result
             wanted = _above(found.result.stage, until)
             yield found.result
-        yield from _climbed(ladder, wanted, until, found, bench)
+        yield from _climbed(ladder, wanted, until, found, session)
 
 
 @record
@@ -123,39 +123,41 @@ class _Found:
     remark: str = ""
 
 
-def _from_another(another: Another, stages: Sequence[Stage], race: Race, ladder: Ladder, bench: Workbench) -> _Found:
+def _from_another(
+    another: SourceRun, stages: Sequence[Stage], race: Race, ladder: Ladder, session: SolverSession
+) -> _Found:
     """Start from another run, and look for a faster way round beside it."""
     highest, *_ = starting_points(another, stages, race.course)
-    bench.service.announce(*_flown(ladder, highest.stage))
-    with bench.aside(ladder.faster_way(highest)) as search:
-        restart = restarted(another, stages, race.course, ladder, bench)
+    session.service.announce(*_flown(ladder, highest.stage))
+    with session.aside(ladder.find_faster_route(highest)) as search:
+        restart = restarted(another, stages, race.course, ladder, session)
         faster = "" if restart.result is None else search.result()
     if restart.result is None:
         return _Found(remark=restart.remark)
     if faster:
-        return _Found(spare=restart.result, remark=overtaken(another, restart.result, faster))
+        return _Found(spare=restart.result, remark=superseded(another, restart.result, faster))
     return _Found(told(restart.result, restart.remark))
 
 
 def _climbed(
-    ladder: Ladder, wanted: Sequence[Stage], until: Stage, found: _Found, bench: Workbench
+    ladder: Ladder, wanted: Sequence[Stage], until: Stage, found: _Found, session: SolverSession
 ) -> Iterator[StageResult]:
     """Climb the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
     remark, spare = found.remark, found.spare
     for first in wanted[:1]:
-        bench.service.announce(*_flown(ladder, first))
+        session.service.announce(*_flown(ladder, first))
     while wanted:
         stage, *wanted = wanted
-        bench.progress.stage_started(stage)
+        session.progress.stage_started(stage)
         if not remark:
-            bench.begin()  # what led nowhere before stays on the record of the stage that was run instead
+            session.begin()  # what led nowhere before stays on the record of the stage that was run instead
         for following in wanted[:1]:
-            prepare = partial(_prepare, ladder, following, bench.service)
+            prepare = partial(_prepare, ladder, following, session.service)
             if ladder.explores(stage):  # on every core: nothing would only wait meanwhile
                 prepare()
             else:
-                bench.service.meanwhile(prepare)
-        result = ladder.climb(stage, bench)
+                session.service.meanwhile(prepare)
+        result = ladder.climb(stage, session)
         if spare is not None and is_better(spare, result):
             result, remark, spare = spare, f"{found.remark}, which led to nothing faster", None
             ladder.done[result.stage], wanted = result, _above(result.stage, until)

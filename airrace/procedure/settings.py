@@ -14,16 +14,16 @@ class GuessKind(Enum):
     PLAN = "plan"
 
 
-class Explore(Enum):
-    """The effort that is made to find the fastest way round."""
+class SearchEffort(Enum):
+    """The effort of the search for the fastest route."""
 
     OFF = "off"
     QUICK = "quick"
     THOROUGH = "thorough"
 
 
-class Proof(Enum):
-    """The stages that are solved on a second mesh, so that their race time is proved as well.
+class MeshCheck(Enum):
+    """The stages whose race time a second mesh confirms.
 
     The stages that are not are solved on one mesh, and all else is measured of them as well.
     """
@@ -100,15 +100,15 @@ class CertificateLimits:
 class Settings:
     """The settings of a run.
 
-    `climb` is how many ways round climb the ladder side by side; `regularisation` weighs the integral of squared,
-    scaled control rates against seconds of race time; `proof` is which stages of a run are proved on a
-    second mesh.
+    `alternatives` is how many of the best routes are taken through all stages; `regularisation` weighs the integral
+    of squared, scaled control rates against seconds of race time; `mesh_check` is which stages of a run are solved
+    on a second mesh as well.
     """
 
     guess: GuessKind = GuessKind.HOMOTOPY
-    explore: Explore = Explore.QUICK
-    climb: int = 1
-    proof: Proof = Proof.LAST
+    search: SearchEffort = SearchEffort.QUICK
+    alternatives: int = 1
+    mesh_check: MeshCheck = MeshCheck.LAST
     regularisation: float = 1e-3
     mesh: MeshSettings = field(default_factory=MeshSettings)
     solver: SolverSettings = field(default_factory=SolverSettings)

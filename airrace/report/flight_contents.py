@@ -7,7 +7,7 @@ import numpy as np
 
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.report.contents import Contents, FlightContents, Scale, Strip, TimeDifference, course_contents
+from airrace.report.contents import Contents, Difference, FlightContents, Scale, Strip, course_contents
 from airrace.report.page import Reading
 from airrace.results import Flight
 from airrace.results.comparison import SHARES, Comparison
@@ -55,7 +55,7 @@ STRIPS = (
         ("eta", "xi", "zeta"),
         digits=1,
     ),
-    Drawn("Lever", "%", 0.01, (("delta_T", "power"),), least=5.0),
+    Drawn("RelaxableParameter", "%", 0.01, (("delta_T", "power"),), least=5.0),
     Drawn("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
 )
 """The strips of a report, from top to bottom."""
@@ -120,13 +120,13 @@ def _limits(drawn: Drawn, flight: Flight) -> list[tuple[float, str]]:
     return list(bounds.items())
 
 
-def start_time(flight: Flight) -> float:
+def started(flight: Flight) -> float:
     """Return when the clock of a flight starts, s: at its first passing, or where that is missing at its first time."""
     found = flight.crossings and flight.crossings[0].found
     return flight.crossings[0].time if found else float(flight.time[0])
 
 
-def difference_of(comparison: Comparison, number: int) -> TimeDifference:
+def difference_of(comparison: Comparison, number: int) -> Difference:
     """Return what the other flight has lost along the course, and when the reference was there.
 
     Args:
@@ -137,7 +137,7 @@ def difference_of(comparison: Comparison, number: int) -> TimeDifference:
     times = [np.array([reference.crossings[0].time]), *(_times(reference, leg.reference) for leg in comparison.legs)]
     time, lost = np.concatenate(times), comparison.progress.difference
     known = np.isfinite(time)
-    return TimeDifference(number, time[known] - start_time(reference), lost[known])
+    return Difference(number, time[known] - started(reference), lost[known])
 
 
 def _times(flight: Flight, leg: Leg) -> Array:
@@ -174,7 +174,7 @@ def short_labels(flights: Sequence[Flight]) -> list[str]:
 
 def flight_contents(flight: Flight, label: str) -> FlightContents:
     """Return the contents of one flight under a label, with its clock beginning at its first passing."""
-    begin = start_time(flight)
+    begin = started(flight)
     pose = {"north": flight["x"], "east": flight["y"], "height": flight["height"]}
     attitude = {f"q{i}": flight[name] for i, name in enumerate(BODY_ATTITUDE)}
     return FlightContents(

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.quantities import KNOT, Quantity
-from airrace.report.flight_contents import READINGS, contents_of, start_time
+from airrace.report.flight_contents import READINGS, contents_of, started
 from airrace.report.page import Page
-from airrace.report.sections import DASH, Cell, Head, TableRow, note, number, section, table
+from airrace.report.sections import DASH, Cell, Head, Row, note, number, section, table
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
-from airrace.results.comparison import Comparison, LegComparison, compare_flights, conditions
+from airrace.results.comparison import Comparison, LegComparison, compared, conditions
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.trajectory import Trajectory
-from airrace.views.map_model import map_of
+from airrace.views.map_model import map_model
 from airrace.views.plan_svg import plan_svg
 
 FLIGHTS = (
@@ -54,7 +54,7 @@ def flights_section(flights: Sequence[Flight]) -> str:
         return ""
     first = flights[0]
     rows = [
-        TableRow((
+        Row((
             Cell(flight.label, flight=place),
             flight.aircraft.name,
             number(flight.race_time, 3),
@@ -69,14 +69,14 @@ def flights_section(flights: Sequence[Flight]) -> str:
 
 def legs_section(flight: Flight) -> str:
     """Return a table of what a flight does leg by leg, and of what it comes near to."""
-    rows = [TableRow(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
+    rows = [Row(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
     return section("Legs", table(LEGS, rows) + note(" ".join(filter(None, (_laps(flight), _near_misses(flight))))))
 
 
-def comparison_section(comparison: Comparison) -> str:
+def lost_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
     label = comparison.other.label
-    rows = [TableRow(_lost(leg, comparison)) for leg in comparison.by_loss]
+    rows = [Row(_lost(leg, comparison)) for leg in comparison.by_loss]
     others = [
         f"{what[:1].upper()}{what[1:]}: {its} against {mine}."
         for what, mine, its in conditions(comparison.reference, comparison.other)
@@ -86,7 +86,7 @@ def comparison_section(comparison: Comparison) -> str:
 
 
 def _leg(flight: Flight, facts: LegFacts) -> tuple[Cell | str, ...]:
-    leg, begin = facts.leg, start_time(flight)
+    leg, begin = facts.leg, started(flight)
     nearest = facts.clearances[0] if facts.clearances else None
     return (
         Cell(leg.name, time=leg.before.time - begin) if leg.before.found else leg.name,
@@ -108,7 +108,7 @@ def _lost(leg: LegComparison, comparison: Comparison) -> tuple[Cell | str, ...]:
     before = leg.reference.before
     otherwise = ", ".join(one.text for one in leg.differences)
     return (
-        Cell(leg.name, time=before.time - start_time(comparison.reference)) if before.found else leg.name,
+        Cell(leg.name, time=before.time - started(comparison.reference)) if before.found else leg.name,
         "a tie" if leg.tie else number(leg.difference, 3, signed=True),
         number(leg.cumulative, 3, signed=True),
         number(leg.by_way, 3, signed=True),
@@ -150,8 +150,8 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         UsageError: a flight is of a course with other passings.
     """
     first = flights[0]
-    comparisons = [compare_flights(first, other) for other in flights[1:]]
-    seen = map_of(first.race)
+    comparisons = [compared(first, other) for other in flights[1:]]
+    seen = map_model(first.race)
     return Page(
         title=first.course.name,
         subtitle=_subtitle(first),
@@ -167,7 +167,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
 
 
 def _flight_sections(flights: Sequence[Flight], comparisons: Sequence[Comparison]) -> list[str]:
-    return [flights_section(flights), legs_section(flights[0]), *(comparison_section(one) for one in comparisons)]
+    return [flights_section(flights), legs_section(flights[0]), *(lost_section(one) for one in comparisons)]
 
 
 def _subtitle(flight: Flight) -> str:

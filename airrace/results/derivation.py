@@ -12,7 +12,7 @@ import numpy as np
 from airrace.dynamics.limits import Limits, flight_limits
 from airrace.environment.atmosphere import g0
 from airrace.planning.race import Race
-from airrace.procedure import reading
+from airrace.procedure import results_api
 from airrace.procedure.result import StageResult
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
@@ -31,7 +31,7 @@ from airrace.results.flight import (
 from airrace.track.geodetic import geodetic, placed
 from airrace.trajectory import Array
 
-Known = Mapping[str, Array]
+PrimalDualPoint = Mapping[str, Array]
 
 
 @record
@@ -47,11 +47,11 @@ class Rule:
 
     needs: tuple[str, ...]
     gives: tuple[str, ...]
-    derive: Callable[[Race, Known], Sequence[Array]]
+    derive: Callable[[Race, PrimalDualPoint], Sequence[Array]]
     applies: Callable[[Race], bool] = lambda _: True
 
 
-def complete_histories(race: Race, given: Histories) -> Histories:
+def completed(race: Race, given: Histories) -> Histories:
     """Return the histories of a flight with all that follows from them.
 
     Args:
@@ -70,7 +70,7 @@ def complete_histories(race: Race, given: Histories) -> Histories:
     return _limited(told, flight_limits(race.aircraft, race.course.rules))
 
 
-def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[Known], Array]]:
+def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[PrimalDualPoint], Array]]:
     """Return what tables of a flight hold besides its states: airspeeds, and where it is on the globe.
 
     Args:
@@ -87,12 +87,12 @@ def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Calla
     return {GLOSSARY[name]: _column(race, name) for name in columns}
 
 
-def _column(race: Race, name: str) -> Callable[[Known], Array]:
+def _column(race: Race, name: str) -> Callable[[PrimalDualPoint], Array]:
     needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
 
-    def values(known: Known) -> Array:
+    def values(known: PrimalDualPoint) -> Array:
         given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
-        return complete_histories(race, given)[name].values
+        return completed(race, given)[name].values
 
     return values
 
@@ -117,65 +117,65 @@ def _bounded(history: History, bounds: Interval) -> History:
     return replace(history, quantity=replace(quantity, lower=bounds.lower, upper=bounds.upper))
 
 
-def _height(_: Race, known: Known) -> Sequence[Array]:
+def _height(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (-known["z"],)
 
 
-def _depth(_: Race, known: Known) -> Sequence[Array]:
+def _depth(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (-known["height"],)
 
 
-def _altitude(race: Race, known: Known) -> Sequence[Array]:
+def _altitude(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (known["height"] + race.course.origin.elevation,)
 
 
-def _geodetic(race: Race, known: Known) -> Sequence[Array]:
+def _geodetic(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return geodetic(known["x"], known["y"], race.course.origin)
 
 
-def _path_angles(_: Race, known: Known) -> Sequence[Array]:
+def _path_angles(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return attitude.euler_angles(_R_OKbar(known))
 
 
-def _energy_height(_: Race, known: Known) -> Sequence[Array]:
+def _energy_height(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)
 
 
-def _airspeed(race: Race, known: Known) -> Sequence[Array]:
+def _airspeed(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (np.linalg.norm(_velocity_in_air(race, known), axis=0),)
 
 
-def _indicated(race: Race, known: Known) -> Sequence[Array]:
+def _indicated(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (airdata.indicated_airspeed(known["V_A"], known["z"], race.air),)
 
 
-def _angle_of_attack(race: Race, known: Known) -> Sequence[Array]:
+def _angle_of_attack(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),)
 
 
-def _attitude_from_path(_: Race, known: Known) -> Sequence[Array]:
+def _attitude_from_path(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"]))
 
 
-def _attitude_from_air(race: Race, known: Known) -> Sequence[Array]:
+def _attitude_from_air(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
     R_OA = attitude.air_axes(_R_OKbar(known), _velocity_in_air(race, known))
     return attitude.quaternions(attitude.body_axes(R_OA, known["alpha_A"], known["beta_A"]))
 
 
-def _attitude_along_path(_: Race, known: Known) -> Sequence[Array]:
+def _attitude_along_path(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     """Return the attitude of the path as that of the body, for a source that knows no angles of the flow."""
     return [known[name] for name in PATH_ATTITUDE]
 
 
-def _body_angles(_: Race, known: Known) -> Sequence[Array]:
+def _body_angles(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
     return attitude.euler_angles(attitude.path_axes([known[name] for name in BODY_ATTITUDE]))
 
 
-def _R_OKbar(known: Known) -> attitude.Axes:
+def _R_OKbar(known: PrimalDualPoint) -> attitude.Axes:
     return attitude.path_axes([known[name] for name in PATH_ATTITUDE])
 
 
-def _velocity_in_air(race: Race, known: Known) -> Array:
+def _velocity_in_air(race: Race, known: PrimalDualPoint) -> Array:
     """Return the velocity relative to the air, components in O, m/s, shape (3, n)."""
     chi, gamma = known["chi"], known["gamma"]
     e = np.stack([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
@@ -218,10 +218,10 @@ def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: 
         source: what it is called.
         longest_step: between two times, s.
     """
-    read = reading.continuous(race, result, longest_step)
+    read = results_api.continuous(race, result, longest_step)
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
-    histories = complete_histories(race, given)
+    histories = completed(race, given)
     crossings: list[Crossing] = []
     nodes = result.trajectory.first_node.tolist()
     for passage, node in zip(race.course.passages, nodes, strict=True):

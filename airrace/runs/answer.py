@@ -34,7 +34,7 @@ class Answer:
         self.code, self.error, self.findings = code, error, findings
 
 
-def unflown(track: str | None) -> dict[str, object]:
+def empty_result(track: str | None) -> dict[str, object]:
     """Return the object of a run of which nothing is known yet."""
     return {"track": track, "certified": False, "race_time_s": None, "wall_s": None, "stages": []}
 

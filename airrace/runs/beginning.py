@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 
-from airrace.documents import Document, load_inputs
+from airrace.inputs import Document, load_inputs
 from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.run import Run
 from airrace.runs.stage_names import stage_named
 from airrace.runs.starting import another, other_run
-from airrace.runs.stored import new_run
+from airrace.runs.stored_inputs import new_run
 from airrace.runs.task import Task
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from airrace.checkpoint import inputs_hash, stale_stages
 from airrace.errors import UsageError
 from airrace.procedure import run as procedure
-from airrace.procedure.ladder import proves
-from airrace.procedure.restart import Another
+from airrace.procedure.fidelity_continuation import proves
+from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import Outcome, Stage, StageResult, State
 from airrace.procedure.settings import GuessKind
 from airrace.runs.run import Run
@@ -53,7 +53,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
     return Task(run, until, tuple(kept), tuple(steps))
 
 
-def starting_steps(start: Another, until: Stage) -> tuple[Step, ...]:
+def starting_steps(start: SourceRun, until: Stage) -> tuple[Step, ...]:
     """Return the steps of a new run that is started from another one, if nothing stands in the way of that."""
     stages = tuple(procedure.STAGES)
     first = start.optima(stages[: stages.index(until) + 1])[0].stage

@@ -34,15 +34,17 @@ def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
 
     Args:
         stored: the stage as it was read.
-        again: what follows from its histories and multipliers, see `airrace.procedure.remeasured`.
+        again: what follows from its histories and multipliers, see `airrace.procedure.recomputation`.
     """
     found = [*_flight(stored, again), *_splits(stored.splits, again.splits), *_numbers(stored, again)]
     if stored.certificate is not None and again.certificate is not None:
         found += _certificate(stored.certificate, again.certificate)
     elif stored.certificate is not again.certificate:
         found.append("it has no certificate" if stored.certificate is None else "a guess has a certificate")
-    for number, (rival, measured) in enumerate(zip(stored.rivals, again.rivals, strict=True), start=1):
-        found += [f"rival {number}: {clause}" for clause in discrepancies(rival, measured)]
+    for number, (alternative, measured) in enumerate(
+        zip(stored.alternatives, again.alternatives, strict=True), start=1
+    ):
+        found += [f"alternative {number}: {clause}" for clause in discrepancies(alternative, measured)]
     return found
 
 

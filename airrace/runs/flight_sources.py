@@ -10,11 +10,11 @@ from airrace.checkpoint import Recorded, read_stored
 from airrace.errors import UsageError
 from airrace.logs.reading import is_log
 from airrace.results import Flight
-from airrace.runs.flown_log import FlownLog, opened_log
-from airrace.runs.flown_stage import FlownStage
-from airrace.runs.named import Named
+from airrace.runs.log_view import LogView, opened_log
 from airrace.runs.run import Run
-from airrace.runs.stored import readable, stored_run
+from airrace.runs.sources import Named
+from airrace.runs.stage_view import StageView
+from airrace.runs.stored_inputs import readable, stored_run
 from airrace.standard_streams import stem_of
 
 
@@ -46,13 +46,13 @@ def opened_flight(text: str, *, stage: str | None = None) -> Flight:
     return opened_flights([text], stage=stage)[0]
 
 
-def opened_file(path: Path) -> Run | FlownLog:
+def opened_file(path: Path) -> Run | LogView:
     """Return the run or the flown log in a file; errors as of `opened_flights`."""
     stored = read_stored(path)
     return opened_log(stored) if isinstance(stored, Recorded) else readable(stored_run(stored, path))
 
 
-def source_of(kept: Run | FlownLog, stage: str | None) -> FlownStage | FlownLog:
+def source_of(kept: Run | LogView, stage: str | None) -> StageView | LogView:
     """Return the stage of a run, None for its last one, or a flown log, which has no stages.
 
     Raises:
@@ -69,7 +69,7 @@ def _is_log(name: Named) -> bool:
     return name.stage is None and is_log(name.path)
 
 
-def _source(name: Named, kept: Mapping[Path, Run | FlownLog], stage: str | None) -> FlownStage | FlownLog:
+def _source(name: Named, kept: Mapping[Path, Run | LogView], stage: str | None) -> StageView | LogView:
     if not _is_log(name):
         one = kept[name.path]
         return source_of(one, name.stage or (stage if isinstance(one, Run) else None))
@@ -78,14 +78,14 @@ def _source(name: Named, kept: Mapping[Path, Run | FlownLog], stage: str | None)
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
         )
     # Imported here: runs and imported logs are read without whatever makes a flight of a log.
-    from airrace.runs.imported import flown_through
+    from airrace.runs.log_import import flown_through
 
     return flown_through(name.path, next(iter(kept.values())).inputs)
 
 
-def _labels(names: Sequence[Named], sources: Sequence[FlownStage | FlownLog]) -> list[str]:
+def _labels(names: Sequence[Named], sources: Sequence[StageView | LogView]) -> list[str]:
     """Return unique labels: the file's stem, its name with the stage, its path with the stage, at last a number."""
-    stages = [source.name if isinstance(source, FlownStage) else "" for source in sources]
+    stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
     short = [
         f"{stem_of(name.path)}:{stage}" if stage and (several or name.stage) else stem_of(name.path)

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.documents import Document
-from airrace.documents.batch import set_texts
-from airrace.documents.objects import Scene, document_of_objects
 from airrace.environment.air import Air
+from airrace.inputs import Document
+from airrace.inputs.batch import set_texts
+from airrace.inputs.objects import Scene, document_of_objects
 from airrace.planning.race import Race
 from airrace.procedure.result import Stage
 from airrace.track.course import Course

@@ -3,15 +3,15 @@
 from importlib import resources
 from pathlib import Path
 
-from airrace.documents.json_schema import schema_text
-from airrace.documents.placemarks import read_placemarks
-from airrace.documents.shipped import SUFFIX, TRACKS
-from airrace.documents.sketched import sketched_course
 from airrace.errors import Finding, InputError, UsageError
+from airrace.inputs.course_import import sketched_course
+from airrace.inputs.json_schema import schema_text
+from airrace.inputs.placemarks import read_placemarks
+from airrace.inputs.shipped import SUFFIX, TRACKS
 from airrace.runs.output import ensure_free, write_text
 from airrace.standard_streams import STANDARD, name_of
 
-TEMPLATE = resources.files("airrace.documents") / "templates" / "course.yaml"
+TEMPLATE = resources.files("airrace.inputs") / "templates" / "course.yaml"
 SCHEMA_FILE = "track.schema.json"
 """The name of the file that holds the JSON Schema of tracks."""
 EDITORS_LINE = "# yaml-language-server: $schema="
@@ -50,7 +50,9 @@ def init(
     schema, schema_file = schema_text("track"), path.with_name(SCHEMA_FILE)
     written = path == STANDARD or _holds(schema_file, schema)
     if not written:
-        ensure_free(schema_file, force=force, remedy="it is not the schema of this version; ", sources=[like, from_])
+        ensure_free(
+            schema_file, force=force, suggested_change="it is not the schema of this version; ", sources=[like, from_]
+        )
     if from_ is not None:
         text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
     else:

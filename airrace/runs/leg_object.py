@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from airrace.documents import Inputs
+from airrace.inputs import Inputs
 from airrace.procedure.result import StageResult
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, near_misses
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.results.legs import passings_around
-from airrace.runs.flown_stage import FlownStage
 from airrace.runs.run_object import finite, stage_object
+from airrace.runs.stage_view import StageView
 
 
 def legs_object(flight: Flight) -> dict[str, object]:
@@ -36,7 +36,7 @@ def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[s
     stages = [stage_object(result) for result in results]
     for result, stage in zip(reversed(results), reversed(stages), strict=True):
         if result.is_flight:
-            stage["near_misses"] = near_misses_object(FlownStage(inputs, result, {}).flight())
+            stage["near_misses"] = near_misses_object(StageView(inputs, result, {}).flight())
             break
     return stages
 

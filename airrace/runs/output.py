@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TextIO
 
 from airrace.checkpoint.atomic import replace_file, replacing
-from airrace.documents import Document, Inputs
-from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import StorageError, UsageError
 from airrace.extensions import extensions
-from airrace.runs.named import Named
+from airrace.inputs import Document, Inputs
+from airrace.inputs.shipped import AIRCRAFT, TRACKS
+from airrace.runs.sources import Named
 from airrace.standard_streams import STANDARD
 
 Source = str | Path | Document | None
@@ -23,11 +23,11 @@ NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: 
 """The message that a run cannot be written to stdout."""
 
 
-def ensure_free(path: Path, *, force: bool, remedy: str = "", sources: Iterable[Source] = ()) -> None:
+def ensure_free(path: Path, *, force: bool, suggested_change: str = "", sources: Iterable[Source] = ()) -> None:
     """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
 
     Args:
-        remedy: what to do besides `--force`, a clause.
+        suggested change: what to do besides `--force`, a clause.
         sources: see `ensure_unread`.
 
     Raises:
@@ -42,7 +42,7 @@ def ensure_free(path: Path, *, force: bool, remedy: str = "", sources: Iterable[
         raise UsageError(f"{path} is a folder; name a file in it")
     ensure_unread([path], sources)
     if path.exists() and not force:
-        raise UsageError(f"{path} exists; {remedy}overwrite it with --force")
+        raise UsageError(f"{path} exists; {suggested_change}overwrite it with --force")
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass

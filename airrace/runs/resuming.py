@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 from airrace.runs.continuation import continuation, starting_steps
 from airrace.runs.output import documents_of, ensure_unread
 from airrace.runs.run import Run
@@ -12,7 +12,7 @@ from airrace.runs.task import Task
 
 
 def continued_task(
-    run: Run, *, until: str | None = None, from_stage: str | None = None, proof: Proof | str | None = None
+    run: Run, *, until: str | None = None, from_stage: str | None = None, mesh_check: MeshCheck | str | None = None
 ) -> Task:
     """Return what is left of a run: the stages after the last one that still stands, and proofs to be completed.
 
@@ -20,14 +20,14 @@ def continued_task(
         run: the stored run.
         until: the name of the last stage; None for the last one there is.
         from_stage: the name of a stage that is computed again although it may still stand; None for none.
-        proof: which stages are proved from now on; None for what the run's settings say.
+        mesh_check: which stages are proved from now on; None for what the run's settings say.
 
     Raises:
-        InputError: `proof` is not known.
+        InputError: `mesh_check` is not known.
         UsageError: no such stage, or `from_stage` comes after `until`.
     """
     again = None if from_stage is None else stage_named(from_stage)
-    run = run if proof is None else proved_otherwise(run, proof)
+    run = run if mesh_check is None else proved_otherwise(run, mesh_check)
     return continuation(run, until=stage_named(until), from_stage=again)
 
 

@@ -7,24 +7,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from airrace.checkpoint import Checkpoint, Sign, inputs_hash, stale_stages, write_checkpoint
-from airrace.documents import Inputs
 from airrace.errors import UsageError
+from airrace.inputs import Inputs
 from airrace.planning.race import Race
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 from airrace.procedure.split_comparison import SplitComparison, compared, last_common
-from airrace.runs.flown_stage import FlownStage
 from airrace.runs.leg_object import stages_object
 from airrace.runs.run_object import is_certified, run_object, standing, verdict
 from airrace.runs.run_page import run_line, run_page
 from airrace.runs.splits import Splits
+from airrace.runs.stage_view import StageView
 from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
     from airrace.results import Flight
     from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
-    from airrace.runs.priced import Prices
+    from airrace.runs.sensitivities import Prices
     from airrace.runs.verification import Verification
 
 
@@ -86,14 +86,14 @@ class Run:
         return dict(stale_stages(self.checkpoint, inputs_hash(self.checkpoint.inputs.resolved)))
 
     @property
-    def stages(self) -> tuple[FlownStage, ...]:
+    def stages(self) -> tuple[StageView, ...]:
         """The finished stages in their order; one that no longer stands is not certified."""
         stale, versions = self.stale, self.checkpoint.versions
         reasons = (stale.get(one.stage, "") for one in self.results)
         told = zip(self.results, reasons, strict=True)
-        return tuple(FlownStage(self.inputs, standing(one, reason), versions, reason) for one, reason in told)
+        return tuple(StageView(self.inputs, standing(one, reason), versions, reason) for one, reason in told)
 
-    def stage(self, name: str | Stage | None = None) -> FlownStage:
+    def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.
 
         Raises:
@@ -107,13 +107,13 @@ class Run:
             raise UsageError(f"this run has no stage {wanted!r}; it has: {', '.join(stages)}")
         return stages[wanted]
 
-    def __getitem__(self, name: str | Stage) -> FlownStage:
+    def __getitem__(self, name: str | Stage) -> StageView:
         return self.stage(name)
 
     def __contains__(self, name: object) -> bool:
         return any(name in (one.stage, one.stage.value) for one in self.results)
 
-    def __iter__(self) -> Iterator[FlownStage]:
+    def __iter__(self) -> Iterator[StageView]:
         return iter(self.stages)
 
     @property
@@ -171,7 +171,7 @@ class Run:
         *,
         until: str | Stage | None = None,
         from_: str | Stage | None = None,
-        proof: str | Proof | None = None,
+        mesh_check: str | MeshCheck | None = None,
         set: "Values" = (),
         track: "TrackGiven | None" = None,
         aircraft: "AircraftGiven | None" = None,
@@ -183,13 +183,13 @@ class Run:
         progress: bool | Progress = False,
     ) -> "Run":
         """Continue this run, or fly it again with something changed; see `airrace.resume`."""
-        from airrace.runs.doors import resume
+        from airrace.api import resume
 
         return resume(
             self,
             until=until,
             from_=from_,
-            proof=proof,
+            mesh_check=mesh_check,
             set=set,
             track=track,
             aircraft=aircraft,
@@ -214,9 +214,9 @@ class Run:
 
         return verified(self)
 
-    def prices(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
-        """Return what every number of the inputs costs, by the multipliers of a stage; see `FlownStage.prices`."""
-        return self.stage(stage).prices(by)
+    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
+        """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
+        return self.stage(stage).sensitivities(by)
 
     def compare(self, other: "Run") -> SplitComparison:
         """Hold another run of the same passings against this one, leg by leg, at the highest stage that holds in both.
@@ -237,10 +237,12 @@ class Run:
             raise UsageError(f"{other.label} has other passings than {self.label}") from error
 
     def flight(self, stage: str | Stage | None = None, label: str | None = None) -> "Flight":
-        """Return the flight of a stage, by default of the last one; see `FlownStage.flight`."""
+        """Return the flight of a stage, by default of the last one; see `StageView.flight`."""
         return self.stage(stage).flight(label)
 
-    def report(self, path: str | Path, *others: str, stage: str | Stage | None = None, prices: bool = False) -> Path:
+    def report(
+        self, path: str | Path, *others: str, stage: str | Stage | None = None, sensitivities: bool = False
+    ) -> Path:
         """Write a page that shows a flight, as `airrace report` does; any browser opens it, without a network.
 
         A file that exists is replaced as a whole.
@@ -249,20 +251,20 @@ class Run:
             path: the page.
             others: flights that fly beside it, `RUN.h5` or `RUN.h5:STAGE`.
             stage: which stage; None for the last one.
-            prices: whether the prices of the inputs' numbers are computed and told, which takes some seconds.
+            sensitivities: whether the sensitivities to the inputs' numbers are shown, which takes some seconds.
 
         Returns:
             The path.
 
         Raises:
             UsageError: there is no such stage, or it found no flight, or another flight is of other passings.
-            NotCertified: prices were asked for, and the stage is no certified optimum.
+            NotCertified: sensitivities were asked for, and the stage is no certified optimum.
             StorageError: the system refused.
         """
         from airrace.runs.output import write_text
-        from airrace.runs.reported import report_page
+        from airrace.runs.reports import report_page
 
-        write_text(Path(path), report_page(self, stage, others, priced=prices))
+        write_text(Path(path), report_page(self, stage, others, priced=sensitivities))
         return Path(path)
 
     def as_object(self) -> dict[str, object]:

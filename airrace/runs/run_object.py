@@ -8,7 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import Explored, GateSplit, Outcome, Remedy, StageResult, State, Way, Why
+from airrace.procedure.result import (
+    GateSplit,
+    Outcome,
+    RefinementReason,
+    SearchReport,
+    StageResult,
+    State,
+    SuggestedChange,
+    Way,
+)
 from airrace.runs.answer import Answer
 from airrace.runs.exit_codes import ExitCode, worst
 
@@ -21,13 +30,13 @@ _CODES = {
 }
 
 
-REASONS: Mapping[Why, str] = {
-    Why.FIRST: "first mesh",
-    Why.CALM: "calm",
-    Why.INTEGRATION: "replay",
-    Why.LIMITS: "limits",
-    Why.HAMILTONIAN: "hamiltonian",
-    Why.RACE_TIME: "race time",
+REASONS: Mapping[RefinementReason, str] = {
+    RefinementReason.FIRST: "first mesh",
+    RefinementReason.CALM: "calm",
+    RefinementReason.INTEGRATION: "replay",
+    RefinementReason.LIMITS: "limits",
+    RefinementReason.HAMILTONIAN: "hamiltonian",
+    RefinementReason.RACE_TIME: "race time",
 }
 """The words for the reasons for which intervals of a mesh were last cut or joined."""
 
@@ -87,24 +96,24 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "lap_times_s": lap_times(result.splits) if result.is_flight else [],
         "regularisation_s": finite(result.facts.regularisation),
         "started_from": result.facts.source or None,
-        "strayed_m": finite(result.facts.strayed) if result.facts.source else None,
+        "tracking_error_m": finite(result.facts.tracking_error) if result.facts.source else None,
         "iterations": result.iterations,
         "solve_s": finite(result.timings.solve),
         "derivatives_s": finite(result.timings.derivatives),
         "wall_s": finite(result.timings.wall),
         "certified": result.certified,
-        "rivals": [
+        "alternatives": [
             {
-                "race_time_s": finite(rival.trajectory.race_time),
-                "state": rival.state.value,
-                "certified": rival.certified,
+                "race_time_s": finite(alternative.trajectory.race_time),
+                "state": alternative.state.value,
+                "certified": alternative.certified,
             }
-            for rival in result.rivals
+            for alternative in result.alternatives
         ],
         "mesh": mesh_object(result),
-        "ways": [way_object(way) for way in result.explored.ways],
-        "explored": explored_object(result.explored) if result.explored.ways else None,
-        "conflicts": conflict_objects(result.remedies),
+        "ways": [way_object(way) for way in result.search.ways],
+        "search": search_object(result.search) if result.search.ways else None,
+        "conflicts": conflict_objects(result.suggested_changes),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
 
@@ -140,13 +149,13 @@ def mesh_object(result: StageResult) -> dict[str, object] | None:
     steps, record = np.diff(result.trajectory.time), result.mesh
     if not len(record.why):
         return None
-    counts = np.bincount(record.why, minlength=len(Why)).tolist()
+    counts = np.bincount(record.why, minlength=len(RefinementReason)).tolist()
     return {
         "intervals": len(steps),
         "intervals_of_coarser_mesh": int(record.coarser.sum()) - 1,
         "shortest_s": float(steps.min()),
         "longest_s": float(steps.max()),
-        "why": {REASONS[why]: counts[why] for why in Why},
+        "why": {REASONS[why]: counts[why] for why in RefinementReason},
     }
 
 
@@ -160,7 +169,7 @@ def way_object(way: Way) -> dict[str, object]:
     }
 
 
-def explored_object(explored: Explored) -> dict[str, object]:
+def search_object(explored: SearchReport) -> dict[str, object]:
     """Return how exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
     return {
         "seconds": finite(explored.seconds),
@@ -189,13 +198,13 @@ def certificate_object(certificate: Certificate) -> dict[str, object]:
     }
 
 
-def conflict_objects(remedies: Sequence[Remedy]) -> list[dict[str, object]]:
+def conflict_objects(suggested_changes: Sequence[SuggestedChange]) -> list[dict[str, object]]:
     """Return the conflicts of limits for which no flight was found, each with what would resolve it."""
-    groups = [list(group) for _, group in itertools.groupby(remedies, key=lambda one: one.conflict)]
+    groups = [list(group) for _, group in itertools.groupby(suggested_changes, key=lambda one: one.conflict)]
     return [
         {
             "where": group[0].where,
-            "remedies": [
+            "suggested_changes": [
                 {
                     "key": one.key or None,
                     "text": one.text,

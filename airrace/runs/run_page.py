@@ -6,7 +6,7 @@ from airrace.planning.race import Race
 from airrace.procedure.result import StageResult, State
 from airrace.runs.run_object import is_certified, verdict
 from airrace.runs.splits import Splits
-from airrace.views.map_model import map_of
+from airrace.views.map_model import map_model
 from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
 from airrace.views.tables import html_table
@@ -61,4 +61,4 @@ def _flight(race: Race, result: StageResult) -> str:
     """Return splits and picture as HTML; empty if no flight was found."""
     if not result.is_flight:
         return ""
-    return f"{Splits(result.splits).to_html()}{plan_svg(map_of(race), result.trajectory)}"
+    return f"{Splits(result.splits).to_html()}{plan_svg(map_model(race), result.trajectory)}"

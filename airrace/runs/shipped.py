@@ -3,9 +3,9 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from airrace.documents import load_inputs
-from airrace.documents.presets import preset_names
-from airrace.documents.shipped import AIRCRAFT, SUFFIX, TRACKS, Collection
+from airrace.inputs import load_inputs
+from airrace.inputs.presets import preset_names
+from airrace.inputs.shipped import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.records import record
 
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from airrace.procedure.restart import Another
+from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import StageResult
 from airrace.procedure.split_comparison import compared, last_common
 from airrace.runs.run_object import finite
 
 
-def comparison_object(start: Another, results: Sequence[StageResult]) -> dict[str, object] | None:
+def comparison_object(start: SourceRun, results: Sequence[StageResult]) -> dict[str, object] | None:
     """Return the object `compared` of the answer, seconds; None where no stage holds in both runs."""
     common = last_common(start.results, results)
     if common is None:

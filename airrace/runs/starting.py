@@ -7,23 +7,23 @@ from pathlib import Path
 from typing import Self
 
 from airrace.checkpoint import read_checkpoint
-from airrace.documents import Document, inputs_from_documents
-from airrace.documents.document import read_document
-from airrace.documents.inputs import read_named
-from airrace.documents.shipped import AIRCRAFT, TRACKS
 from airrace.errors import Finding, InputError, UsageError
+from airrace.inputs import Document, inputs_from_documents
+from airrace.inputs.document import read_document
+from airrace.inputs.inputs import read_named
+from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.procedure import run as procedure
 from airrace.procedure.passings import ensure_same_passings, passings_of
-from airrace.procedure.restart import Another, startable
+from airrace.procedure.restart import SourceRun, startable
 from airrace.procedure.result import Stage
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 from airrace.records import record
 from airrace.runs.run import Run
-from airrace.runs.stored import document_of, library_versions, new_run, resolved_text, stored_run
+from airrace.runs.stored_inputs import document_of, library_versions, new_run, resolved_text, stored_run
 
 logger = logging.getLogger(__name__)
 
-PROOF = "settings.proof="
+MESH_CHECK = "settings.mesh_check="
 """The beginning of an override that says which stages are proved."""
 
 
@@ -91,28 +91,28 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
     return new_run(inputs_from_documents(track, aircraft, settings, (*stored.overrides, *changes.overrides)), out)
 
 
-def proved_otherwise(run: Run, proof: Proof | str) -> Run:
+def proved_otherwise(run: Run, mesh_check: MeshCheck | str) -> Run:
     """Return the same run, of which other stages are to be proved on a second mesh. Its stages stand as they did.
 
     Raises:
-        InputError: `proof` is not known.
+        InputError: `mesh_check` is not known.
     """
     stored = run.checkpoint.inputs
-    asked = proof.value if isinstance(proof, Proof) else proof
-    overrides = (*(text for text in stored.overrides if not text.startswith(PROOF)), f"{PROOF}{asked}")
+    asked = mesh_check.value if isinstance(mesh_check, MeshCheck) else mesh_check
+    overrides = (*(text for text in stored.overrides if not text.startswith(MESH_CHECK)), f"{MESH_CHECK}{asked}")
     settings = None if stored.settings is None else document_of(stored.settings)
     inputs = inputs_from_documents(document_of(stored.track), document_of(stored.aircraft), settings, overrides)
     changed = replace(stored, overrides=overrides, resolved=resolved_text(inputs))
     return replace(run, inputs=inputs, checkpoint=replace(run.checkpoint, inputs=changed))
 
 
-def another(before: Run, run: Run, until: Stage) -> Another:
+def another(before: Run, run: Run, until: Stage) -> SourceRun:
     """Return the run to start from, as the procedure takes it.
 
     Raises:
         UsageError: it has other passings, or no certified or solved stage up to `until`.
     """
-    known = Another(before.label, before.results)
+    known = SourceRun(before.label, before.results)
     there, here = (passings_of(one.inputs.race.course) for one in (before, run))
     ensure_same_passings(here, there, known.name)
     stages = tuple(procedure.STAGES)

@@ -6,7 +6,7 @@ from typing import Self
 
 from airrace.checkpoint import Sign
 from airrace.procedure import run as procedure
-from airrace.procedure.restart import Another
+from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import GuessKind
 from airrace.records import record
@@ -52,7 +52,7 @@ class Task:
     until: Stage
     kept: tuple[StageResult, ...] = ()
     steps: tuple[Step, ...] = ()
-    start: Another | None = None
+    start: SourceRun | None = None
 
     def signed(self, sign: Sign | None) -> Self:
         """Return this task with a way to sign the file of its run."""

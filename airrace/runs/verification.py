@@ -8,10 +8,10 @@ from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, StageResult
 from airrace.records import record
 from airrace.runs.discrepancies import discrepancies, in_one_sentence
-from airrace.runs.hearsay import contradictions, missing_stages, other_versions
+from airrace.runs.provenance_checks import contradictions, missing_stages, other_versions
 from airrace.runs.run import Run
 from airrace.runs.run_object import certificate_object
-from airrace.runs.stored import made_with
+from airrace.runs.stored_inputs import made_with
 
 ONE_MESH = "solved on one mesh, without a proof of its race time on a second one"
 GUESS = "a guess, of which nothing but its gate splits can be verified"
@@ -123,13 +123,13 @@ def _objections(result: StageResult, again: StageResult | None) -> list[str]:
 
 
 def _failures(result: StageResult, again: StageResult) -> Iterator[str]:
-    """Yield a clause where a certificate that was measured again, or that of a rival, does not hold."""
-    for one in (again, *again.rivals):
+    """Yield a clause where a certificate that was measured again, or that of an alternative, does not hold."""
+    for one in (again, *again.alternatives):
         if one.certificate is not None and not one.certificate.holds:
             items = one.certificate.failed
             failed = ", ".join(
                 f"{item.name} {item.value:.3g} > {item.limit:.3g} {item.unit}".rstrip() for item in items
             )
-            yield f"{'it' if one is again else 'a rival'} does not hold: {failed or 'nothing was measured'}"
+            yield f"{'it' if one is again else 'an alternative'} does not hold: {failed or 'nothing was measured'}"
     if result.certificate is not None and not result.certificate.holds:
         yield "it was stored as not certified"

@@ -14,20 +14,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from airrace.documents.inputs import Inputs
-from airrace.documents.variation import Variation
 from airrace.errors import CheckpointError, InputError, NotCertified
+from airrace.inputs.inputs import Inputs
+from airrace.inputs.variation import Variation
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels, build_kernels
 from airrace.optimal_control.layout import Layout, narrowed
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.procedure.models import iterate_of
+from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.result import Outcome, StageResult
-from airrace.procedure.varied import VariedProblem
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price, group_of, unit_of, usual_step
+from airrace.sensitivity.sensitivity import Activity, Group, Price, group_of, unit_of, usual_step
 from airrace.trajectory import Array
 
 SHARE = 1e-5
@@ -59,7 +59,7 @@ class Value:
 
 
 @dataclass
-class _Multipliers:
+class _Pull:
     """The multipliers of both limits of one quantity at one place, summed, lower end first, s per unit."""
 
     strong: Array = field(default_factory=lambda: np.zeros(2))
@@ -74,14 +74,14 @@ class _Ends:
     """The pulls on one quantity at one place, and how its limits there are read from a problem."""
 
     limits: Callable[[Problem], Interval]
-    pull: _Multipliers = field(default_factory=_Multipliers)
+    pull: _Pull = field(default_factory=_Pull)
 
 
 Owner = tuple[str, int, int]
 """The owner of an observation: a boundary ("boundary", its number, 0) or a watch ("watch", phase, its number there)."""
 
 
-class LagrangianSensitivity:
+class Worth:
     """The values of problems that differ from a solved one in numbers alone."""
 
     def __init__(self, problem: Problem, iterate: Iterate, lam: Array, nu: Array, kernels: Kernels) -> None:
@@ -133,7 +133,7 @@ class LagrangianSensitivity:
                     weak -= float(ends.pull.weak[end]) * limit
         return Value(strong, weak)
 
-    def _at(self, key: object, limits: Callable[[Problem], Interval]) -> _Multipliers:
+    def _at(self, key: object, limits: Callable[[Problem], Interval]) -> _Pull:
         return self._ends.setdefault(key, _Ends(limits)).pull
 
     def _gather_rows(self, lam: Array, weak: Array) -> None:
@@ -145,7 +145,7 @@ class LagrangianSensitivity:
             if row.source < 0:
                 key, limits = ("path", row.component, places[row.node]), _path_limits(row.component, places[row.node])
             else:
-                owner, name = self._owners[id(layout.sightings[row.source].bounds)], row.quantity.name
+                owner, name = self._owners[id(layout.output_samples[row.source].bounds)], row.quantity.name
                 key, limits = (owner, name), _observed_limits(owner, name)
                 if owner[0] == "boundary" and name == HEIGHT:
                     # Floor and least height of a gate bound the same height; the tighter one has the whole multiplier.
@@ -295,7 +295,7 @@ def _by_observed_parameters(
     first = len(layout.problem.parameters) + layout.intervals + np.concatenate([[0], np.cumsum(sizes)[:-1]])
     numbers = {id(bounds): number for number, (_, bounds, _) in enumerate(observed)}
     rows = [
-        (place, numbers[id(layout.sightings[row.source].bounds)])
+        (place, numbers[id(layout.output_samples[row.source].bounds)])
         for row, place in zip(layout.flat_rows, layout.row_index.tolist(), strict=True)
         if row.source >= 0
     ]
@@ -327,9 +327,7 @@ SAME = 0.02
 """The share of the larger price by which the prices to both sides may differ and still count as one."""
 
 
-def prices(
-    inputs: Inputs, result: StageResult, *, groups: frozenset[ParameterGroup] = frozenset(ParameterGroup)
-) -> dict[str, Price]:
+def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = frozenset(Group)) -> dict[str, Price]:
     """Return the price of every number that `--set` reaches, from the stored multipliers, with nothing solved again.
 
     A price is the derivative of the stage's objective (race time and regularisation, whose weights are kept) on the
@@ -352,8 +350,8 @@ def prices(
     if not result.holds:
         raise NotCertified(_uncertified(result))
     variation = Variation(inputs)
-    varied = VariedProblem.of_result(inputs.race, inputs.settings, result)
-    worth = _lagrangian_sensitivity(varied, inputs, result)
+    varied = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
+    worth = _worth(varied, inputs, result)
 
     def value(key: str, number: float) -> Value | None:
         try:
@@ -361,7 +359,7 @@ def prices(
         except (InputError, OtherStructureError):
             return None
 
-    pricer = _ParameterSensitivity(worth.value(varied.problem(inputs.race)), value)
+    pricer = _Pricer(worth.value(varied.problem(inputs.race)), value)
     chosen = {key: number for key, number in variation.numbers.items() if group_of(key) in groups}
     priced = [price for key, number in chosen.items() if (price := pricer.price(key, number)) is not None]
     return {price.key: price for price in sorted(priced, key=lambda one: (-one.weight, one.key))}
@@ -374,7 +372,7 @@ def _uncertified(result: StageResult) -> str:
     return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has prices"
 
 
-def _lagrangian_sensitivity(varied: VariedProblem, inputs: Inputs, result: StageResult) -> LagrangianSensitivity:
+def _worth(varied: PerturbedProblem, inputs: Inputs, result: StageResult) -> Worth:
     problem, iterate = varied.problem(inputs.race), iterate_of(result.trajectory)
     layout, stage = Layout(problem), result.stage.value
     fits = result.constraint_multipliers.shape == (layout.constraints,)
@@ -384,7 +382,7 @@ def _lagrangian_sensitivity(varied: VariedProblem, inputs: Inputs, result: Stage
             f"but the race has {layout.constraints} constraints on this mesh"
         )
     kernels = build_kernels(problem.system, problem.scheme)
-    return LagrangianSensitivity(problem, iterate, result.constraint_multipliers, result.bound_multipliers, kernels)
+    return Worth(problem, iterate, result.constraint_multipliers, result.bound_multipliers, kernels)
 
 
 @record
@@ -400,7 +398,7 @@ class _Slopes:
 
 
 @record
-class _ParameterSensitivity:
+class _Pricer:
     """A pricer of numbers, one by one; `now` is the value of the race as flown, `value` that with a number changed."""
 
     now: Value

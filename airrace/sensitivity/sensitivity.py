@@ -1,4 +1,4 @@
-"""The sensitivity of race time to a number of the inputs: its shadow price, its unit and its usual step."""
+"""What a number of the inputs costs in race time: its shadow price, its unit and its usual step."""
 
 import math
 from enum import Enum
@@ -42,7 +42,7 @@ A step of 0 means one per cent of the value.
 """
 
 
-class ParameterGroup(Enum):
+class Group(Enum):
     """A group of numbers, by the part of the inputs to which they belong."""
 
     TRACK = "track"
@@ -76,7 +76,7 @@ class Price:
     """
 
     key: str
-    group: ParameterGroup
+    group: Group
     unit: str
     value: float
     upward: float
@@ -123,12 +123,12 @@ class Price:
         }
 
 
-def group_of(key: str) -> ParameterGroup:
+def group_of(key: str) -> Group:
     """Return the group of the number that a key names."""
     first = key.partition(".")[0]
-    if first in (ParameterGroup.AIRCRAFT.value, ParameterGroup.RULES.value, ParameterGroup.ENVIRONMENT.value):
-        return ParameterGroup(first)
-    return ParameterGroup.ENVIRONMENT if key == "origin.elevation_m" else ParameterGroup.TRACK
+    if first in (Group.AIRCRAFT.value, Group.RULES.value, Group.ENVIRONMENT.value):
+        return Group(first)
+    return Group.ENVIRONMENT if key == "origin.elevation_m" else Group.TRACK
 
 
 def unit_of(key: str) -> str:

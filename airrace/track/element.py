@@ -72,7 +72,7 @@ Symbols = Mapping[str, Any]
 
 
 @record
-class Sight:
+class GateOutput:
     """The quantities that a kind of element observes of an aircraft besides those of every crossing.
 
     One object serves all elements of a kind, so that its equations are made once.
@@ -226,7 +226,7 @@ class Element(ABC):
         """Return the frame of its passing when planned along an axis with a bank, by an aircraft of a wing span."""
 
     @property
-    def sight(self) -> Sight | None:
+    def sight(self) -> GateOutput | None:
         """The sight that tells what it observes besides the quantities of a crossing; None for nothing."""
         return None
 

@@ -10,17 +10,17 @@ from airrace.trajectory import Array
 from airrace.views.course_figure import draw_elements, draw_surroundings
 from airrace.views.drawing import Axes
 from airrace.views.labels import Box
-from airrace.views.map_model import MapModel, Way, map_of
+from airrace.views.map_model import MapModel, Way, map_model
 
 COLOURS = "viridis"
 PAD = 0.06  # of the extent, around what is drawn
 
 
-def flight_map(flight: Flight) -> tuple[MapModel, Box]:
+def flown_scenery(flight: Flight) -> tuple[MapModel, Box]:
     """Return the course from above with the line flown in the place of the planned ways, and the frame that holds
     both.
     """
-    seen = map_of(flight.race)
+    seen = map_model(flight.race)
     line = np.stack([flight["x"], flight["y"]], axis=1)
     (south, west), (north, east) = line.min(axis=0).tolist(), line.max(axis=0).tolist()
     south, west = min(south, seen.south), min(west, seen.west)
@@ -37,7 +37,7 @@ def draw_map(axes: Axes, flight: Flight, seen: MapModel, frame: Box, colour: str
     Args:
         axes: to be drawn on.
         flight: whose line it is.
-        seen, frame: of `flight_map`.
+        seen, frame: of `flown_scenery`.
         colour: the history that colours the line.
 
     Returns:

@@ -72,7 +72,7 @@ class MapModel:
     east: float
 
 
-def map_of(race: Race, planned: Flight | None = None) -> MapModel:
+def map_model(race: Race, planned: Flight | None = None) -> MapModel:
     """Return all there is to see of a course.
 
     Ways are those of the planned flight, before anything is optimised, on very long courses straight.

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from airrace.documents.json_schema import LANGUAGES, json_schema
+from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 # Any: JSON of any shape.
 Node = dict[str, Any]

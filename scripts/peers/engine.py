@@ -10,7 +10,7 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation
 from peers.measured import Answer, Flight

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from airrace.documents import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.environment.air import Air
+from airrace.inputs import load_inputs
 from airrace.trajectory import Array
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -42,7 +42,7 @@ def stage(race_time: float | None, status: str = "solved") -> dict:
         "race_time_s": race_time,
         "regularisation_s": 0.001,
         "started_from": None,
-        "strayed_m": None,
+        "tracking_error_m": None,
         "iterations": 12,
         "solve_s": 0.5,
         "derivatives_s": 0.4,

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airrace.batch.sweep import combinations, count, cover, parse_sweep, sweep_of
-from airrace.documents.overrides import parse_overrides
+from airrace.inputs.overrides import parse_overrides
 
 WIND = "environment.wind.speed_kt"
 FROM = "environment.wind.from_deg"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
-from airrace.checkpoint.possible import LARGEST
+from airrace.checkpoint.sanity_checks import LARGEST
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
 from airrace.procedure.stage import STAGES

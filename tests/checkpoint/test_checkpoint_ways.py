@@ -1,4 +1,4 @@
-"""Ways that were tried and their rivals are stored with a stage, and read only in the layout in which they are."""
+"""Routes that were tried and alternatives are stored with a stage, and read only in the layout in which they are."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,9 +25,9 @@ from hypothesis import strategies as st
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.envelope import seal, unseal
 from airrace.errors import CheckpointError
-from airrace.procedure.result import NOT_EXPLORED, Explored, Outcome, Remedy, Stage, StageResult, Way
+from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, SuggestedChange, Way
 
-EXPLORED = Explored(
+EXPLORED = SearchReport(
     ways=(
         Way("g4 -> g5: over the top to the right, 140 m high", 54.6, 0.0, "jointly"),
         Way("g4 -> g5: 180 degrees to the left, flat", 54.9, 0.3, "window"),
@@ -41,7 +41,7 @@ EXPLORED = Explored(
 STAGE = "stages/point-mass"
 ways = records(Way, text=texts, race_time=numbers, difference=numbers, priced=texts)
 explored = st.builds(
-    Explored,
+    SearchReport,
     ways,
     led=counts,
     elsewhere=counts,
@@ -52,9 +52,9 @@ explored = st.builds(
 
 
 def contested() -> StageResult:
-    """A stage that was explored, with two rivals."""
-    rivals = tuple(replace(example_result(intervals=count), message=f"rival {count}") for count in (4, 8))
-    return replace(example_result(), explored=EXPLORED, rivals=rivals)
+    """A stage that was explored, with two alternatives."""
+    alternatives = tuple(replace(example_result(intervals=count), message=f"alternative {count}") for count in (4, 8))
+    return replace(example_result(), search=EXPLORED, alternatives=alternatives)
 
 
 def checkpoint_of(result: StageResult) -> Checkpoint:
@@ -63,9 +63,9 @@ def checkpoint_of(result: StageResult) -> Checkpoint:
 
 @st.composite
 def explored_results(draw: st.DrawFn) -> StageResult:
-    own = replace(draw(results(Stage.POINT_MASS)), explored=draw(explored))
-    rivals = draw(st.lists(results(Stage.POINT_MASS), max_size=3))
-    return replace(own, rivals=tuple(rivals))
+    own = replace(draw(results(Stage.POINT_MASS)), search=draw(explored))
+    alternatives = draw(st.lists(results(Stage.POINT_MASS), max_size=3))
+    return replace(own, alternatives=tuple(alternatives))
 
 
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -82,37 +82,43 @@ def test_ways_and_rivals_are_read_back_in_every_bit(
 def test_stage_that_explored_nothing_is_read_back_as_such(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "run.h5", example_checkpoint())
     for stored in read_checkpoint(tmp_path / "run.h5").stages:
-        assert stored.result.explored == NOT_EXPLORED
-        assert stored.result.rivals == ()
+        assert stored.result.search == NOT_SEARCHED
+        assert stored.result.alternatives == ()
 
 
 def test_what_would_resolve_conflicts_is_read_back_and_is_absent_where_nothing_is_told(tmp_path: Path) -> None:
-    remedy = Remedy(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
-    failed = replace(example_result(), outcome=Outcome.INFEASIBLE, remedies=(remedy, replace(remedy, conflict=2)))
+    suggested_change = SuggestedChange(1, "1:g6 -> 1:g7", "rules.n_z_max", "n_z", "g", 3.0, 3.4, 56.2)
+    failed = replace(
+        example_result(),
+        outcome=Outcome.INFEASIBLE,
+        suggested_changes=(suggested_change, replace(suggested_change, conflict=2)),
+    )
     for result in (failed, example_result()):
         write_checkpoint(tmp_path / "run.h5", checkpoint_of(result))
         (stored,) = read_checkpoint(tmp_path / "run.h5").stages
-        assert stored.result.remedies == result.remedies
+        assert stored.result.suggested_changes == result.suggested_changes
         with h5py.File(tmp_path / "run.h5", "r") as file:
-            assert ("remedies" in file[STAGE]) == bool(result.remedies)
+            assert ("suggested_changes" in file[STAGE]) == bool(result.suggested_changes)
 
 
 def test_more_than_nine_rivals_keep_their_order(tmp_path: Path) -> None:
-    rivals = tuple(replace(example_result(), message=f"rival {number}") for number in range(12))
-    write_checkpoint(tmp_path / "run.h5", checkpoint_of(replace(example_result(), rivals=rivals)))
+    alternatives = tuple(replace(example_result(), message=f"alternative {number}") for number in range(12))
+    write_checkpoint(tmp_path / "run.h5", checkpoint_of(replace(example_result(), alternatives=alternatives)))
     (stored,) = read_checkpoint(tmp_path / "run.h5").stages
-    assert [rival.message for rival in stored.result.rivals] == [rival.message for rival in rivals]
+    assert [alternative.message for alternative in stored.result.alternatives] == [
+        alternative.message for alternative in alternatives
+    ]
 
 
 def test_plain_hdf5_shows_ways_and_rivals(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "run.h5", checkpoint_of(contested()))
     with h5py.File(tmp_path / "run.h5", "r") as file:
         stage = file[STAGE]
-        assert stage["explored/ways"]["text"][0].decode() == EXPLORED.ways[0].text
-        assert stage["explored/ways"]["difference"].tolist() == [0.0, 0.3]
-        assert list(stage["rivals"]) == ["1", "2"]
-        # The time axis of a rival's histories is its own.
-        assert stage["rivals/2/states/V_K"].dims[0][0] == stage["rivals/2/time"]
+        assert stage["search/ways"]["text"][0].decode() == EXPLORED.ways[0].text
+        assert stage["search/ways"]["difference"].tolist() == [0.0, 0.3]
+        assert list(stage["alternatives"]) == ["1", "2"]
+        # The time axis of an alternative's histories is its own.
+        assert stage["alternatives/2/states/V_K"].dims[0][0] == stage["alternatives/2/time"]
 
 
 def renew(file: h5py.File, name: str, data: np.ndarray) -> None:
@@ -121,44 +127,47 @@ def renew(file: h5py.File, name: str, data: np.ndarray) -> None:
 
 
 FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
-    "unknown member": (lambda f: f.create_group(f"{STAGE}/explored/more"), "'more' is unknown"),
-    "no ways": (lambda f: f.pop(f"{STAGE}/explored/ways"), "'ways' is missing"),
-    "no summary": (lambda f: f.pop(f"{STAGE}/explored/summary"), "'summary' is missing"),
+    "unknown member": (lambda f: f.create_group(f"{STAGE}/search/more"), "'more' is unknown"),
+    "no ways": (lambda f: f.pop(f"{STAGE}/search/ways"), "'ways' is missing"),
+    "no summary": (lambda f: f.pop(f"{STAGE}/search/summary"), "'summary' is missing"),
     "two summaries": (
-        lambda f: renew(f, f"{STAGE}/explored/summary", np.repeat(f[f"{STAGE}/explored/summary"][()], 2)),
+        lambda f: renew(f, f"{STAGE}/search/summary", np.repeat(f[f"{STAGE}/search/summary"][()], 2)),
         "summary: 2 rows instead of one",
     ),
-    "loops of numbers": (lambda f: renew(f, f"{STAGE}/explored/loops", np.zeros(2)), "loops"),
+    "loops of numbers": (lambda f: renew(f, f"{STAGE}/search/loops", np.zeros(2)), "loops"),
     "ways of other columns": (
-        lambda f: renew(f, f"{STAGE}/explored/ways", np.zeros(1, [("text", "S2"), ("race_time", "<f8")])),
+        lambda f: renew(f, f"{STAGE}/search/ways", np.zeros(1, [("text", "S2"), ("race_time", "<f8")])),
         "ways",
     ),
-    "nothing explored": (lambda f: f.pop(f"{STAGE}/explored"), "'explored' is missing"),
-    "no rivals' group": (lambda f: f.pop(f"{STAGE}/rivals"), "'rivals' is missing"),
-    "a gap between rivals": (
-        lambda f: f.move(f"{STAGE}/rivals/1", f"{STAGE}/rivals/3"),
+    "nothing explored": (lambda f: f.pop(f"{STAGE}/search"), "'search' is missing"),
+    "no alternatives' group": (lambda f: f.pop(f"{STAGE}/alternatives"), "'alternatives' is missing"),
+    "a gap between alternatives": (
+        lambda f: f.move(f"{STAGE}/alternatives/1", f"{STAGE}/alternatives/3"),
         "'3' is unknown|'1' is missing",
     ),
-    "rivals counted from zero": (
-        lambda f: f.move(f"{STAGE}/rivals/1", f"{STAGE}/rivals/0"),
+    "alternatives counted from zero": (
+        lambda f: f.move(f"{STAGE}/alternatives/1", f"{STAGE}/alternatives/0"),
         "'0' is unknown|'1' is missing",
     ),
-    "a rival with a name": (
-        lambda f: f.move(f"{STAGE}/rivals/2", f"{STAGE}/rivals/best"),
+    "an alternative with a name": (
+        lambda f: f.move(f"{STAGE}/alternatives/2", f"{STAGE}/alternatives/best"),
         "'best' is unknown|'2' is missing",
     ),
-    "a rival with rivals": (lambda f: f.create_group(f"{STAGE}/rivals/1/rivals"), "'rivals' is unknown"),
-    "a rival with hashes": (
-        lambda f: f.copy(f"{STAGE}/inputs_hash", f"{STAGE}/rivals/1/inputs_hash"),
+    "an alternative with alternatives": (
+        lambda f: f.create_group(f"{STAGE}/alternatives/1/alternatives"),
+        "'alternatives' is unknown",
+    ),
+    "an alternative with hashes": (
+        lambda f: f.copy(f"{STAGE}/inputs_hash", f"{STAGE}/alternatives/1/inputs_hash"),
         "'inputs_hash' is unknown",
     ),
-    "a rival without a flight": (lambda f: f.pop(f"{STAGE}/rivals/1/states"), "'states' is missing"),
-    "a rival that is a series": (
-        lambda f: (f.pop(f"{STAGE}/rivals/1"), f.create_dataset(f"{STAGE}/rivals/1", data=np.zeros(3))),
+    "an alternative without a flight": (lambda f: f.pop(f"{STAGE}/alternatives/1/states"), "'states' is missing"),
+    "an alternative that is a series": (
+        lambda f: (f.pop(f"{STAGE}/alternatives/1"), f.create_dataset(f"{STAGE}/alternatives/1", data=np.zeros(3))),
         "1 is not a group",
     ),
-    "a rival with an unknown outcome": (
-        lambda f: renew(f, f"{STAGE}/rivals/1/outcome", np.array(b"fine", h5py.string_dtype("utf-8", 4))),
+    "an alternative with an unknown outcome": (
+        lambda f: renew(f, f"{STAGE}/alternatives/1/outcome", np.array(b"fine", h5py.string_dtype("utf-8", 4))),
         "unknown outcome 'fine'",
     ),
 }
@@ -181,13 +190,13 @@ def test_forged_ways_and_rivals_are_refused(tmp_path: Path, name: str) -> None:
 def test_stage_stands_on_its_ways_and_rivals() -> None:
     """What is computed from them is stale where they are others."""
     link = checkpoint_of(contested()).stages[0].chain_hash
-    first, second = contested().rivals
+    first, second = contested().alternatives
     slower = replace(EXPLORED, ways=(EXPLORED.ways[0], replace(EXPLORED.ways[1], race_time=55.0)))
     others = (
-        replace(contested(), explored=slower),
-        replace(contested(), rivals=(second, first)),
-        replace(contested(), rivals=(first,)),
-        replace(contested(), rivals=(first, replace(second, message="another"))),
+        replace(contested(), search=slower),
+        replace(contested(), alternatives=(second, first)),
+        replace(contested(), alternatives=(first,)),
+        replace(contested(), alternatives=(first, replace(second, message="another"))),
     )
     assert checkpoint_of(contested()).stages[0].chain_hash == link
     for other in others:

@@ -19,7 +19,7 @@ from waiting import PATIENCE
 
 from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.cli.main import app
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 
 ROOT = Path(__file__).parents[2]
 TRACK = ROOT / "tracks" / "rovinj_2014.yaml"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from airrace.cli.completion import aircraft, stages, tracks
-from airrace.documents.shipped import AIRCRAFT, TRACKS
+from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.procedure.stage import STAGES
 
 

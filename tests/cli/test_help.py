@@ -12,8 +12,8 @@ import typer.main
 import yaml
 
 from airrace.cli.main import app
-from airrace.documents import Document, load_inputs
-from airrace.documents.batch import read_batch
+from airrace.inputs import Document, load_inputs
+from airrace.inputs.batch import read_batch
 
 ROOT = Path(__file__).parents[2]
 COMMAND_LINE = (ROOT / "docs" / "command_line.md").read_text(encoding="utf-8")
@@ -40,7 +40,7 @@ def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
 
 def test_a_run_does_not_wait_for_scipy() -> None:
     """It takes a quarter of a second to load, and is wanted at the replay only: it loads beside the solve."""
-    program = "import sys, airrace.cli.resume, airrace.runs, airrace.documents; print('scipy' in sys.modules)"
+    program = "import sys, airrace.cli.resume, airrace.runs, airrace.inputs; print('scipy' in sys.modules)"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == ["False"]
 

@@ -14,9 +14,9 @@ from shown_courses import SHIPPED, everything, race
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
 from airrace.cli.plan_view import plan_view
-from airrace.cli.tables import render
+from airrace.cli.tables import rendered
 from airrace.environment.air import StaticWind
-from airrace.views.map_model import map_of
+from airrace.views.map_model import map_model
 
 INK = Layer("white", "#")
 
@@ -99,8 +99,8 @@ def test_in_ascii_every_layer_has_its_own_character_and_the_upper_one_is_seen() 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 @pytest.mark.parametrize("columns", [40, 100, 160])
 def test_every_element_is_named_once_and_within_the_width(path: Path, columns: int) -> None:
-    seen = map_of(race(path))
-    shown = render(plan_view(seen, None, columns=columns)).splitlines()
+    seen = map_model(race(path))
+    shown = rendered(plan_view(seen, None, columns=columns)).splitlines()
     assert len(shown) <= 35
     assert all(len(line) <= columns for line in shown[:-2])
     if columns >= 100:
@@ -119,7 +119,7 @@ def test_north_is_up_and_both_directions_have_one_scale(tmp_path: Path) -> None:
     )
     head = "schema: airrace/track/1\nname: Square\nrules: rbar-2016\ngates:\n"
     path.write_text(head + gates + "\ncourse: {start: a, lap: [b, c, d]}\n", encoding="utf-8")
-    shown = render(plan_view(map_of(race(path)), None)).splitlines()
+    shown = rendered(plan_view(map_model(race(path)), None)).splitlines()
     rows = [row for row, line in enumerate(shown) if "\u2022" in line]
     north, south = min(rows), max(rows)
     columns = sorted({match.start() for row in (north, south) for match in re.finditer("\u2022", shown[row])})
@@ -133,38 +133,38 @@ def test_north_is_up_and_both_directions_have_one_scale(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("origin", "arrow"), [(0, "↓"), (90, "←"), (180, "↑"), (225, "↗"), (270, "→"), (320, "↘")])
 def test_the_wind_blows_from_where_it_is_said_to(origin: float, arrow: str) -> None:
-    seen = map_of(race(SHIPPED[0]))
-    said = render(plan_view(seen, StaticWind(math.radians(origin), 10.0))).splitlines()[-2]
+    seen = map_model(race(SHIPPED[0]))
+    said = rendered(plan_view(seen, StaticWind(math.radians(origin), 10.0))).splitlines()[-2]
     assert f"{arrow} wind from {origin} deg, 19 kt" in said
-    assert "no wind" in render(plan_view(seen, None))
+    assert "no wind" in rendered(plan_view(seen, None))
 
 
 @settings(max_examples=30)
 @given(height=st.floats(200.0, 5000.0), width=st.floats(200.0, 5000.0))
 def test_a_course_of_any_shape_fits(height: float, width: float) -> None:
-    seen = map_of(race(SHIPPED[0]))
+    seen = map_model(race(SHIPPED[0]))
     stretched = dataclasses.replace(seen, north=seen.south + height, east=seen.west + width)
-    shown = render(plan_view(stretched, None)).splitlines()
+    shown = rendered(plan_view(stretched, None)).splitlines()
     assert len(shown) <= 35
     assert max(map(len, shown)) <= 100
 
 
 def test_people_lines_and_borders_are_drawn_and_named(tmp_path: Path) -> None:
-    seen = map_of(race(everything(tmp_path)))
-    shown = render(plan_view(seen, None, plain=True))
+    seen = map_model(race(everything(tmp_path)))
+    shown = rendered(plan_view(seen, None, plain=True))
     assert shown.isascii()
     for name in ("stands", "tower", "village", "beach", "x", "=", ":", ",", "#"):
         assert name in shown
 
 
 def test_a_quad_is_one_mark_with_both_passings(tmp_path: Path) -> None:
-    marks = [mark for mark in map_of(race(everything(tmp_path))).marks if mark.element.name.startswith("q/")]
+    marks = [mark for mark in map_model(race(everything(tmp_path))).marks if mark.element.name.startswith("q/")]
     assert [mark.label for mark in marks] == ["q", ""]
     assert [number for mark in marks for number, _ in mark.passings] == [3, 4]
 
 
 def test_the_planned_ways_lead_through_all_places_of_the_race(tmp_path: Path) -> None:
-    seen = map_of(race(SHIPPED[0]))
+    seen = map_model(race(SHIPPED[0]))
     points = np.concatenate([way.line for way in seen.ways])
     for mark in seen.marks:
         assert np.hypot(points[:, 0] - mark.north, points[:, 1] - mark.east).min() < 15.0

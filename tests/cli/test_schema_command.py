@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.cli.schema import Language
-from airrace.documents.json_schema import LANGUAGES, json_schema
+from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from canned_procedure import on_one_mesh, stage_result
+from canned_procedure import solve_single_mesh, stage_result
 from rich.table import Table
 
 from airrace.cli.course_tables import course_tables
 from airrace.cli.mesh_table import mesh_table
 from airrace.cli.price_tables import prices_text
-from airrace.cli.tables import certificate_table, render, result_tables, stages_table
-from airrace.documents import load_inputs
-from airrace.documents.shipped import TRACKS
+from airrace.cli.tables import certificate_table, rendered, result_tables, stages_table
+from airrace.inputs import load_inputs
+from airrace.inputs.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, Why
+from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stage, StageProvenance
 from airrace.procedure.stage import STAGES
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price
+from airrace.sensitivity.sensitivity import Activity, Group, Price
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -29,7 +29,7 @@ def test_no_terminal_is_too_narrow_for_a_number(columns: str, monkeypatch: pytes
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     result = stage_result(Stage.POINT_MASS)
     for table in (stages_table([result]), *result_tables(result)):
-        assert "\u2026" not in render(table)
+        assert "\u2026" not in rendered(table)
 
 
 def test_the_tables_of_a_stage_fit_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -37,26 +37,26 @@ def test_the_tables_of_a_stage_fit_eighty_columns(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     result = stage_result(Stage.POINT_MASS)
     for table in result_tables(result):
-        lines = STYLE.sub("", render(table)).splitlines()
+        lines = STYLE.sub("", rendered(table)).splitlines()
         assert max(map(len, lines)) <= 80
 
 
 def test_a_stage_without_a_flight_shows_no_splits() -> None:
     for outcome in (Outcome.INFEASIBLE, Outcome.NOT_CONVERGED, Outcome.TIMEOUT):
-        shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS, outcome)))
+        shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS, outcome)))
         assert "1:g1" not in shown
 
 
 def test_angles_are_shown_in_degrees_and_a_failed_item_in_capitals() -> None:
     items = (Item("rate", 0.01, 0.02, "rad/s"), Item("bank", 0.02, 0.01, "rad", "phase 3"))
-    rate, bank = render(certificate_table(Certificate("solved", items))).splitlines()[-2:]
+    rate, bank = rendered(certificate_table(Certificate("solved", items))).splitlines()[-2:]
     assert rate.split() == ["rate", "0.573", "1.15", "deg/s", "yes"]
     assert bank.split() == ["bank", "1.15", "0.573", "deg", "NO", "phase", "3"]
 
 
 def test_what_is_nowhere_violated_has_no_worst_place() -> None:
     items = (Item("rate", 0.0, 0.02, "", "phase 3"),)
-    assert "phase 3" not in render(certificate_table(Certificate("solved", items)))
+    assert "phase 3" not in rendered(certificate_table(Certificate("solved", items)))
 
 
 def eighty(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,7 +67,7 @@ def eighty(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def assert_fits(table: Table, words: set[str]) -> None:
     """The table fits eighty columns, and breaks none of its words."""
-    lines = STYLE.sub("", render(table)).splitlines()
+    lines = STYLE.sub("", rendered(table)).splitlines()
     assert max(map(len, lines)) <= 80
     shown = set(" ".join(lines).split())
     assert words - shown == set()
@@ -81,33 +81,36 @@ def words_of(table: Table) -> set[str]:
 
 def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     eighty(monkeypatch)
-    flown = replace(stage_result(Stage.POINT_MASS), facts=Facts(0.012, "point-mass", 123.45))
+    flown = replace(stage_result(Stage.POINT_MASS), facts=StageProvenance(0.012, "point-mass", 123.45))
     ladder = [replace(flown, stage=stage) for stage in STAGES]
     failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), facts=flown.facts)
-    solved = [*map(on_one_mesh, ladder[:-1]), ladder[-1]]
+    solved = [*map(solve_single_mesh, ladder[:-1]), ladder[-1]]
     for results in (ladder, solved, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
         table = stages_table(results)
         assert_fits(table, words_of(table))
 
 
 def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
-    below, last = on_one_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
-    shown = render(stages_table([below, last]))
+    below, last = solve_single_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
+    shown = rendered(stages_table([below, last]))
     rows = [line.split() for line in shown.splitlines()]
     assert [row[:2] for row in rows if row[:1] in (["point-mass"], ["transfer-function"])] == [
         ["point-mass", "solved"],
         ["transfer-function", "certified"],
     ]
     assert "solved: checked on one mesh; the race time is not proved on a second one" in shown
-    assert "one mesh" not in render(stages_table([stage_result(Stage.POINT_MASS), last]))
+    assert "one mesh" not in rendered(stages_table([stage_result(Stage.POINT_MASS), last]))
     assert below.certificate is not None
-    assert "certified" not in render(certificate_table(below.certificate))
+    assert "certified" not in rendered(certificate_table(below.certificate))
 
 
 def test_the_mesh_of_a_stage_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     eighty(monkeypatch)
     result = stage_result(Stage.POINT_MASS)
-    why = np.array([Why.HAMILTONIAN, Why.RACE_TIME, Why.CALM, Why.LIMITS], np.int8)
+    why = np.array(
+        [RefinementReason.HAMILTONIAN, RefinementReason.RACE_TIME, RefinementReason.CALM, RefinementReason.LIMITS],
+        np.int8,
+    )
     record = MeshRecord(why, np.ones(5, np.bool_), np.full(4, 1.234e-7), np.full(4, 5.678e-3))
     table = mesh_table(replace(result, mesh=record))
     assert_fits(table, words_of(table))
@@ -122,7 +125,7 @@ def test_every_shipped_course_is_shown_in_eighty_columns(name: str, monkeypatch:
 
 def test_long_keys_take_two_lines_where_the_terminal_is_narrow() -> None:
     key = "aircraft.point_mass.roll_acceleration_max_rad_s2"
-    price = Price(key, ParameterGroup.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
+    price = Price(key, Group.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
     narrow = prices_text(stage_result(Stage.POINT_MASS), [price], 80)
     assert max(map(len, narrow.splitlines())) <= 80
     assert "aircraft.point_mass.\n  roll_acceleration_max_rad_s2" in re.sub(

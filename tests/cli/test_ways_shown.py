@@ -17,11 +17,11 @@ import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import clearance_tables
 from airrace.cli.main import app
-from airrace.cli.tables import render, result_tables
+from airrace.cli.tables import rendered, result_tables
 from airrace.cli.ways_table import SHOWN, ways_table
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
-from airrace.procedure.result import Explored, Stage, StageResult, Way
+from airrace.procedure.result import SearchReport, Stage, StageResult, Way
 from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import leg_object
@@ -33,7 +33,7 @@ STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LOOP = "g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
 
-def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
+def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> SearchReport:
     tried = tuple(
         Way(
             f"1:g{number} -> 1:g{number + 1}: over the top to the right, {100 + number} m high",
@@ -43,12 +43,12 @@ def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> Explored:
         )
         for number in range(ways)
     )
-    return Explored(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
+    return SearchReport(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
 
 
-def contested(found: Explored, own: StageResult | None = None) -> StageResult:
+def contested(found: SearchReport, own: StageResult | None = None) -> StageResult:
     own = own or stage_result(Stage.POINT_MASS, passings=PASSINGS)
-    return replace(own, explored=found, rivals=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
+    return replace(own, search=found, alternatives=(stage_result(Stage.POINT_MASS), stage_result(Stage.POINT_MASS)))
 
 
 class Ran:
@@ -85,21 +85,28 @@ def settings_of(folder: Path) -> dict[str, Any]:
 # what is asked for
 
 
-@pytest.mark.parametrize("explore", ["off", "quick", "thorough"])
-def test_explore_and_climb_reach_the_settings_and_are_kept_as_overrides(folder: Path, explore: str) -> None:
-    assert Ran("optimize", TRACK, "--explore", explore, "--climb", "3", "--quiet").code == 0
-    assert (settings_of(folder)["explore"], settings_of(folder)["climb"]) == (explore, 3)
+@pytest.mark.parametrize("search", ["off", "quick", "thorough"])
+def test_explore_and_climb_reach_the_settings_and_are_kept_as_overrides(folder: Path, search: str) -> None:
+    assert Ran("optimize", TRACK, "--search", search, "--alternatives", "3", "--quiet").code == 0
+    assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == (search, 3)
     stored = read_checkpoint(folder / "rovinj_2014.h5").inputs.overrides
-    assert stored == (f"settings.explore={explore}", "settings.climb=3")
+    assert stored == (f"settings.search={search}", "settings.alternatives=3")
 
 
 def test_silent_command_explores_quickly_and_climbs_with_one_way(folder: Path) -> None:
     assert Ran("optimize", TRACK, "--quiet").code == 0
-    assert (settings_of(folder)["explore"], settings_of(folder)["climb"]) == ("quick", 1)
+    assert (settings_of(folder)["search"], settings_of(folder)["alternatives"]) == ("quick", 1)
 
 
 @pytest.mark.parametrize(
-    "wrong", [("--explore", "fast"), ("--explore", ""), ("--climb", "0"), ("--climb", "21"), ("--climb", "two")]
+    "wrong",
+    [
+        ("--search", "fast"),
+        ("--search", ""),
+        ("--alternatives", "0"),
+        ("--alternatives", "21"),
+        ("--alternatives", "two"),
+    ],
 )
 def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, str]) -> None:
     ran = Ran("optimize", TRACK, *wrong)
@@ -111,14 +118,14 @@ def test_options_that_mean_nothing_are_refused(folder: Path, wrong: tuple[str, s
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("explore: fast", "explore"),
-        ("explore: Off", "explore"),
-        ("explore: 1", "explore"),
-        ("climb: 0", "climb"),
-        ("climb: 21", "climb"),
-        ("climb: 1.5", "climb"),
-        ("climb: many", "climb"),
-        ("explores: off", "explore"),
+        ("search: fast", "search"),
+        ("search: Off", "search"),
+        ("search: 1", "search"),
+        ("alternatives: 0", "alternatives"),
+        ("alternatives: 21", "alternatives"),
+        ("alternatives: 1.5", "alternatives"),
+        ("alternatives: many", "alternatives"),
+        ("searches: off", "search"),
     ],
 )
 def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: str) -> None:
@@ -130,7 +137,7 @@ def test_wrong_settings_are_found_in_their_line(folder: Path, line: str, words: 
     assert words in str(finding)
 
 
-@pytest.mark.parametrize("chosen", ["settings.explore=fast", "settings.climb=0"])
+@pytest.mark.parametrize("chosen", ["settings.search=fast", "settings.alternatives=0"])
 def test_wrong_overrides_are_refused(folder: Path, chosen: str) -> None:
     ran = Ran("optimize", TRACK, "--set", chosen, "--json")
     assert ran.code == 3
@@ -209,20 +216,20 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
             {"way": way.text, "race_time_s": way.race_time, "difference_s": way.difference, "priced": way.priced}
             for way in explored().ways
         ]
-        assert stage["explored"] == {
+        assert stage["search"] == {
             "seconds": 4.5,
             "led_to_best": 3,
             "led_elsewhere": 1,
             "lost": 1,
             "loops": [LOOP],
         }
-        assert stage["rivals"] == [{"race_time_s": 10.0, "state": "certified", "certified": True}] * 2
+        assert stage["alternatives"] == [{"race_time_s": 10.0, "state": "certified", "certified": True}] * 2
 
 
 def test_stage_that_has_not_explored_tells_no_ways() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
-    assert (told["ways"], told["explored"], told["rivals"]) == ([], None, [])
-    shown = "".join(render(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
+    assert (told["ways"], told["search"], told["alternatives"]) == ([], None, [])
+    shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
     assert "ways round" not in shown
 
 
@@ -236,7 +243,7 @@ def test_object_of_a_way_without_a_number_is_json() -> None:
 def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", render(ways_table(explored(count)))).splitlines()
+    lines = STYLE.sub("", rendered(ways_table(explored(count)))).splitlines()
     told = [line for line in lines if "over the top" in line]
     assert len(told) == min(count, SHOWN)
     assert " best " in told[0]
@@ -250,7 +257,7 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     whole = "; ".join(way.text for way in explored(6).ways)
     long = replace(explored(1), ways=(Way(whole, 10.0, 0.0, "jointly"),))
-    shown = STYLE.sub("", render(ways_table(long)))
+    shown = STYLE.sub("", rendered(ways_table(long)))
     assert "\u2026" not in shown
     for word in whole.split():
         assert word in shown
@@ -259,4 +266,4 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
 def test_markup_in_names_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     odd = replace(explored(1), ways=(Way("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "jointly"),))
-    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in render(ways_table(odd))
+    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(ways_table(odd))

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 
 from airrace.control.reference import Reference, from_histories
-from airrace.documents import load_inputs
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.point_mass import build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
@@ -19,6 +18,7 @@ from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air
 from airrace.frames import quaternion
+from airrace.inputs import load_inputs
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.quantities import Interval
 from airrace.track.course import Rules

@@ -41,7 +41,7 @@ def row(stage: str, name: str) -> int:
 def test_manoeuvre_of_the_point_mass_is_followed(stage: str, name: str) -> None:
     flight = followed(stage, name)
     assert flight.finished
-    assert flight.strayed < 3.0
+    assert flight.tracking_error < 3.0
     assert flight.end_distance < 1.0
     assert abs(flight.end_roll) < 8.0 * DEGREE
 
@@ -51,7 +51,7 @@ def test_manoeuvre_of_the_point_mass_is_followed(stage: str, name: str) -> None:
 def test_manoeuvre_is_followed_in_the_wind_that_the_reference_was_flown_in(stage: str, name: str) -> None:
     flight = followed(stage, name, WINDY)
     assert flight.finished
-    assert flight.strayed < 3.0
+    assert flight.tracking_error < 3.0
     assert flight.end_distance < 1.0
     assert abs(flight.end_roll) < 8.0 * DEGREE
 
@@ -93,7 +93,7 @@ def test_mirrored_reference_is_followed_in_the_mirrored_way(stage: str) -> None:
     one, other = (follow(flying, each, nodes=nodes) for each in (reference, mirrored(reference)))
     signs = np.array([[1.0], [-1.0], [1.0]])
     assert signs * other.state[:3] == pytest.approx(one.state[:3], abs=1e-4)
-    assert other.strayed == pytest.approx(one.strayed, abs=1e-4)
+    assert other.tracking_error == pytest.approx(one.tracking_error, abs=1e-4)
 
 
 @pytest.mark.parametrize("stage", LADDER)

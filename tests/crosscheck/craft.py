@@ -3,10 +3,10 @@
 import dataclasses
 from pathlib import Path
 
-from airrace.documents import load_inputs
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
+from airrace.inputs import load_inputs
 
 ROOT = Path(__file__).parents[2]
 STANDARD = atmosphere_parameters(Air())

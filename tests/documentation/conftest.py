@@ -30,7 +30,7 @@ def flown_file() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "rovinj.h5"
         track = ROOT / "tracks" / "rovinj_2014.yaml"
-        options = ["--until", "point-mass", "--guess", "plan", "--explore", "off", "--output", str(run), "--quiet"]
+        options = ["--until", "point-mass", "--guess", "plan", "--search", "off", "--output", str(run), "--quiet"]
         command = [sys.executable, "-c", "from airrace.__main__ import main; main()", "optimize", str(track), *options]
         subprocess.run(command, check=True)
         return run.read_bytes()

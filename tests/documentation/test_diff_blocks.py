@@ -39,7 +39,7 @@ LIMIT = """
 import sys
 from pathlib import Path
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.dynamics.limits import flight_limits
 
 race = load_inputs(Path(sys.argv[1]), overrides=[sys.argv[2]]).race

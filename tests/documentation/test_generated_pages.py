@@ -12,7 +12,7 @@ import yaml
 from pages import DOCS, ROOT
 
 from airrace.cli.main import app
-from airrace.documents.json_schema import LANGUAGES, json_schema
+from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 Modules = dict[str, ModuleType]
 Node = Any  # Any: JSON of any shape

@@ -11,10 +11,10 @@ from pages import DOCS, README, ROOT
 
 from airrace.checkpoint import envelope
 from airrace.checkpoint.encode import SCHEMA
-from airrace.checkpoint.recorded_tree import RECORDED_SCHEMA
-from airrace.documents import load_inputs
-from airrace.documents.json_schema import LANGUAGES, json_schema
-from airrace.documents.rules_schema import PresetEntry
+from airrace.checkpoint.log_tree import RECORDED_SCHEMA
+from airrace.inputs import load_inputs
+from airrace.inputs.json_schema import LANGUAGES, json_schema
+from airrace.inputs.rules_schema import PresetEntry
 
 TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
 CHECKPOINT = (DOCS / "reference" / "checkpoint.md").read_text(encoding="utf-8")

@@ -43,7 +43,7 @@ def test_every_call_in_the_pages_is_understood(page: str, words: list[str]) -> N
 
 
 @pytest.mark.parametrize(
-    "words", ["optimize --nonsense x.yaml", "optimize", "show x.h5 y.h5", "optimize --climb 0 x.yaml"]
+    "words", ["optimize --nonsense x.yaml", "optimize", "show x.h5 y.h5", "optimize --alternatives 0 x.yaml"]
 )
 def test_a_call_that_is_wrong_would_be_found(words: str) -> None:
     with pytest.raises(CALL_ERROR):

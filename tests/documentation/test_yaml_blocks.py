@@ -12,10 +12,10 @@ import pytest
 import yaml
 from pages import ROOT, Block, blocks
 
-from airrace.documents import Document, load_inputs
-from airrace.documents.batch import read_batch
-from airrace.documents.json_schema import LANGUAGES, json_schema
-from airrace.documents.log_layout import read_layout
+from airrace.inputs import Document, load_inputs
+from airrace.inputs.batch import read_batch
+from airrace.inputs.json_schema import LANGUAGES, json_schema
+from airrace.inputs.log_layout import read_layout
 
 BLOCKS = blocks("yaml")
 WORKFLOW = "# .github/workflows/"
@@ -72,9 +72,7 @@ def test_every_part_of_a_file_in_the_pages_is_valid(block: Block) -> None:
 @pytest.mark.parametrize("block", EXTENDED, ids=str)
 def test_every_part_that_needs_an_extension_is_valid_with_it_alone(block: Block) -> None:
     extension = ROOT / block.comment.removeprefix(WITH)
-    program = (
-        "import json; from airrace.documents.json_schema import json_schema; print(json.dumps(json_schema('track')))"
-    )
+    program = "import json; from airrace.inputs.json_schema import json_schema; print(json.dumps(json_schema('track')))"
     environment = {**os.environ, "AIRRACE_EXTENSIONS": str(extension)}
     told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
     part = yaml.safe_load(block.text)

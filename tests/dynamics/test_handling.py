@@ -10,7 +10,6 @@ import pytest
 from bodies import fly_state_space, level_trim, surroundings, with_pitch
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.documents import load_inputs
 from airrace.dynamics.handling import (
     corner_speed,
     faults,
@@ -25,6 +24,7 @@ from airrace.dynamics.linear_flight import surrounding
 from airrace.dynamics.state_space import StateSpaceState
 from airrace.dynamics.state_space_inverse import Commands, deflections
 from airrace.environment.air import Air
+from airrace.inputs import load_inputs
 from airrace.quantities import Interval
 
 ROOT = Path(__file__).parents[2]

@@ -19,7 +19,7 @@ SIXTEEN = ROOT / "tracks" / "sixteen_phases.yaml"
 AIRCRAFT = ROOT / "configs" / "edge540.yaml"
 POINT_MASS = ("--until", "point-mass")
 """Options of a run that stops before the inner loops."""
-ALONG_THE_PLAN = (*POINT_MASS, "--guess", "plan", "--explore", "off")
+ALONG_THE_PLAN = (*POINT_MASS, "--guess", "plan", "--search", "off")
 """Options of the shortest run there is."""
 COMMAND = str(Path(sys.executable).parent / "airrace")
 

@@ -10,24 +10,24 @@ from kept import kept
 COURSE = "course.yaml"
 LOG = "log.csv"
 RUN = "run.h5"
-BATCH = ("batch", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
+BATCH = ("batch", COURSE, *POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off")
 OPTIMIZE = ("optimize", COURSE, *ALONG_THE_PLAN)
 
 COMMANDS: tuple[tuple[str, ...], ...] = (
-    (*OPTIMIZE, "--explore", "quick", "--threads", "2"),
+    (*OPTIMIZE, "--search", "quick", "--threads", "2"),
     ("resume", RUN, "--from", "point-mass", *POINT_MASS),
     BATCH,
     *(("export", form, RUN) for form in ("csv", "parquet", "netcdf", "mat")),
     *(("export", form, RUN, "--origin", "45,16,150") for form in ("kml", "acmi", "fdr", "czml", "gpx", "geojson")),
     ("import", LOG, "--course", "rovinj_2014", "--time-zone", "Europe/Zagreb"),
     ("report", RUN),
-    ("report", RUN, "--prices", "--output", "prices.html"),
+    ("report", RUN, "--sensitivities", "--output", "prices.html"),
     ("show", RUN),
     ("compare", RUN, RUN),
     ("compare", RUN, RUN, "--plot", "compared.svg"),
     ("plot", RUN),
     ("verify", RUN),
-    ("prices", RUN),
+    ("sensitivity", RUN),
     ("check", COURSE),
     ("tracks",),
     ("init", "mine"),

@@ -12,15 +12,15 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
-from airrace.documents.features import Feature, Step
-from airrace.documents.kinds.all_kinds import register
-from airrace.documents.kinds.defaults import GateDefaultsEntry
-from airrace.documents.kinds.entry import KindEntry
-from airrace.documents.place_schema import Azimuth, Height, PlacedEntry
-from airrace.documents.places import Places
 from airrace.environment.elementary import sqrt
+from airrace.inputs.features import Feature, Step
+from airrace.inputs.kinds.all_kinds import register
+from airrace.inputs.kinds.defaults import GateDefaultsEntry
+from airrace.inputs.kinds.entry import KindEntry
+from airrace.inputs.place_schema import Azimuth, Height, PlacedEntry
+from airrace.inputs.places import Places
 from airrace.quantities import Interval, Quantity
-from airrace.track.element import Crossing, Direction, Drawing, Frame, Sight, Standing, Symbols
+from airrace.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
 from airrace.track.passing import NOT_POSITIVE, ZERO, offsets
 
 CROSSING = math.radians(45.0)
@@ -34,7 +34,7 @@ def _farthest(crossing: Symbols, place: Symbols) -> Sequence[Any]:
     return [sqrt(right * right + up * up + ROUNDED**2) + place["half_span"]]
 
 
-SIGHT = Sight(
+SIGHT = GateOutput(
     name="ring",
     quantities=(Quantity("farthest", "m", scale=100.0, text="how far a wing tip may be from the ring's axis"),),
     parameters=(Quantity("centre_height", "m", scale=100.0, text="height of the ring's centre"),),
@@ -84,7 +84,7 @@ class Ring(Standing):
         return Frame(self.north, self.east, axis=axis, crossing_tan=math.tan(CROSSING), half_span=span / 2)
 
     @property
-    def sight(self) -> Sight:
+    def sight(self) -> GateOutput:
         return SIGHT
 
     @property

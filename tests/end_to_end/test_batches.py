@@ -11,10 +11,10 @@ import pytest
 from airrace_command import HALF_CUBAN, POINT_MASS, SIXTEEN, airrace, children, start
 from waiting import PATIENCE, wait_until_gone
 
-FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
+FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off")
 WIND = ("--sweep", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
 # Takes a few seconds: time enough to be killed in the middle.
-ALONE = ("course.laps=1", "settings.explore=off")
+ALONE = ("course.laps=1", "settings.search=off")
 ONE_LAP = tuple(word for setting in ALONE for word in ("--set", setting))
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 
@@ -99,7 +99,7 @@ def test_a_damaged_checkpoint_is_noticed_and_flown_again(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_a_further_stage_is_flown_on_top_of_those_that_are_finished(tmp_path: Path) -> None:
-    plan = ("--set", "settings.guess=plan", "--set", "settings.explore=off")
+    plan = ("--set", "settings.guess=plan", "--set", "settings.search=off")
     assert airrace("batch", HALF_CUBAN, "--until", "point-mass", *plan, cwd=tmp_path).code == 0
     ran = airrace("batch", HALF_CUBAN, "--until", "transfer-function", *plan, "--json", cwd=tmp_path)
     assert ran.code == 0

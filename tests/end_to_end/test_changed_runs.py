@@ -10,7 +10,7 @@ FASTER = ("--set", "rules.n_z_max=9.5")
 
 @pytest.mark.slow
 def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Path) -> None:
-    plan = ("--guess", "plan", "--explore", "off", "--quiet", "--json")
+    plan = ("--guess", "plan", "--search", "off", "--quiet", "--json")
     before = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, "--output", "RUN.h5", cwd=tmp_path)
     scratch = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, *FASTER, "--output", "SCRATCH.h5", cwd=tmp_path)
     stored = (tmp_path / "RUN.h5").read_bytes()

@@ -9,7 +9,7 @@ import pytest
 from airrace_command import HALF_CUBAN, POINT_MASS, Ran
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="redirects streams with a shell of Unix")
-QUICKLY = f"optimize {HALF_CUBAN} {' '.join(POINT_MASS)} --guess plan --explore off"
+QUICKLY = f"optimize {HALF_CUBAN} {' '.join(POINT_MASS)} --guess plan --search off"
 
 
 def shell(line: str, cwd: Path, **environment: str) -> Ran:

@@ -10,7 +10,7 @@ pytest.importorskip("distributed")
 
 from clusters import Cluster
 
-FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.explore=off")
+FAST = (*POINT_MASS, "--set", "settings.guess=plan", "--set", "settings.search=off")
 WIND = ("--sweep", "environment.wind.speed_kt=10", "--set", "environment.wind.from_deg=270")
 
 

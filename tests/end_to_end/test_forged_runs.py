@@ -28,7 +28,7 @@ course: {{start: a, lap: [b], finish: c}}
 def flown(folder: Path, name: str, text: str, *options: str) -> Checkpoint:
     """The checkpoint of a course, flown from the plan."""
     (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
-    ran = airrace("optimize", f"{name}.yaml", "--guess", "plan", "--explore", "off", "--quiet", *options, cwd=folder)
+    ran = airrace("optimize", f"{name}.yaml", "--guess", "plan", "--search", "off", "--quiet", *options, cwd=folder)
     assert ran.code == 0, ran.err
     return read_checkpoint(folder / f"{name}.h5")
 
@@ -36,7 +36,7 @@ def flown(folder: Path, name: str, text: str, *options: str) -> Checkpoint:
 @pytest.fixture(scope="module")
 def genuine(tmp_path_factory: pytest.TempPathFactory) -> Checkpoint:
     """All stages of a small course, each of them proved."""
-    return flown(tmp_path_factory.mktemp("genuine"), "course", COURSE, "--proof", "all")
+    return flown(tmp_path_factory.mktemp("genuine"), "course", COURSE, "--mesh-check", "all")
 
 
 def resealed(checkpoint: Checkpoint, results: list[StageResult], path: Path) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-POINT_MASS = ("--until", "point-mass", "--guess", "plan", "--set", "settings.explore=off")
+POINT_MASS = ("--until", "point-mass", "--guess", "plan", "--set", "settings.search=off")
 ROOT = Path(__file__).parents[2]
 UNKNOWN = """
 import pwd, sys

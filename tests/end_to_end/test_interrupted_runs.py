@@ -11,7 +11,7 @@ from airrace_command import POINT_MASS, SIXTEEN, Ran, airrace, children, start, 
 from waiting import PATIENCE, wait_until_gone
 
 # One lap takes a few seconds: time enough to be stopped in the middle of the joint solve.
-ALONE = ("course.laps=1", "settings.explore=off")
+ALONE = ("course.laps=1", "settings.search=off")
 ONE_LAP = tuple(word for setting in ALONE for word in ("--set", setting))
 EXPLORING = ("--set", "settings.guess=plan", "--set", "course.laps=1", "--threads", "2")
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")

@@ -20,7 +20,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ran, Path]:
         "first-order-roll",
         "--guess",
         "plan",
-        "--explore",
+        "--search",
         "off",
         "--output",
         run,

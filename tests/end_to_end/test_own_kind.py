@@ -35,7 +35,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ran, Path]:
     """A race through rings, and its checkpoint."""
     folder = tmp_path_factory.mktemp("own")
     (folder / "rings.yaml").write_text(TRACK, encoding="utf-8")
-    options = (*POINT_MASS, "--guess", "plan", "--explore", "off", "--output", "rings.h5", "--json", "--quiet")
+    options = (*POINT_MASS, "--guess", "plan", "--search", "off", "--output", "rings.h5", "--json", "--quiet")
     return airrace("optimize", "rings.yaml", *options, cwd=folder, environment=OWN), folder / "rings.h5"
 
 
@@ -84,9 +84,9 @@ def test_own_kind_is_shown_reviewed_and_refused_like_any_other(tmp_path: Path) -
 
 def test_own_kind_has_prices(flown: tuple[Ran, Path]) -> None:
     _, run = flown
-    priced = airrace("prices", run, "--json", cwd=run.parent, environment=OWN)
+    priced = airrace("sensitivity", run, "--json", cwd=run.parent, environment=OWN)
     assert priced.code == 0, priced.err
-    assert "gates.side.diameter_m" in json.dumps(priced.answer["prices"])
+    assert "gates.side.diameter_m" in json.dumps(priced.answer["sensitivities"])
 
 
 def test_own_kind_is_unknown_where_its_file_is_not_named(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`airrace prices` through the real command: as a table, as CSV, as JSON, and refused."""
+"""`airrace sensitivity` through the real command: as a table, as CSV, as JSON, and refused."""
 
 import csv
 import dataclasses
@@ -24,11 +24,11 @@ def run_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_object_and_the_csv_tell_the_same_prices(run_file: Path, tmp_path: Path) -> None:
-    answer = airrace("prices", run_file, "--json", cwd=tmp_path).answer
-    assert list(answer) == ["track", "stage", "race_time_s", "prices"]
-    prices = answer["prices"]
+    answer = airrace("sensitivity", run_file, "--json", cwd=tmp_path).answer
+    assert list(answer) == ["track", "stage", "race_time_s", "sensitivities"]
+    prices = answer["sensitivities"]
     assert isinstance(prices, dict)
-    rows = list(csv.DictReader(io.StringIO(inside("prices", run_file, "--csv", cwd=tmp_path).out)))
+    rows = list(csv.DictReader(io.StringIO(inside("sensitivity", run_file, "--csv", cwd=tmp_path).out)))
     assert [row.pop("key") for row in rows] == list(prices)
     told = [{name: "" if value is None else str(value) for name, value in one.items()} for one in prices.values()]
     assert rows == told
@@ -36,10 +36,10 @@ def test_the_object_and_the_csv_tell_the_same_prices(run_file: Path, tmp_path: P
 
 
 def test_the_table_leaves_out_what_is_free_and_counts_it(run_file: Path, tmp_path: Path) -> None:
-    prices = inside("prices", run_file, "--json", cwd=tmp_path).answer["prices"]
+    prices = inside("sensitivity", run_file, "--json", cwd=tmp_path).answer["sensitivities"]
     assert isinstance(prices, dict)
     free = [key for key, one in prices.items() if one["activity"] == "free"]
-    table = inside("prices", run_file, cwd=tmp_path).out
+    table = inside("sensitivity", run_file, cwd=tmp_path).out
     assert f"free: {len(free)} more numbers of {len(prices)}" in table
     assert max(map(len, table.splitlines())) <= WIDEST
     assert "rules.start_speed_max_kt " in table
@@ -47,26 +47,26 @@ def test_the_table_leaves_out_what_is_free_and_counts_it(run_file: Path, tmp_pat
 
 
 def test_a_group_shows_its_own_numbers_alone(run_file: Path, tmp_path: Path) -> None:
-    prices = inside("prices", run_file, "--by", "rules", "--json", cwd=tmp_path).answer["prices"]
+    prices = inside("sensitivity", run_file, "--by", "rules", "--json", cwd=tmp_path).answer["sensitivities"]
     assert isinstance(prices, dict)
     assert {"rules.n_z_max", "rules.floor_m"} <= prices.keys()
     assert all(key.startswith("rules.") for key in prices)
 
 
 def test_a_stage_that_the_run_does_not_have_is_wrong_usage(run_file: Path, tmp_path: Path) -> None:
-    ran = inside("prices", run_file, "--stage", "six-dof", cwd=tmp_path)
+    ran = inside("sensitivity", run_file, "--stage", "six-dof", cwd=tmp_path)
     assert (ran.code, ran.err) == (2, "airrace: this run has no stage 'six-dof'; it has: point-mass\n")
 
 
 def test_json_and_csv_at_once_are_wrong_usage(run_file: Path, tmp_path: Path) -> None:
-    assert inside("prices", run_file, "--json", "--csv", cwd=tmp_path).code == 2
+    assert inside("sensitivity", run_file, "--json", "--csv", cwd=tmp_path).code == 2
 
 
 def test_an_uncertified_stage_has_no_prices(run_file: Path, tmp_path: Path) -> None:
     checkpoint = read_checkpoint(run_file)
     result = dataclasses.replace(checkpoint.stages[-1].result, outcome=Outcome.NOT_CERTIFIED)
     write_checkpoint(tmp_path / "run.h5", checkpoint.with_stage(result))
-    ran = inside("prices", "run.h5", "--json", cwd=tmp_path)
+    ran = inside("sensitivity", "run.h5", "--json", cwd=tmp_path)
     assert ran.code == 5
     assert ran.err == "airrace: point-mass is not certified: only a certified or solved stage has prices\n"
     assert ran.answer["error"] == "point-mass is not certified: only a certified or solved stage has prices"
@@ -77,7 +77,7 @@ def test_a_damaged_file_has_no_prices(run_file: Path, tmp_path: Path) -> None:
     content = bytearray(damaged.read_bytes())
     content[len(content) // 2] ^= 1
     damaged.write_bytes(content)
-    ran = inside("prices", damaged, cwd=tmp_path)
+    ran = inside("sensitivity", damaged, cwd=tmp_path)
     assert ran.code == 7
     assert ran.err.count("\n") == 1
-    assert inside("prices", tmp_path / "none.h5", cwd=tmp_path).code == 7
+    assert inside("sensitivity", tmp_path / "none.h5", cwd=tmp_path).code == 7

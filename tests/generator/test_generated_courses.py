@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from generated_courses import generated_course
 
-from airrace.documents import Document, inputs_from_documents, load_inputs
+from airrace.inputs import Document, inputs_from_documents, load_inputs
 from airrace.planning.race import Race
 from airrace.track.course import Direction, Passage
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon

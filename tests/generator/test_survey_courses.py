@@ -18,7 +18,7 @@ def survey(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
 def test_every_run_has_a_line_and_a_bad_file_does_not_end_the_survey(tmp_path: Path) -> None:
     bad, log = tmp_path / "bad.yaml", tmp_path / "survey.log"
     bad.write_text("schema: airrace/track/1\nname: nothing\n", encoding="utf-8")
-    ran = survey(bad, HALF_CUBAN, "--guess", "plan", "--set", "settings.explore=off", "--log", log)
+    ran = survey(bad, HALF_CUBAN, "--guess", "plan", "--set", "settings.search=off", "--log", log)
     assert ran.returncode == 0, ran.stderr
     headings, refused, flown, *summary = ran.stdout.splitlines()
     assert headings.split()[:2] == ["course", "aircraft"]
@@ -31,7 +31,7 @@ def test_every_run_has_a_line_and_a_bad_file_does_not_end_the_survey(tmp_path: P
 
 @pytest.mark.slow
 def test_both_guesses_are_counted_for_themselves_and_together() -> None:
-    ran = survey(HALF_CUBAN, "--set", "settings.explore=off")
+    ran = survey(HALF_CUBAN, "--set", "settings.search=off")
     assert [line.split(",")[0] for line in ran.stdout.splitlines()[3:]] == [
         "plan: certified 1 of 1",
         "homotopy: certified 1 of 1",

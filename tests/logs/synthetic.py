@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.track.geodetic import geodetic
 from airrace.trajectory import Array
@@ -27,7 +27,7 @@ GAP = (20.0, 20.3)
 
 
 @dataclass(frozen=True)
-class Known:
+class PrimalDualPoint:
     """The flight as it was: histories by name over its time, SI and radians, and when it made its passings."""
 
     histories: Mapping[str, Array]
@@ -63,14 +63,16 @@ def race() -> Race:
 
 
 @functools.cache
-def known() -> Known:
+def known() -> PrimalDualPoint:
     table = _rows(HERE / "rovinj_2014.csv")
     columns = {name: np.array([float(row[name]) for row in table]) for name in table[0]}
     names = {"time_s": "time", "x_m": "x", "y_m": "y", "height_m": "height", "V_K_m_s": "V_K", "n_z": "n_z"}
     angles = {"mu_deg": "mu", "gamma_deg": "gamma", "chi_deg": "chi", "p_Kbar_deg_s": "p_Kbar"}
     histories = {names[name]: columns[name] for name in names}
     histories |= {angles[name]: np.radians(columns[name]) for name in angles}
-    return Known(histories, {row["passing"]: float(row["time_s"]) for row in _rows(HERE / "rovinj_2014.splits.csv")})
+    return PrimalDualPoint(
+        histories, {row["passing"]: float(row["time_s"]) for row in _rows(HERE / "rovinj_2014.splits.csv")}
+    )
 
 
 def fixes(hz: float, *, noise: float = 1.5, seed: int = 1, gap: tuple[float, float] = GAP) -> Fixes:

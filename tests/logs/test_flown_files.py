@@ -13,13 +13,13 @@ from typer.testing import CliRunner
 
 import airrace
 from airrace.checkpoint import Recorded, read_checkpoint, read_stored, write_recorded
-from airrace.checkpoint.recorded import StoredHistory
-from airrace.checkpoint.recorded_tree import decode_recorded, encode_recorded
+from airrace.checkpoint.log_checkpoint import StoredHistory
+from airrace.checkpoint.log_tree import decode_recorded, encode_recorded
 from airrace.checkpoint.tree import Group, Node
 from airrace.cli.main import app
 from airrace.errors import CheckpointError
 from airrace.runs.flight_sources import opened_flight, opened_flights
-from airrace.runs.flown_log import FlownLog, opened_log
+from airrace.runs.log_view import LogView, opened_log
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +138,10 @@ def test_the_report_shows_a_flown_log(folder: Path, tmp_path: Path) -> None:
     assert "Penalties of what is certain: 0 s." in text
     assert f"<footer>airrace {version('airrace')}</footer>" in text
     assert "<script>alert(1)" not in text
-    assert run("report", folder / "log.h5", "--prices", "--output", tmp_path / "other.html")[0] == 5
+    assert run("report", folder / "log.h5", "--sensitivities", "--output", tmp_path / "other.html")[0] == 5
 
 
-@pytest.mark.parametrize("command", [("verify",), ("resume",), ("prices",)])
+@pytest.mark.parametrize("command", [("verify",), ("resume",), ("sensitivity",)])
 def test_commands_of_runs_say_that_it_is_a_flown_log(folder: Path, command: tuple[str, ...]) -> None:
     code, _, err = run(*command, folder / "log.h5")
     assert code == 7
@@ -206,7 +206,7 @@ def test_passings_of_another_course_are_refused(recorded: Recorded) -> None:
     flown = opened_log(recorded)
     renamed = tuple(replace(one, passing=f"x{one.passing}") for one in recorded.passings)
     with pytest.raises(CheckpointError, match="its passings are not those of its course"):
-        FlownLog(flown.inputs, replace(recorded, passings=renamed)).flight()
+        LogView(flown.inputs, replace(recorded, passings=renamed)).flight()
 
 
 def test_other_schemas_and_members_are_refused(recorded: Recorded) -> None:

@@ -10,21 +10,21 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
+from airrace.optimal_control.assembly_sums import Sums
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import Kernel, Kernels
 from airrace.optimal_control.layout import Indices, Layout
 from airrace.optimal_control.mapping import Part, mapped
-from airrace.optimal_control.solvers import (
+from airrace.optimal_control.solvers.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.solver import (
     SOLVERS,
     Answer,
     Multipliers,
-    ReadySolver,
     Solver,
+    SolverInstance,
     SolverOptions,
     fatrop_options,
 )
-from airrace.optimal_control.sums import Sums
 from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
@@ -196,7 +196,7 @@ class FatropByCasadi(Solver):
     name = "fatrop-casadi"
     begins_with_multipliers = False
 
-    def ready(self, functions: Evaluation, options: SolverOptions) -> ReadySolver:
+    def ready(self, functions: Evaluation, options: SolverOptions) -> SolverInstance:
         layout, program = functions.assembly.layout, transcribed(functions.assembly, functions.threads)
         settings = {
             "structure_detection": "manual",

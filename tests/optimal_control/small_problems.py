@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, Watch, uniform
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, PathConstraint, Phase, Problem, uniform
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation, System
 
@@ -53,8 +53,8 @@ def rich_problem() -> Problem:
     """
     seen, near = Interval(-6.0, 6.0), {"distance": Interval(upper=9.0), "lean": Interval(-1.0, 1.0)}
     gates, pylons = gate(), pylon()
-    lasting = Watch("lasting", {"distance": Interval(-7.0, 9.5)}, gates, (0.1, 0.9))
-    begun = Watch("begun", {"clearance": Interval(lower=-20.0)}, pylons, (0.2,))
+    lasting = PathConstraint("lasting", {"distance": Interval(-7.0, 9.5)}, gates, (0.1, 0.9))
+    begun = PathConstraint("begun", {"clearance": Interval(lower=-20.0)}, pylons, (0.2,))
     return Problem(
         rich_system(),
         parameters=(0.7, -0.4),

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from known_flights import FREQUENCY, LENS, SYSTEM, exact, flight, problem
 
-from airrace.optimal_control.audit import Audit, Tolerance, audit, outside
 from airrace.optimal_control.certificate import Item
-from airrace.optimal_control.problem import Boundary, Iterate, Problem, Watch
+from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, audit, outside
+from airrace.optimal_control.problem import Boundary, Iterate, PathConstraint, Problem
 from airrace.optimal_control.replay import replay
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation
@@ -36,16 +36,16 @@ def limited(**bounds: Interval) -> Problem:
     return replace(stated, phases=(replace(first, bounds=bounds), second))
 
 
-def audited(stated: Problem, iterate: Iterate, defect_limit: float = 1e-4) -> Audit:
+def audited(stated: Problem, iterate: Iterate, defect_limit: float = 1e-4) -> ConstraintCheck:
     return audit(stated, iterate, replay(stated, iterate), tolerances=TOLERANCES, defect_limit=defect_limit)
 
 
-def wrong(measured: Audit, defect_limit: float = 1e-4) -> np.ndarray:
+def wrong(measured: ConstraintCheck, defect_limit: float = 1e-4) -> np.ndarray:
     """Which intervals leave a limit between their nodes or miss the next one."""
     return (measured.excess > 1.0) | (measured.defect > defect_limit)
 
 
-def item(measured: Audit, name: str) -> Item:
+def item(measured: ConstraintCheck, name: str) -> Item:
     (found,) = [one for one in measured.items if one.name == name]
     return found
 
@@ -187,7 +187,7 @@ def on_watch(exact: Observation | None = None, **bounds: Interval) -> Problem:
     seen = Observation("seen", quantities, (), ca.Function("seen", [x, nothing], [x]))
     stated = problem((0.5, 0.5), (0.5, 0.5))
     first, second = stated.phases
-    watch = Watch("lookout", bounds, seen, (), exact)
+    watch = PathConstraint("lookout", bounds, seen, (), exact)
     return replace(stated, phases=(replace(first, watches=(watch,)), second))
 
 

@@ -7,11 +7,11 @@ from small_problems import PROBLEMS, random_point
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly_sums import Contributions
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.mapping import bound, bound_to_all
-from airrace.optimal_control.sums import Contributions
 
 LAM_F = 0.6
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from airrace.native.library import library_path
-from airrace.optimal_control.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop import interposition
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="takes the memory from Linux")
 
@@ -114,13 +114,13 @@ def test_memory_that_is_never_written_is_given_back(small: ctypes.CDLL) -> None:
 SOLVE = """
 import sys
 sys.path.insert(0, sys.argv[2])
-from airrace.optimal_control.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop import interposition
 if sys.argv[1] == "arena":
     assert interposition.install()
 from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 problem = PROBLEMS["everything"]
 kernels = build_kernels(problem.system, problem.scheme)
 for _ in range(2):

@@ -10,8 +10,8 @@ import pytest
 from c_headers import BLASFEO, FATROP, fields, functions, pointers
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop import library, probe, solver
-from airrace.optimal_control.fatrop.library import PROTOTYPES, Dims, Interface, Stats
+from airrace.optimal_control.solvers.fatrop import abi_check, library, solver
+from airrace.optimal_control.solvers.fatrop.library import PROTOTYPES, Dims, Interface, Stats
 
 ROOT = Path(__file__).parents[2]
 POINTERS = pointers(FATROP)
@@ -72,16 +72,16 @@ def test_a_vector_begins_as_in_blasfeos_header() -> None:
 def test_the_release_of_casadi_that_was_compared_is_the_one_that_is_asked_for() -> None:
     dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
     (casadi,) = [one for one in dependencies if one.startswith("casadi")]
-    major, minor, _ = probe.TESTED.split(".")
-    assert casadi == f"casadi>={probe.TESTED},<{major}.{int(minor) + 1}"
+    major, minor, _ = abi_check.TESTED.split(".")
+    assert casadi == f"casadi>={abi_check.TESTED},<{major}.{int(minor) + 1}"
 
 
 # the probe
 
 
 def test_the_probe_finds_nothing_wrong_and_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    probe.require_known_interface.cache_clear()
-    probe.require_known_interface()
+    abi_check.require_known_interface.cache_clear()
+    abi_check.require_known_interface()
     assert capsys.readouterr().out == ""
 
 
@@ -107,18 +107,18 @@ class Wider(ctypes.Structure):
 def test_a_library_of_another_layout_is_refused(
     monkeypatch: pytest.MonkeyPatch, function: str, struct: type[ctypes.Structure], words: str
 ) -> None:
-    probe.require_known_interface.cache_clear()
+    abi_check.require_known_interface.cache_clear()
     with monkeypatch.context() as patched:
         patched.setattr(getattr(library.fatrop(), function), "restype", ctypes.POINTER(struct))
         with pytest.raises(SolverCrash, match=words) as refusal:
-            probe.require_known_interface()
+            abi_check.require_known_interface()
     assert ca.CasadiMeta.version() in str(refusal.value)
-    probe.require_known_interface()
+    abi_check.require_known_interface()
 
 
 def test_callbacks_in_each_others_places_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of the same signature, whose exchange would not crash."""
-    probe.require_known_interface.cache_clear()
+    abi_check.require_known_interface.cache_clear()
     working = solver.interface
 
     def exchanged(callbacks: dict[str, Any]) -> Interface:
@@ -127,5 +127,5 @@ def test_callbacks_in_each_others_places_are_noticed(monkeypatch: pytest.MonkeyP
     with monkeypatch.context() as patched:
         patched.setattr(solver, "interface", exchanged)
         with pytest.raises(SolverCrash, match="sizes are read"):
-            probe.require_known_interface()
-    probe.require_known_interface()
+            abi_check.require_known_interface()
+    abi_check.require_known_interface()

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.fatrop.library import blasfeo, fatrop
-from airrace.optimal_control.fatrop.matrices import MatrixFamily, entry_offsets, memory_of, struct_size
+from airrace.optimal_control.solvers.fatrop.library import blasfeo, fatrop
+from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily, entry_offsets, memory_of, struct_size
 
 Array = NDArray[np.int64]
 SHAPES = [(1, 1), (3, 2), (5, 0), (9, 8), (3, 2), (4, 4), (18, 13)]

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from same_bits import variants
 
-from airrace.optimal_control.fatrop import interposition
-from airrace.optimal_control.fatrop.interposition import PRODUCTS, lazily_loaded, same_bits
+from airrace.optimal_control.solvers.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop.interposition import PRODUCTS, lazily_loaded, same_bits
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="takes the place of functions on Linux")
 
 SOLVE = """
 import ctypes, sys
 sys.path.insert(0, sys.argv[2])
-from airrace.optimal_control.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop import interposition
 from airrace.native.library import library, library_path
 if sys.argv[1] == "native":
     assert interposition.install()
@@ -38,7 +38,7 @@ if sys.argv[1] == "native":
 from small_problems import PROBLEMS, random_iterate
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 problem = PROBLEMS["everything"]
 kernels = build_kernels(problem.system, problem.scheme)
 ready = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], SolverOptions(tolerance=1e-9), 1)

@@ -15,14 +15,14 @@ from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.fatrop import solver as fatrop_solver
-from airrace.optimal_control.fatrop.sides import RELAXED, unrelaxed
-from airrace.optimal_control.fatrop.solver import LOST, NOT_FINITE, STATUS, FatropResult, FatropSolver
-from airrace.optimal_control.fatrop.stages import Bounds
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
-from airrace.optimal_control.solvers import PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.fatrop import solver as fatrop_solver
+from airrace.optimal_control.solvers.fatrop.one_sided_bounds import RELAXED, unrelaxed
+from airrace.optimal_control.solvers.fatrop.solver import LOST, NOT_FINITE, STATUS, FatropResult, FatropSolver
+from airrace.optimal_control.solvers.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.solver import PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 

@@ -13,11 +13,11 @@ import pytest
 from airrace.optimal_control.hamiltonian import costates, hamiltonian
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import SolveRequest
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
-from airrace.optimal_control.worker import Workshop
+from airrace.optimal_control.solvers.process.messages import SolveRequest
+from airrace.optimal_control.solvers.process.worker import SolveServer
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import Observation, system_of
 
@@ -94,18 +94,18 @@ def test_a_prepared_problem_takes_other_parameters_of_the_cost() -> None:
 
 
 def test_a_worker_tells_costs_apart() -> None:
-    workshop = Workshop()
+    server = SolveServer()
     fourth = away(4)
 
     def cost(problem: Problem, guess: Iterate) -> float:
-        return workshop.solve(SolveRequest(problem, guess, None, "fatrop", TIGHT, 1)).objective
+        return server.solve(SolveRequest(problem, guess, None, "fatrop", TIGHT, 1)).objective
 
     quartic = cost(*walk(0.0, fourth))
     assert cost(*walk(0.0)) == pytest.approx(least_cost(0.0), rel=1e-7)
     assert cost(*walk(1.0)) == pytest.approx(least_cost(1.0), rel=1e-7)
     assert cost(*walk(0.0, fourth)) == quartic
     assert abs(quartic - least_cost(0.0)) > 0.1
-    assert len(workshop._prepared) == 2
+    assert len(server._prepared) == 2
 
 
 def test_a_weight_of_a_state_adds_to_what_is_observed() -> None:

@@ -10,7 +10,7 @@ from airrace.optimal_control.hamiltonian import costates, errors_in_objective, h
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 

@@ -8,18 +8,18 @@ import pytest
 from known_flights import LENS, exact, flight
 from small_problems import random_iterate, rich_problem, staged_problem
 
-from airrace.optimal_control.audit import Tolerance, audit
+from airrace.optimal_control.constraint_check import Tolerance, audit
 from airrace.optimal_control.hamiltonian import costates, hamiltonian
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import SolveRequest
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolated, uniform
 from airrace.optimal_control.refinement import divide, resampled
 from airrace.optimal_control.replay import estimated_defect, interval_durations, replay, replay_phases
 from airrace.optimal_control.sampling import sample
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
-from airrace.optimal_control.worker import Workshop
+from airrace.optimal_control.solvers.process.messages import SolveRequest
+from airrace.optimal_control.solvers.process.worker import SolveServer
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 
@@ -32,7 +32,7 @@ KICK = np.array([0.7, -1.3])
 
 
 def test_conditions_at_a_phases_end_look_before_its_jump_and_the_next_phase_looks_after_it() -> None:
-    looks = {(one.name, one.node): one.jump for one in Layout(staged_problem()).sightings}
+    looks = {(one.name, one.node): one.jump for one in Layout(staged_problem()).output_samples}
     assert looks["start", 0] is None
     assert (looks["first", 3], looks["second", 5]) == (0, 1)
     assert looks["finish", 6] is None
@@ -251,7 +251,7 @@ def test_a_worker_tells_problems_with_jumps_from_those_without() -> None:
     seen = Boundary("half way", {"at": Interval.exactly(0.5), "m": exactly(4.0)}, PLACE)
     jumping = replace(jumping, phases=(replace(jumping.phases[0], end=seen), *jumping.phases[1:]))
     steady = replace(jumping, phases=(replace(jumping.phases[0], jump={}), *jumping.phases[1:]))
-    workshop = Workshop()
+    server = SolveServer()
     for problem, load in ((jumping, 3.0), (steady, 0.0), (jumping, 3.0)):
         request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(tolerance=1e-9), 1)
-        assert workshop.solve(request).objective == pytest.approx(least_time(load), abs=1e-6)
+        assert server.solve(request).objective == pytest.approx(least_time(load), abs=1e-6)

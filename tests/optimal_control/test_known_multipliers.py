@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.optimal_control.carried import Kind, carried, limits_of
-from airrace.optimal_control.fatrop.sides import LEAST_FACTOR, Known, plain, weighed
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.multiplier_transfer import Kind, carried, limits_of
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
-from airrace.optimal_control.solvers import SOLVERS, Multipliers, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.fatrop.one_sided_bounds import LEAST_FACTOR, PrimalDualPoint, plain, weighed
+from airrace.optimal_control.solvers.solver import SOLVERS, Multipliers, PreparedProblem, Solution, SolverOptions
 
 EVERYTHING = PROBLEMS["everything"]
 ROWS = np.arange(4)
@@ -37,8 +37,8 @@ def solved(
     return found
 
 
-def known(values: list[float], multipliers: list[float]) -> Known:
-    return Known(np.array(values), np.array(multipliers), BARRIER)
+def known(values: list[float], multipliers: list[float]) -> PrimalDualPoint:
+    return PrimalDualPoint(np.array(values), np.array(multipliers), BARRIER)
 
 
 def test_rows_of_which_nothing_is_known_stay_as_they_are() -> None:
@@ -62,7 +62,7 @@ def test_weighed_sides_ask_for_the_same() -> None:
     generator = np.random.default_rng(1)
     for _ in range(50):
         at, lam = generator.uniform(-1.0, 1.0, 4), generator.normal(size=4) * generator.integers(0, 2, 4)
-        sides = weighed(ROWS, LOWER, UPPER, Known(at, lam, BARRIER))
+        sides = weighed(ROWS, LOWER, UPPER, PrimalDualPoint(at, lam, BARRIER))
         for v in (-1.5, -1.0, -0.2, 0.0, 0.9, 1.0, 1.7, 2.0, 2.5):
             values = sides.factors * v + sides.shifts
             within = (sides.lower - 1e-12 <= values) & (values <= sides.upper + 1e-12)
@@ -72,7 +72,7 @@ def test_weighed_sides_ask_for_the_same() -> None:
 
 @pytest.mark.parametrize("slack", [0.2, 0.4])
 def test_slack_times_multiplier_is_the_barrier_where_nothing_presses(slack: float) -> None:
-    given = Known(np.array([slack]), np.zeros(1), barrier=0.01)
+    given = PrimalDualPoint(np.array([slack]), np.zeros(1), barrier=0.01)
     sides = weighed(ROWS[:1], LOWER[:1], UPPER[:1], given)
     assert sides.factors * slack == pytest.approx(given.barrier)
     assert sides.factors[0] > LEAST_FACTOR

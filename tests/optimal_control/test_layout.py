@@ -53,7 +53,7 @@ def test_every_unknown_and_every_constraint_has_one_place(problem: Problem) -> N
 def test_every_constraint_has_a_description(problem: Problem) -> None:
     layout = Layout(problem)
     described = [layout.describe(index) for index in range(layout.constraints)]
-    places = {phase.name for phase in problem.phases} | {sighting.name for sighting in layout.sightings}
+    places = {phase.name for phase in problem.phases} | {output_sample.name for output_sample in layout.output_samples}
     assert {text.split(": ")[0] for text in described} <= places
     assert all(text.split(": ")[1] for text in described)
     for gap in layout.gap_index.ravel():
@@ -74,7 +74,7 @@ def test_an_iterate_of_another_shape_is_refused(name: str, shape: tuple[int, ...
 
 def test_a_watch_looks_once_at_every_node_of_its_phases() -> None:
     layout = Layout(rich_problem())
-    watched = [(one.name.split(", ")[1], one.node) for one in layout.sightings if ", " in one.name]
+    watched = [(one.name.split(", ")[1], one.node) for one in layout.output_samples if ", " in one.name]
     lasting, begun = ([node for name, node in watched if name == wanted] for wanted in ("lasting", "begun"))
     assert lasting == [0, 1, 2, 3, 4, 5]  # at node 3 the phases meet
     assert begun == [3, 4, 5]
@@ -85,7 +85,7 @@ def test_a_watch_of_another_bound_looks_again_where_two_phases_meet() -> None:
     first, second, third = problem.phases
     other = replace(second.watches[0], bounds={"distance": Interval(-7.0, 9.0)})
     changed = replace(problem, phases=(first, replace(second, watches=(other,)), third))
-    nodes = [one.node for one in Layout(changed).sightings if one.name.endswith("lasting")]
+    nodes = [one.node for one in Layout(changed).output_samples if one.name.endswith("lasting")]
     assert nodes == [0, 1, 2, 3, 3, 4, 5]
 
 

@@ -12,7 +12,7 @@ from airrace.optimal_control.linear_controls import of_first_states, with_linear
 from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
 from airrace.system import System, system_of
 

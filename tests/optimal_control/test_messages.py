@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from known_flights import oscillator, rest_to_rest
 
-from airrace.optimal_control.messages import Announcement, Receiver, Sender, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.solvers import SolverOptions
+from airrace.optimal_control.solvers.process.messages import PreloadRequest, Receiver, Sender, SolveRequest
+from airrace.optimal_control.solvers.solver import SolverOptions
 
 
 def request(problem: Problem, guess: Iterate) -> SolveRequest:
@@ -62,14 +62,14 @@ def test_an_announced_system_is_the_one_that_is_solved_later() -> None:
     problem, guess = rest_to_rest()
     stream = io.BytesIO()
     sender = Sender(stream)
-    sender.send(Announcement(problem.system, problem.scheme))
+    sender.send(PreloadRequest(problem.system, problem.scheme))
     announced = stream.tell()
     sender.send(request(problem, guess))
     assert stream.tell() - announced < announced
     stream.seek(0)
     receiver = Receiver(stream)
     first, second = receiver.receive(), receiver.receive()
-    assert isinstance(first, Announcement)
+    assert isinstance(first, PreloadRequest)
     assert isinstance(second, SolveRequest)
     assert first.system is second.problem.system
     assert first.scheme == problem.scheme
@@ -79,7 +79,7 @@ def test_messages_that_wait_are_written_in_their_order_with_the_next() -> None:
     problem, guess = rest_to_rest()
     stream = io.BytesIO()
     sender = Sender(stream)
-    sender.pack(Announcement(problem.system, problem.scheme))
+    sender.pack(PreloadRequest(problem.system, problem.scheme))
     assert stream.tell() == 0
     sender.send(request(problem, guess))
     written = stream.tell()
@@ -88,6 +88,6 @@ def test_messages_that_wait_are_written_in_their_order_with_the_next() -> None:
     stream.seek(0)
     receiver = Receiver(stream)
     first, second = receiver.receive(), receiver.receive()
-    assert isinstance(first, Announcement)
+    assert isinstance(first, PreloadRequest)
     assert isinstance(second, SolveRequest)
     assert receiver.receive() is None

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from airrace.optimal_control import sums as module
-from airrace.optimal_control.sums import Contributions, Sums
+from airrace.optimal_control import assembly_sums as module
+from airrace.optimal_control.assembly_sums import Contributions, Sums
 
 
 @pytest.fixture

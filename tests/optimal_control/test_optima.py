@@ -10,7 +10,7 @@ from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, Solution, SolverOptions
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 

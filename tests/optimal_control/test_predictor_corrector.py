@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_iterate
 
-from airrace.optimal_control import predictor_corrector, riccati
-from airrace.optimal_control.carried import carried
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.multiplier_transfer import carried
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
-from airrace.optimal_control.solvers import (
+from airrace.optimal_control.solvers import predictor_corrector, riccati
+from airrace.optimal_control.solvers.solver import (
     NEAR_BARRIER,
     SOLVERS,
     Multipliers,
@@ -36,7 +36,7 @@ def solved(
     return found
 
 
-def halved(name: str) -> tuple[Problem, Iterate, Multipliers]:
+def bisect_all(name: str) -> tuple[Problem, Iterate, Multipliers]:
     """A problem on a mesh twice as fine, with the optimum on its own mesh and its multipliers carried over."""
     problem = PROBLEMS[name]
     first = solved(problem, random_iterate(problem, 1), barrier=0.1)
@@ -50,7 +50,7 @@ def halved(name: str) -> tuple[Problem, Iterate, Multipliers]:
 def test_steps_lead_to_the_optimum_that_fatrop_finds_in_fewer_iterations(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    problem, guess, multipliers = halved(name)
+    problem, guess, multipliers = bisect_all(name)
     found = solved(problem, guess, multipliers)
     monkeypatch.setattr(riccati, "library", lambda: None)
     expected = solved(problem, guess, multipliers)
@@ -63,7 +63,7 @@ def test_steps_lead_to_the_optimum_that_fatrop_finds_in_fewer_iterations(
 
 
 def test_fatrop_is_asked_where_steps_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, guess, multipliers = halved("everything")
+    problem, guess, multipliers = bisect_all("everything")
     expected = solved(problem, guess, multipliers)
     monkeypatch.setattr(predictor_corrector, "ITERATIONS_MAX", 1)
     found = solved(problem, guess, multipliers)
@@ -73,7 +73,7 @@ def test_fatrop_is_asked_where_steps_give_up(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_multipliers_that_mislead_do_not_change_the_optimum() -> None:
-    problem, guess, multipliers = halved("everything")
+    problem, guess, multipliers = bisect_all("everything")
     expected = solved(problem, guess, multipliers)
     wrong = Multipliers(-multipliers.constraints[::-1].copy(), 0.3 * np.ones_like(multipliers.bounds))
     assert solved(problem, guess, wrong).objective == pytest.approx(expected.objective, abs=LIMITS_KEPT)
@@ -81,5 +81,5 @@ def test_multipliers_that_mislead_do_not_change_the_optimum() -> None:
 
 @pytest.mark.parametrize(("known", "barrier"), [(False, NEAR_BARRIER), (True, 10 * NEAR_BARRIER)])
 def test_far_from_the_optimum_fatrop_is_asked_at_once(known: bool, barrier: float) -> None:
-    problem, guess, multipliers = halved("everything")
+    problem, guess, multipliers = bisect_all("everything")
     assert STEPS not in solved(problem, guess, multipliers if known else None, barrier).status

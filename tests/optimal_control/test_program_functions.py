@@ -10,7 +10,7 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels, casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.program_functions import ProgramFunctions
+from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
 
 LAM_F = 0.6
 

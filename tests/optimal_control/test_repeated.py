@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_point
 
-from airrace.optimal_control import repeated
+from airrace.optimal_control import stage_assembly
 from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly_sums import Contributions
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.fatrop.sides import Known
-from airrace.optimal_control.fatrop.stages import INEQUALITIES, Bounds, Rows, Stages
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.repeated import NO_FACTORS, Entries, Memory, RepeatedSums, kinds
-from airrace.optimal_control.sums import Contributions
+from airrace.optimal_control.solvers.fatrop.one_sided_bounds import PrimalDualPoint
+from airrace.optimal_control.solvers.fatrop.stages import INEQUALITIES, Bounds, Rows, Stages
+from airrace.optimal_control.stage_assembly import NO_FACTORS, Entries, Memory, StageAssembly, kinds
 from airrace.trajectory import Array
 
 ROOM = 4000
@@ -38,7 +38,7 @@ def rows_of(functions: Evaluation, *, weighed: bool) -> Rows:
     known = None
     if weighed:
         values = np.concatenate([functions.g, functions.w])
-        known = Known(values, np.random.default_rng(2).normal(size=len(values)), 1e-3)
+        known = PrimalDualPoint(values, np.random.default_rng(2).normal(size=len(values)), 1e-3)
     return Rows(Stages(functions.assembly), bounds, known)
 
 
@@ -50,8 +50,8 @@ def empty(stages: int, families: int) -> Memory:
 @pytest.fixture(params=["native", "numpy"])
 def added_up_by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == "numpy":
-        monkeypatch.setattr(repeated, "library", lambda: None)
-    assert (repeated.library() is not None) == (request.param == "native")
+        monkeypatch.setattr(stage_assembly, "library", lambda: None)
+    assert (stage_assembly.library() is not None) == (request.param == "native")
 
 
 @pytest.mark.usefixtures("added_up_by")
@@ -137,7 +137,7 @@ def test_numbers_of_several_blocks_and_turns_are_added_in_order() -> None:
     nothing = np.zeros(3, dtype=np.int64)
     entries = Entries(nothing, nothing, numbers, nothing - 1)
     repeated, memory = (
-        RepeatedSums(sums, entries, np.zeros(2, dtype=np.int64)),
+        StageAssembly(sums, entries, np.zeros(2, dtype=np.int64)),
         Memory(np.zeros(8), np.array([[0], [4]])),
     )
     drawn: Array = np.array([1.0, 2.0, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0])

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_point
 
-from airrace.optimal_control import riccati
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.riccati import StageSystem
+from airrace.optimal_control.solvers import riccati
+from airrace.optimal_control.solvers.riccati import StageSystem
 
 
 def evaluated(name: str) -> tuple[Evaluation, np.ndarray, np.ndarray]:

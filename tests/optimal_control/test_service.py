@@ -19,12 +19,18 @@ from waiting import has_passed, instant, wait_until_gone
 
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.kernels import Kernels, build_kernels
-from airrace.optimal_control.messages import Announcement, Inbox, IterationReport, Notice, SolveRequest
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import Solution, SolverOptions
-from airrace.optimal_control.worker import Workshop
+from airrace.optimal_control.solvers.process.messages import (
+    Inbox,
+    IterationReport,
+    Notice,
+    PreloadRequest,
+    SolveRequest,
+)
+from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
+from airrace.optimal_control.solvers.process.worker import SolveServer
+from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.system import System
 
 TESTS = Path(__file__).parent
@@ -122,7 +128,7 @@ def test_worker_that_finishes_no_iteration_is_stopped_and_replaced() -> None:
     with SolverService() as service:
         solve(service)  # by now everything is loaded
         first = worker_of(before)
-        with pytest.raises(Stalled, match="no iteration finished within 4 s"):
+        with pytest.raises(SolverTimeout, match="no iteration finished within 4 s"):
             solve(
                 service, rest_to_rest(2000), on_iteration=lambda _: psutil.Process(first).suspend(), stall_seconds=4.0
             )
@@ -147,7 +153,7 @@ def test_time_in_which_this_process_stands_still_is_no_stall(monkeypatch: pytest
 
 
 def test_stall_is_noticed_although_the_worker_is_busy() -> None:
-    with SolverService(stall_seconds=0.01) as service, pytest.raises(Stalled):
+    with SolverService(stall_seconds=0.01) as service, pytest.raises(SolverTimeout):
         solve(service, rest_to_rest(400))
 
 
@@ -162,7 +168,7 @@ def test_what_the_process_tells_besides_leaves_the_patience_as_it_is(monkeypatch
 
     with SolverService(stall_seconds=0.01, on_notice=told.append) as service:
         monkeypatch.setattr(service._replies, "next", silent_afterwards)
-        with pytest.raises(Stalled):
+        with pytest.raises(SolverTimeout):
             solve(service)
     assert told == ["casadi evaluates it, slower"]
 
@@ -283,8 +289,8 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
         import sys
         sys.path.insert(0, {str(TESTS)!r})
         from known_flights import rest_to_rest
-        from airrace.optimal_control.service import SolverService
-        from airrace.optimal_control.solvers import SolverOptions
+        from airrace.optimal_control.solvers.process.service import SolverService
+        from airrace.optimal_control.solvers.solver import SolverOptions
         service = SolverService()
         problem, guess = rest_to_rest()
         service.solve(problem, guess, solver="fatrop", options=SolverOptions())
@@ -303,25 +309,25 @@ def test_worker_dies_with_its_parent_even_where_it_cannot_notice() -> None:
 
 def test_announced_kernels_are_made_ready_once(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, guess = rest_to_rest()
-    workshop = Workshop()
+    server = SolveServer()
     built = kernels_that_are_built(monkeypatch)
-    workshop.expect(Announcement(problem.system, problem.scheme))
+    server.expect(PreloadRequest(problem.system, problem.scheme))
     assert built == [problem.system]
     monkeypatch.setattr(sys, "stdout", io.StringIO())  # what the solver prints
     request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1)
-    assert workshop.solve(request).success
+    assert server.solve(request).success
     assert built == [problem.system]
 
 
 def kernels_that_are_built(monkeypatch: pytest.MonkeyPatch) -> list[System]:
-    """The systems whose kernels a workshop has made so far."""
+    """The systems whose kernels a server has made so far."""
     made: list[System] = []
 
     def watched(system: System, scheme: RungeKutta) -> Kernels:
         made.append(system)
         return build_kernels(system, scheme)
 
-    monkeypatch.setattr("airrace.optimal_control.worker.build_kernels", watched)
+    monkeypatch.setattr("airrace.optimal_control.solvers.process.worker.build_kernels", watched)
     return made
 
 

@@ -18,9 +18,9 @@ from airrace.optimal_control import solve as module
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Objective
-from airrace.optimal_control.service import SolverService, Stalled
 from airrace.optimal_control.solve import solve
-from airrace.optimal_control.solvers import SOLVERS, PreparedProblem, SolverOptions
+from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 
 ROOT = Path(__file__).parents[2]
 
@@ -63,7 +63,7 @@ def test_a_solve_without_an_iteration_is_a_failed_one(monkeypatch: pytest.Monkey
     problem, guess = rest_to_rest()
 
     def stalls(*_: object, stall_seconds: float, **__: object) -> None:
-        raise Stalled(f"no iteration finished within {stall_seconds:g} s")
+        raise SolverTimeout(f"no iteration finished within {stall_seconds:g} s")
 
     monkeypatch.setattr(SolverService, "solve", stalls)
     solution = solve(problem, guess, stall_seconds=7.0)

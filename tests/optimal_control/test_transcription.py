@@ -127,11 +127,11 @@ def test_constraints_are_path_and_boundary_values_in_units_of_their_scales(probl
             u = iterate.control[:, min(row.node, layout.intervals - 1)]
             values = problem.system.path_values(x, u, problem.parameters)
         else:
-            sighting = layout.sightings[row.source]
-            first = len(problem.parameters) + layout.intervals + sighting.offset
-            parameters = layout.parameter_values()[first : first + len(sighting.observation.parameters)]
-            seen = x if sighting.jump is None else problem.arrivals(iterate.state)[:, row.node - 1]
-            values = sighting.observation.values(seen, parameters)
+            output_sample = layout.output_samples[row.source]
+            first = len(problem.parameters) + layout.intervals + output_sample.offset
+            parameters = layout.parameter_values()[first : first + len(output_sample.observation.parameters)]
+            seen = x if output_sample.jump is None else problem.arrivals(iterate.state)[:, row.node - 1]
+            values = output_sample.observation.values(seen, parameters)
         assert g[place] == pytest.approx(float(values[row.component]) / row.quantity.scale, abs=1e-13)
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from known_flights import rest_to_rest
 
-from airrace.optimal_control.messages import Inbox, IterationReport, Sender, SolveRequest
-from airrace.optimal_control.solvers import SolverOptions
-from airrace.optimal_control.spawn import start
-from airrace.optimal_control.worker import ProgressReader
+from airrace.optimal_control.solvers.process.idle_processes import start
+from airrace.optimal_control.solvers.process.messages import Inbox, IterationReport, Sender, SolveRequest
+from airrace.optimal_control.solvers.process.worker import ProgressReader
+from airrace.optimal_control.solvers.solver import SolverOptions
 
 LONGEST = 60.0
 """The time after which a reply is considered to be lost, s; it takes less than one."""

@@ -11,12 +11,12 @@ from airrace.environment.atmosphere import g0
 from airrace.frames import product, rotation
 from airrace.optimal_control.replay import SAMPLES, interval_durations, replay
 from airrace.planning.race import Race
-from airrace.procedure.flight import mesh_of
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
+from airrace.procedure.stage_problem import mesh_of
 from airrace.trajectory import Array
 
 PLAN = settings(GuessKind.PLAN)

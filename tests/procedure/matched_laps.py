@@ -10,17 +10,17 @@ from races import EDGE_540, course, level, optimum, prepared
 from airrace.environment.air import Air
 from airrace.optimal_control.certificate import Item
 from airrace.optimal_control.problem import Boundary, Problem
-from airrace.optimal_control.service import SolverService
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import examine
-from airrace.procedure.flight import mesh_of, trajectory
 from airrace.procedure.homotopy import held
-from airrace.procedure.joint import PIECED_BARRIER
 from airrace.procedure.models import iterate_of
-from airrace.procedure.pieces import joined, phase_piece
+from airrace.procedure.phase_segments import joined, phase_piece
 from airrace.procedure.progress import Silent
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solve_and_refine import PIECED_BARRIER
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import mesh_of, trajectory
 from airrace.quantities import Interval
 from airrace.trajectory import Array, Trajectory
 
@@ -59,7 +59,7 @@ def matched_laps(count: int) -> Trajectory:
     last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
     problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
     with SolverService(threads=1, stall_seconds=PLAN.solver.stall_seconds) as service:
-        solution = Workbench(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
+        solution = SolverSession(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
     assert solution is not None
     assert solution.kkt.largest < PLAN.certificate.kkt_error
     assert not violations_of(problem, solution)

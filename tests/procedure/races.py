@@ -7,16 +7,16 @@ from pathlib import Path
 
 from kept import kept
 
-from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
-from airrace.planning.cruise import cruise
+from airrace.inputs import load_inputs
 from airrace.planning.plan import Plan, plan
+from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
-from airrace.procedure.flight import Flight, stage_flight
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
-from airrace.procedure.settings import Explore, GuessKind, Proof, Settings
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
+from airrace.procedure.stage_problem import Flight, stage_flight
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage, Rules
 from airrace.track.gates import Element, Gate, Passing, Pylon, Tolerances
@@ -99,13 +99,13 @@ def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
     return stage_flight(stage, race, Settings())
 
 
-def settings(guess: GuessKind, *, explore: Explore = Explore.OFF) -> Settings:
+def settings(guess: GuessKind, *, search: SearchEffort = SearchEffort.OFF) -> Settings:
     """Default settings but for the guess, all stages are proved.
 
     Other ways round are explored where that is asked for.
     """
-    silent = Settings(proof=Proof.ALL)
-    return dataclasses.replace(silent, guess=guess, explore=explore)
+    silent = Settings(mesh_check=MeshCheck.ALL)
+    return dataclasses.replace(silent, guess=guess, search=search)
 
 
 @kept

@@ -4,22 +4,22 @@ import dataclasses
 
 import pytest
 from races import SIXTEEN, SMALL, planned, prepared, settings
-from test_solving import asked, bench, small
+from test_solving import asked, session, small
 
 from airrace.procedure import budget
 from airrace.procedure.budget import FEWEST_INTERVALS, PER_INTERVAL, SPENT, Budget
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.joint import COLD_BARRIER, Start, optimise_jointly
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solve_and_refine import COLD_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solver_session import SolverSession
 
 
-def limited(work: float, *verdicts: str) -> Workbench:
+def limited(work: float, *verdicts: str) -> SolverSession:
     """Solvers that answer as told, after three iterations each."""
-    used = bench(*verdicts)
+    used = session(*verdicts)
     used.budget = Budget(work)
     return used
 
@@ -62,7 +62,7 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     problem, made = small()
     starts = [lambda: Start(prepared(SMALL), problem, made, COLD_BARRIER)] * 2
     used = limited(2.0 * problem.intervals, "stuck")
-    result = optimise_jointly(used, starts)
+    result = solve_with_refinement(used, starts)
     assert result.outcome is Outcome.NOT_CONVERGED
     assert result.message.startswith("not converged: fatrop gave up (stuck), most violated: nothing; ")
     assert SPENT in result.message

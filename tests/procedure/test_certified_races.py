@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from races import RACES, SMALL, blown, flown, optimum, planned, settings
 
-from airrace.procedure.reading import sampler
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.results_api import sampler
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.quantities import Interval

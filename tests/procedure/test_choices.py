@@ -9,39 +9,39 @@ from races import EDGE_540, RACES, ROOT, SHIPPED, SMALL, course, knife_edge, lev
 from races import flown as all_flown
 from races import planned as plan_of
 
-from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between, quaternion
-from airrace.planning.as_flown import plan_as_flown, track_turn, way_as_flown
-from airrace.planning.choices import ANY, Choices
-from airrace.planning.cruise import cruise
+from airrace.inputs import load_inputs
+from airrace.planning.decisions_from_solution import plan_as_flown, track_turn, way_as_flown
 from airrace.planning.plan import Plan, plan, stops_of
+from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
+from airrace.planning.route_decisions import ANY, RouteDecisions
 from airrace.planning.waypoints import candidates
-from airrace.procedure.flight import Flight, mesh_of, stage_flight, trajectory
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.result import Stage, StageResult
-from airrace.procedure.settings import Explore, GuessKind, MeshSettings, Settings
+from airrace.procedure.settings import GuessKind, MeshSettings, SearchEffort, Settings
+from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight, trajectory
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Manoeuvre
 from airrace.trajectory import Trajectory
 
 every_race = pytest.mark.parametrize("name", RACES)
-OFF = dataclasses.replace(settings(GuessKind.PLAN), explore=Explore.OFF)
+OFF = dataclasses.replace(settings(GuessKind.PLAN), search=SearchEffort.OFF)
 
 
 def race_of(*elements: object) -> Race:
     return Race(course("built", *elements), EDGE_540, Air())  # type: ignore[arg-type]
 
 
-def planned(race: Race, choices: Choices) -> Plan:
+def planned(race: Race, choices: RouteDecisions) -> Plan:
     return plan(race.course, cruise(race.aircraft, race.course.rules), choices)
 
 
-def choices_of(made: Plan, race: Race) -> Choices:
+def choices_of(made: Plan, race: Race) -> RouteDecisions:
     """All choices that a plan has made, but for the sides of its turns."""
     passages = race.course.passages
-    return Choices(
+    return RouteDecisions(
         ways={stop: (made.waypoints[stop],) for stop in stops_of(race.course)},
         rolls={
             index: 1 if made.waypoints[index].rolled > 0.0 else -1
@@ -75,7 +75,7 @@ def test_plan_crosses_every_passage_along_the_axis_that_is_left_of_it(name: str)
     race = RACES[name]
     for index in stops_of(race.course):
         for way in candidates(race.course, index)[::13]:
-            made = planned(race, Choices(ways={index: (way,)}))
+            made = planned(race, RouteDecisions(ways={index: (way,)}))
             assert made.waypoints[index].axis == way.axis
             assert made.waypoints[index].heading == way.heading
             assert made.seconds >= plan_of(race).seconds - 1e-9
@@ -86,7 +86,7 @@ def test_plan_crosses_every_passage_along_the_axis_that_is_left_of_it(name: str)
 def test_plan_turns_to_the_side_that_it_is_told(name: str, side: int) -> None:
     race = RACES[name]
     for index in range(1, len(race.course.passages)):
-        made = planned(race, Choices(turns={index: side}))
+        made = planned(race, RouteDecisions(turns={index: side}))
         path = made.legs[index - 1].path
         assert path is not None
         net = sum(length * bend for length, bend in zip(path.lengths, path.curvatures, strict=True))
@@ -99,7 +99,7 @@ def test_plan_flies_a_knife_edge_on_the_wing_that_it_is_told(edge: int) -> None:
     race = race_of(
         level("a", 0, 0, 0), knife_edge("edge", 350, 160, 70, right=True, either=True), level("c", 200, 500, 160)
     )
-    made = planned(race, Choices(edges={1: edge}))
+    made = planned(race, RouteDecisions(edges={1: edge}))
     assert made.waypoints[1].bank == edge * math.pi / 2
     assert made.seconds == plan_of(race).seconds
 
@@ -108,7 +108,7 @@ def test_plan_flies_a_knife_edge_on_the_wing_that_it_is_told(edge: int) -> None:
 def test_plan_rolls_to_the_side_that_it_is_told(side: int) -> None:
     race = load_inputs(ROOT / "tracks" / "air_race_x_2024.yaml").race
     (index,) = [number for number, passage in enumerate(race.course.passages) if passage.roll is not None]
-    made = planned(race, Choices(rolls={index: side}))
+    made = planned(race, RouteDecisions(rolls={index: side}))
     assert side * made.waypoints[index].rolled > 0.0
 
 

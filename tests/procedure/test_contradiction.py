@@ -5,17 +5,17 @@ from collections.abc import Sequence
 
 import pytest
 from races import SIXTEEN, SMALL, planned, prepared, settings
-from test_solving import STALLED, Canned, asked, bench
+from test_solving import STALLED, Canned, asked, session
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure.contradiction import contradiction
+from airrace.procedure.fidelity_continuation import Ladder
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import DOUBTS_MAX, fly_homotopy
-from airrace.procedure.ladder import Ladder
+from airrace.procedure.infeasibility.local_infeasibility import contradiction
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage
-from airrace.procedure.settings import Explore, GuessKind, Settings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.procedure.solver_session import SolverSession
 
 TORN = 4
 
@@ -36,7 +36,7 @@ def sixteen() -> tuple[Problem, Iterate]:
     ],
 )
 def test_all_have_to_agree_that_there_is_no_flight(verdicts: list[str], found: bool, solvers: list[str]) -> None:
-    used = bench(*verdicts)
+    used = session(*verdicts)
     problem, made = sixteen()
     result = contradiction(used, problem, TORN, [made, made])
     assert (result is not None) is found
@@ -49,7 +49,7 @@ def names(problem: Problem, torn: int) -> Sequence[str]:
 
 
 def test_a_single_solver_contradicts_nothing() -> None:
-    used = bench("infeasible")
+    used = session("infeasible")
     used.settings = dataclasses.replace(
         used.settings, solver=dataclasses.replace(used.settings.solver, fallback="fatrop")
     )
@@ -60,14 +60,14 @@ def test_a_single_solver_contradicts_nothing() -> None:
 
 @pytest.mark.parametrize("answer", [True, False])
 def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_hopeless(answer: bool) -> None:
-    used, doubted = bench("stuck"), list[int]()
+    used, doubted = session("stuck"), list[int]()
 
-    def hopeless(race: Problem, index: int, guesses: Sequence[Iterate]) -> bool:
+    def infeasible_apart(race: Problem, index: int, guesses: Sequence[Iterate]) -> bool:
         doubted.append(index)
         assert all(one.state.shape == (len(race.system.states), race.intervals + 1) for one in guesses)
         return answer
 
-    result = fly_homotopy(prepared(SIXTEEN), used, hopeless)
+    result = fly_homotopy(prepared(SIXTEEN), used, infeasible_apart)
     assert doubted == ([0] if answer else list(range(DOUBTS_MAX)))
     assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
     assert result.message == f"left as planned: {', '.join(result.trajectory.phases)}"
@@ -78,18 +78,18 @@ FOUND_OUT = ("stuck", "stuck", "stuck", "infeasible", "infeasible")  # the first
 
 
 @pytest.mark.parametrize(
-    ("kind", "before", "explored"),
+    ("kind", "before", "search"),
     [
-        (GuessKind.HOMOTOPY, [], Explore.QUICK),
-        (GuessKind.HOMOTOPY, [], Explore.OFF),
-        (GuessKind.PLAN, ["stuck", "stuck"], Explore.OFF),  # the plan, then all its limits relaxed
+        (GuessKind.HOMOTOPY, [], SearchEffort.QUICK),
+        (GuessKind.HOMOTOPY, [], SearchEffort.OFF),
+        (GuessKind.PLAN, ["stuck", "stuck"], SearchEffort.OFF),  # the plan, then all its limits relaxed
     ],
 )
 def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
-    kind: GuessKind, before: list[str], explored: Explore
+    kind: GuessKind, before: list[str], search: SearchEffort
 ) -> None:
-    chosen = settings(kind, explore=explored)
-    used = Workbench(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
+    chosen = settings(kind, search=search)
+    used = SolverSession(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
     ladder = Ladder(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
         assert ladder.climb(Stage.HOMOTOPY, used).outcome is Outcome.SOLVED

@@ -7,7 +7,7 @@ import pytest
 from races import EDGE_540, RULES
 
 from airrace.environment.atmosphere import g0
-from airrace.planning.cruise import AIR_DENSITY, cruise, top_speed
+from airrace.planning.planning_model import AIR_DENSITY, cruise, top_speed
 from airrace.quantities import Interval
 
 

@@ -14,13 +14,13 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.planning.race import Race
 from airrace.procedure.certification import examine
-from airrace.procedure.diagnosis import relaxations
-from airrace.procedure.flight import mesh_of
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.homotopy import held
+from airrace.procedure.infeasibility.diagnosis import relaxations
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshSettings, Settings
+from airrace.procedure.stage_problem import mesh_of
 from airrace.track.course import EndState
 
 SETTLED, FREE = EndState.SETTLED, EndState.FREE

@@ -7,8 +7,8 @@ import pytest
 from generated_courses import generated_course
 from races import RACES, ROOT, SMALL, flown, optimum, prepared, settings
 
-from airrace.documents import load_inputs
 from airrace.errors import InputError, OutOfTime
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.progress import Iteration, Progress, Silent
@@ -42,7 +42,7 @@ def test_impossible_course_is_infeasible_and_the_message_names_where_and_which_l
     assert result.certificate is None
     assert any(phase in result.message for phase in result.trajectory.phases)
     assert "the ceiling of 100 m" in result.message
-    assert "rules.ceiling_m" in {one.key for one in result.remedies}
+    assert "rules.ceiling_m" in {one.key for one in result.suggested_changes}
 
 
 @pytest.mark.slow

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from races import EDGE_540, ROOT, RULES, SIXTEEN, WINDOW, course, level, one_lap, optimum, settings
 
-from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import product, rotation
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
-from airrace.procedure.reading import sampler
 from airrace.procedure.result import StageResult
+from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import GuessKind
 from airrace.quantities import Interval
 from airrace.track.course import Rules

@@ -14,12 +14,12 @@ from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.atmosphere import g0
 from airrace.errors import CheckpointError
 from airrace.optimal_control.replay import interval_durations, replay
-from airrace.procedure.flight import gate_splits, mesh_of
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Outcome, StageResult
 from airrace.procedure.run import recertify
 from airrace.procedure.settings import GuessKind, MeshSettings, Settings
+from airrace.procedure.stage_problem import gate_splits, mesh_of
 from airrace.trajectory import Array, Trajectory
 
 every_guess = pytest.mark.parametrize("guess", GuessKind)

@@ -8,13 +8,13 @@ from test_meshing import SYSTEM
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.service import SolverService
-from airrace.procedure.flight import mesh_of
-from airrace.procedure.holding import foreseen, measured
-from airrace.procedure.joint import REFINED_BARRIER
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solve_and_refine import REFINED_BARRIER
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import mesh_of
+from airrace.procedure.zoh_error import foreseen, measured
 from airrace.quantities import Interval
 
 WEIGHT = 0.25
@@ -56,7 +56,9 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     mesh, guess = restrict(problem.mesh, iterate, result.mesh.coarser)
     with SolverService() as service:
-        solution = Workbench(service, PLAN, Silent()).solve(flight.problem(mesh), guess, "", barrier=REFINED_BARRIER)
+        solution = SolverSession(service, PLAN, Silent()).solve(
+            flight.problem(mesh), guess, "", barrier=REFINED_BARRIER
+        )
     assert solution is not None
     objective = result.trajectory.race_time + result.facts.regularisation
     gained = solution.objective - objective

@@ -8,12 +8,12 @@ import pytest
 from races import DEGREE, EDGE_540, ROOT, RULES, course, level, optimum, settings
 from transformations import mirrored
 
-from airrace.documents import load_inputs
-from airrace.documents.variation import Variation
 from airrace.environment.air import Air
+from airrace.inputs import load_inputs
+from airrace.inputs.variation import Variation
 from airrace.planning.race import Race
-from airrace.procedure.levers import levers
-from airrace.procedure.result import Outcome, Remedy, StageResult
+from airrace.procedure.infeasibility.parameters import relaxables
+from airrace.procedure.result import Outcome, StageResult, SuggestedChange
 from airrace.procedure.settings import GuessKind
 from airrace.quantities import Interval
 from airrace.track.course import Course
@@ -51,11 +51,11 @@ def result_of(race: Race) -> StageResult:
     return optimum(race, settings(GuessKind.PLAN))
 
 
-def remedies(race: Race) -> dict[str, Remedy]:
+def suggested_changes(race: Race) -> dict[str, SuggestedChange]:
     """What is suggested for a race without a flight, by key."""
     result = result_of(race)
     assert result.outcome is Outcome.INFEASIBLE
-    return {one.key: one for one in result.remedies}
+    return {one.key: one for one in result.suggested_changes}
 
 
 # The numbers that may be relaxed.
@@ -65,22 +65,25 @@ def remedies(race: Race) -> dict[str, Remedy]:
 def test_a_lever_changes_what_set_changes_by_its_key(path: Path) -> None:
     inputs = load_inputs(path)
     variation = Variation(inputs)
-    known = [one for one in levers(inputs.race) if one.settable(one.milder)]
+    known = [one for one in relaxables(inputs.race) if one.settable(one.milder)]
     assert len(known) >= 10
-    for lever in known:
-        changed, expected = lever.changed(inputs.race, lever.milder), variation.race(lever.key, lever.milder)
-        assert (changed.course, changed.aircraft) == (expected.course, expected.aircraft), lever.key
-        assert lever.value == pytest.approx(variation.numbers[lever.key], rel=1e-9), lever.key
+    for relaxable in known:
+        changed, expected = (
+            relaxable.changed(inputs.race, relaxable.milder),
+            variation.race(relaxable.key, relaxable.milder),
+        )
+        assert (changed.course, changed.aircraft) == (expected.course, expected.aircraft), relaxable.key
+        assert relaxable.value == pytest.approx(variation.numbers[relaxable.key], rel=1e-9), relaxable.key
 
 
 def test_levers_are_relaxed_to_the_milder_side_and_rounded_to_it() -> None:
     race = level_turn(2.0)
-    for lever in levers(race):
-        assert (lever.at_steps(1.0) - lever.value) * lever.step > 0.0
-        assert lever.at_steps(lever.steps_max) == pytest.approx(lever.furthest)
-        told = lever.rounded(lever.at_steps(0.3))
-        assert (told - lever.at_steps(0.3)) * lever.step >= 0.0
-    n_z = next(one for one in levers(race) if one.key == "rules.n_z_max")
+    for relaxable in relaxables(race):
+        assert (relaxable.at_steps(1.0) - relaxable.value) * relaxable.step > 0.0
+        assert relaxable.at_steps(relaxable.steps_max) == pytest.approx(relaxable.furthest)
+        told = relaxable.rounded(relaxable.at_steps(0.3))
+        assert (told - relaxable.at_steps(0.3)) * relaxable.step >= 0.0
+    n_z = next(one for one in relaxables(race) if one.key == "rules.n_z_max")
     assert [n_z.rounded(value) for value in (2.31, 2.3, 99.0)] == [2.4, 2.3, n_z.furthest]
 
 
@@ -88,26 +91,26 @@ def test_levers_are_relaxed_to_the_milder_side_and_rounded_to_it() -> None:
 
 
 def test_the_least_load_factor_of_a_level_turn_follows_from_speed_and_radius() -> None:
-    told = remedies(level_turn(2.0))["rules.n_z_max"]
+    told = suggested_changes(level_turn(2.0))["rules.n_z_max"]
     assert (told.given, told.unit) == (2.0, "g")
     assert LEAST <= told.needed <= LEAST + 0.25 * (LEAST - 2.0) + 0.1
 
 
 def test_what_is_suggested_flies_and_a_tenth_less_does_not() -> None:
-    told = remedies(level_turn(2.0))["rules.n_z_max"]
+    told = suggested_changes(level_turn(2.0))["rules.n_z_max"]
     assert result_of(level_turn(told.needed)).certified
     assert not result_of(level_turn(2.0 + 0.9 * (LEAST - 2.0))).certified
 
 
 def test_the_sentence_says_where_and_which_limit_and_how_to_set_it() -> None:
     result = result_of(level_turn(2.0))
-    told = remedies(level_turn(2.0))["rules.n_z_max"]
+    told = suggested_changes(level_turn(2.0))["rules.n_z_max"]
     assert result.message.startswith("no flight was found: a -> b cannot be flown with ")
     assert f"(rules.n_z_max={told.needed:g})" in result.message
 
 
 def test_suggestions_are_the_same_in_a_mirror() -> None:
-    one, other = remedies(level_turn(2.0)), remedies(mirrored(level_turn(2.0)))
+    one, other = suggested_changes(level_turn(2.0)), suggested_changes(mirrored(level_turn(2.0)))
     assert one.keys() == other.keys()
     for key in one:
         assert one[key].needed == pytest.approx(other[key].needed, rel=1e-6), key
@@ -143,7 +146,7 @@ def straight(gate: Gate) -> Gate:
 def test_independent_conflicts_are_all_told_and_the_first_suggestions_together_fly() -> None:
     race = Race(avenue(beside("west", 375.0, 106.0), beside("east", 875.0, 108.0)), EDGE_540, Air())
     result = result_of(race)
-    first = {one.conflict: one for one in reversed(result.remedies)}
+    first = {one.conflict: one for one in reversed(result.suggested_changes)}
     assert [first[number].key for number in sorted(first)] in (
         ["crowd.west.distance_m", "crowd.east.distance_m"],
         ["crowd.east.distance_m", "crowd.west.distance_m"],
@@ -161,4 +164,4 @@ def test_a_race_that_has_a_flight_after_all_is_flown() -> None:
     race = load_inputs(ROOT / "tracks" / "abu_dhabi_2016.yaml", overrides=["rules.ceiling_m=60"]).race
     result = result_of(race)
     assert result.certified
-    assert result.remedies == ()
+    assert result.suggested_changes == ()

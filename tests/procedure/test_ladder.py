@@ -9,19 +9,19 @@ from ladders import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, climb
 from races import EDGE_540, RACES, SMALL, prepared
 
 from airrace.control.reference import from_optimum
-from airrace.control.settling import at
+from airrace.control.trim import at
 from airrace.dynamics import assembly, state_space_inversion
 from airrace.dynamics.linear_flight import Surrounding
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import interval_durations
-from airrace.procedure.flight import history, mesh_of
-from airrace.procedure.handover import FEWEST, coarser_nodes, first_nodes, recorded, settled
 from airrace.procedure.progress import Silent
-from airrace.procedure.reading import derived_quantities
 from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
+from airrace.procedure.stage_problem import history, mesh_of
+from airrace.procedure.warm_start import FEWEST, coarser_nodes, first_nodes, recorded, settled
 from airrace.trajectory import Array
 
 each_race = pytest.mark.parametrize("name", QUICK)
@@ -159,10 +159,10 @@ def test_flights_between_the_stages_stay_near_what_they_follow(name: str) -> Non
     for before, result in itertools.pairwise(climbed(RACES[name])):
         facts = result.facts
         if result.stage is Stage.STATE_SPACE:
-            assert (facts.strayed, facts.strayed_at, facts.missed) == (0.0, 0.0, 0.0)
+            assert (facts.tracking_error, facts.tracking_error_time, facts.terminal_miss) == (0.0, 0.0, 0.0)
         else:
-            assert 0.0 < facts.missed <= facts.strayed < 10.0
-            assert 0.0 < facts.strayed_at < 1.05 * before.trajectory.race_time
+            assert 0.0 < facts.terminal_miss <= facts.tracking_error < 10.0
+            assert 0.0 < facts.tracking_error_time < 1.05 * before.trajectory.race_time
 
 
 @pytest.mark.parametrize("longest", [0.03, 0.07, 0.1, 1.0])

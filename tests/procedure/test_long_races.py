@@ -7,7 +7,7 @@ from test_meshing import LIMITS, RESTLESS, flown
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.procedure.certification import certify
-from airrace.procedure.meshing import adapted
+from airrace.procedure.refinement import adapted
 from airrace.procedure.settings import LONG_RACE
 
 

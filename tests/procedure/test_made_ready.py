@@ -4,10 +4,10 @@ import pytest
 from races import SMALL, settings
 
 from airrace.control.inner_controller import InnerLoopInverse
-from airrace.control.simulation import Pilot, pilot
+from airrace.control.simulation import TrackingSimulator, pilot
 from airrace.dynamics.flight_model import FlightModel
-from airrace.procedure import ladder as module
-from airrace.procedure.ladder import Ladder
+from airrace.procedure import fidelity_continuation as module
+from airrace.procedure.fidelity_continuation import Ladder
 from airrace.procedure.settings import GuessKind
 from airrace.procedure.stage import Stage
 
@@ -26,7 +26,7 @@ def test_models_that_are_simulated_are_put_under_their_controllers_once(
 ) -> None:
     made: list[FlightModel] = []
 
-    def watched(model: FlightModel, inverse: InnerLoopInverse) -> Pilot:
+    def watched(model: FlightModel, inverse: InnerLoopInverse) -> TrackingSimulator:
         made.append(model)
         return pilot(model, inverse)
 

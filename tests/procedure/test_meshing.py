@@ -7,25 +7,25 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from airrace.optimal_control.audit import Audit
+from airrace.optimal_control.constraint_check import ConstraintCheck
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.certification import Evidence
-from airrace.procedure.meshing import (
+from airrace.procedure.refinement import (
     CALM,
     PARTS_MAX,
-    Draft,
-    Solved,
+    MeshProposal,
+    MeshSolution,
     adapted,
+    bisect_all,
     doubled,
-    halved,
-    mended,
-    mended_ahead,
     provided,
     reconsidered,
+    refine_flagged,
+    refine_predicted,
 )
-from airrace.procedure.result import Why
+from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import LONG_RACE, CertificateLimits
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
@@ -52,7 +52,7 @@ SYSTEM = oscillator()
 
 def flown(
     marks: Mapping[str, Mapping[int, float]] | None = None, durations: tuple[float, float] = (2.0, 1.0)
-) -> Solved:
+) -> MeshSolution:
     """A flight in two phases, calm but for marks: values of `drift`, `defect` or `excess` by interval."""
     phases = tuple(
         Phase(name, uniform(count), Interval(0.1, 9.0)) for name, count in zip(("out", "back"), COUNTS, strict=True)
@@ -63,12 +63,12 @@ def flown(
     measured = {name: np.zeros(N) for name in ("drift", "defect", "excess", "integration")}
     for name, values in (marks or {}).items():
         measured[name][list(values)] = list(values.values())
-    audited = Audit((), measured["defect"], measured["excess"])
+    audited = ConstraintCheck((), measured["defect"], measured["excess"])
     evidence = Evidence(replay(problem, iterate), audited, measured["drift"], measured["integration"])
-    return Solved(problem, iterate, Draft.first(problem, iterate), evidence)
+    return MeshSolution(problem, iterate, MeshProposal.first(problem, iterate), evidence)
 
 
-def counts(draft: Draft) -> list[int]:
+def counts(draft: MeshProposal) -> list[int]:
     return [len(phase) for phase in draft.mesh]
 
 
@@ -81,7 +81,7 @@ RESTLESS = everywhere(2.0 * CALM * LIMITS.hamiltonian)
 
 
 def test_draft_fits_its_guess() -> None:
-    for draft in (halved(flown(), LIMITS), adapted(flown(), LIMITS, early=True, joining=True)):
+    for draft in (bisect_all(flown(), LIMITS), adapted(flown(), LIMITS, early=True, joining=True)):
         assert draft is not None
         N = sum(counts(draft))
         assert draft.guess.state.shape == (2, N + 1)
@@ -98,7 +98,7 @@ def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
     draft = adapted(flown(), LIMITS, early=True, joining=True)
     assert draft is not None
     assert counts(draft) == [6, 4]
-    assert set(draft.why.tolist()) == {Why.CALM}
+    assert set(draft.why.tolist()) == {RefinementReason.CALM}
     assert draft.guess.control[0].tolist() == [0.5 + 2.0 * index for index in range(10)]
 
 
@@ -131,8 +131,8 @@ def test_phase_keeps_a_few_intervals() -> None:
             ),
         )
         still = np.zeros(problem.intervals)
-        evidence = Evidence(replay(problem, draft.guess), Audit((), still, still), still, still)
-        solved = Solved(problem, draft.guess, draft, evidence)
+        evidence = Evidence(replay(problem, draft.guess), ConstraintCheck((), still, still), still, still)
+        solved = MeshSolution(problem, draft.guess, draft, evidence)
     assert draft is None
 
 
@@ -141,7 +141,7 @@ def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
     assert draft is not None
     parts = 4  # more than four times what is wanted of it
     assert counts(draft) == [9 + 3 * parts, 8]
-    assert (draft.why == Why.HAMILTONIAN).sum() == 3 * parts
+    assert (draft.why == RefinementReason.HAMILTONIAN).sum() == 3 * parts
     steps = np.concatenate(draft.mesh)[: 9 + 3 * parts] * 12
     assert steps[:4] == pytest.approx(np.ones(4))
     assert steps[4 : 4 + 3 * parts] == pytest.approx(np.full(3 * parts, 1 / parts))
@@ -164,7 +164,7 @@ def test_late_only_what_is_wrong_is_worth_another_solve() -> None:
     wrong = adapted(flown({"defect": {5: 0.02}}), LIMITS, early=False, joining=False)
     assert wrong is not None
     assert counts(wrong) == [9 + 3 * 4, 8]
-    assert (wrong.why == Why.INTEGRATION).sum() == 12
+    assert (wrong.why == RefinementReason.INTEGRATION).sum() == 12
 
 
 @pytest.mark.parametrize(("durations", "left"), [((12.0, 1.0), [12, 4]), ((2.0, 12.0), [6, 8])])
@@ -179,27 +179,27 @@ def test_no_interval_is_joined_beyond_a_length(durations: tuple[float, float], l
 
 
 def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
-    draft = halved(flown(), LIMITS)
+    draft = bisect_all(flown(), LIMITS)
     assert counts(draft) == [24, 16]
     assert draft.coarser.tolist() == [True, False] * 20 + [True]
-    assert set(draft.why.tolist()) == {Why.FIRST}
+    assert set(draft.why.tolist()) == {RefinementReason.FIRST}
 
 
 @pytest.mark.parametrize(
     ("name", "value", "parts", "why"),
     [
-        ("defect", 1.1e-6, 2, Why.INTEGRATION),
-        ("defect", 1e-4, 3, Why.INTEGRATION),
-        ("defect", 1.0, PARTS_MAX, Why.INTEGRATION),
-        ("defect", np.nan, PARTS_MAX, Why.INTEGRATION),
-        ("excess", 1.1, 2, Why.LIMITS),
-        ("excess", 5.0, 4, Why.LIMITS),
-        ("drift", 0.03, 4, Why.HAMILTONIAN),
-        ("drift", 0.1, 4, Why.HAMILTONIAN),
+        ("defect", 1.1e-6, 2, RefinementReason.INTEGRATION),
+        ("defect", 1e-4, 3, RefinementReason.INTEGRATION),
+        ("defect", 1.0, PARTS_MAX, RefinementReason.INTEGRATION),
+        ("defect", np.nan, PARTS_MAX, RefinementReason.INTEGRATION),
+        ("excess", 1.1, 2, RefinementReason.LIMITS),
+        ("excess", 5.0, 4, RefinementReason.LIMITS),
+        ("drift", 0.03, 4, RefinementReason.HAMILTONIAN),
+        ("drift", 0.1, 4, RefinementReason.HAMILTONIAN),
     ],
 )
-def test_interval_is_cut_into_what_it_needs(name: str, value: float, parts: int, why: Why) -> None:
-    draft = halved(flown({name: {5: value}}), LIMITS)
+def test_interval_is_cut_into_what_it_needs(name: str, value: float, parts: int, why: RefinementReason) -> None:
+    draft = bisect_all(flown({name: {5: value}}), LIMITS)
     nodes = np.flatnonzero(draft.coarser)
     into = np.diff(nodes)
     assert into[5] == parts
@@ -214,7 +214,7 @@ def test_more_accurate_integrator_needs_fewer_parts() -> None:
     """The prediction takes the order from the scheme: of order 4, an error of 1e-4 takes one part more."""
     solved = flown({"defect": {5: 1e-4}})
     less = replace(solved, problem=replace(solved.problem, scheme=RK4))
-    assert sum(counts(halved(less, LIMITS))) > sum(counts(halved(solved, LIMITS)))
+    assert sum(counts(bisect_all(less, LIMITS))) > sum(counts(bisect_all(solved, LIMITS)))
 
 
 # halved where it is not yet
@@ -223,7 +223,7 @@ def test_more_accurate_integrator_needs_fewer_parts() -> None:
 def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved() -> None:
     """A mesh that was mended here and there: what was cut stays, all else is cut in two."""
     solved = flown({"excess": {4: 5.0}, "defect": {15: 1e-4}})
-    good = mended(solved, LIMITS)
+    good = refine_flagged(solved, LIMITS)
     assert good is not None
     before = np.diff(np.flatnonzero(good.coarser))
     fine = doubled(good)
@@ -236,7 +236,7 @@ def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved() -> None:
 def test_halving_twice_is_halving_once() -> None:
     once = doubled(flown().draft)
     twice = doubled(once)
-    assert once.mesh == halved(flown(), LIMITS).mesh
+    assert once.mesh == bisect_all(flown(), LIMITS).mesh
     assert twice.mesh == once.mesh
     np.testing.assert_array_equal(twice.guess.state, once.guess.state)
     np.testing.assert_array_equal(twice.coarser, once.coarser)
@@ -246,7 +246,7 @@ def test_halving_twice_is_halving_once() -> None:
 
 
 def test_nothing_wrong_is_not_mended() -> None:
-    assert mended(flown(), LIMITS) is None
+    assert refine_flagged(flown(), LIMITS) is None
 
 
 def test_mended_mesh_remembers_the_coarser_one() -> None:
@@ -254,7 +254,7 @@ def test_mended_mesh_remembers_the_coarser_one() -> None:
     first = solved.draft.coarser.copy()
     first[1::2] = False
     solved = replace(solved, draft=replace(solved.draft, coarser=first))
-    draft = mended(solved, LIMITS)
+    draft = refine_flagged(solved, LIMITS)
     assert draft is not None
     assert counts(draft) == [15, 8]
     assert draft.coarser.sum() == first.sum()
@@ -266,18 +266,23 @@ def test_mended_mesh_remembers_the_coarser_one() -> None:
 def test_nothing_is_mended_ahead_where_nothing_is_wrong() -> None:
     """Being near to a limit is no reason for another mesh, only for a finer one where another is solved on anyway."""
     assert (
-        mended_ahead(flown({"defect": {4: 0.9 * LIMITS.replay}, "drift": {15: 0.9 * LIMITS.hamiltonian}}), LIMITS)
+        refine_predicted(flown({"defect": {4: 0.9 * LIMITS.replay}, "drift": {15: 0.9 * LIMITS.hamiltonian}}), LIMITS)
         is None
     )
 
 
 @pytest.mark.parametrize(
     ("name", "near", "why"),
-    [("defect", 0.9 * LIMITS.replay, Why.INTEGRATION), ("drift", 0.9 * LIMITS.hamiltonian, Why.HAMILTONIAN)],
+    [
+        ("defect", 0.9 * LIMITS.replay, RefinementReason.INTEGRATION),
+        ("drift", 0.9 * LIMITS.hamiltonian, RefinementReason.HAMILTONIAN),
+    ],
 )
-def test_what_nearly_misses_a_limit_is_halved_with_what_misses_one(name: str, near: float, why: Why) -> None:
+def test_what_nearly_misses_a_limit_is_halved_with_what_misses_one(
+    name: str, near: float, why: RefinementReason
+) -> None:
     wrong = {"excess": {4: 1.5}}
-    mend, ahead = (cut(flown({**wrong, name: {12: near}}), LIMITS) for cut in (mended, mended_ahead))
+    mend, ahead = (cut(flown({**wrong, name: {12: near}}), LIMITS) for cut in (refine_flagged, refine_predicted))
     assert mend is not None
     assert ahead is not None
     parts, more = (np.diff(np.flatnonzero(draft.coarser)) for draft in (mend, ahead))
@@ -288,7 +293,7 @@ def test_what_nearly_misses_a_limit_is_halved_with_what_misses_one(name: str, ne
 
 def test_calm_intervals_are_not_halved_ahead() -> None:
     wrong = flown({"excess": {4: 1.5}, "defect": {12: 0.1 * LIMITS.replay}, "drift": {15: 0.05 * LIMITS.hamiltonian}})
-    mend, ahead = mended(wrong, LIMITS), mended_ahead(wrong, LIMITS)
+    mend, ahead = refine_flagged(wrong, LIMITS), refine_predicted(wrong, LIMITS)
     assert mend is not None
     assert ahead is not None
     assert ahead.mesh == mend.mesh
@@ -308,7 +313,7 @@ def test_intervals_are_cut_where_a_guess_lets_foresee_errors_and_the_coarser_mes
     first[1::2] = False
     draft = provided(replace(solved.draft, guess=guess, coarser=first), solved.problem, LIMITS)
     assert counts(draft) == [13, 8]
-    assert np.flatnonzero(draft.why == Why.INTEGRATION).tolist() == [4, 5]
+    assert np.flatnonzero(draft.why == RefinementReason.INTEGRATION).tolist() == [4, 5]
     assert draft.guess.control[0].tolist() == np.insert(force[0], 4, force[0, 4]).tolist()
     assert draft.guess.state[0, 4:7].tolist() == [4.0, 4.5, 5.0]
     shares = np.concatenate([[0.0], np.cumsum(np.concatenate(draft.mesh))])
@@ -326,9 +331,9 @@ def test_only_errors_of_the_integrator_are_foreseen() -> None:
 # a race time that changed
 
 
-def finer(before: Solved, gained: float, **varied: float) -> Solved:
+def finer(before: MeshSolution, gained: float, **varied: float) -> MeshSolution:
     """The halved mesh, on which the controls differ within some intervals of the mesh before: `i5=2.0` by two."""
-    draft = halved(before, LIMITS)
+    draft = bisect_all(before, LIMITS)
     phases = tuple(
         replace(phase, fractions=fractions) for phase, fractions in zip(before.problem.phases, draft.mesh, strict=True)
     )
@@ -338,14 +343,16 @@ def finer(before: Solved, gained: float, **varied: float) -> Solved:
     for name, difference in varied.items():
         control[0, 2 * int(name[1:])] = difference
     iterate = replace(draft.guess, durations=draft.guess.durations * (1.0 - gained / 3.0), control=control)
-    return Solved(problem, iterate, draft, before.evidence)
+    return MeshSolution(problem, iterate, draft, before.evidence)
 
 
 def test_intervals_that_gained_stay_fine_with_their_neighbours_and_the_others_go_back() -> None:
     before = flown()
     again = reconsidered(finer(before, 0.02, i5=2.0, i17=0.1), before, LIMITS)
     assert counts(again) == [12 + 3, 8]
-    assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(4, 10))
+    assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
+        range(4, 10)
+    )
     assert again.coarser.all()
 
 
@@ -363,14 +370,18 @@ def test_so_many_intervals_stay_fine_that_the_others_gain_half_of_what_is_allowe
 def test_time_lost_to_limits_kept_at_more_nodes_makes_fine_where_they_were_left() -> None:
     left = flown({"excess": {3: 0.5, 4: 0.5, 15: 0.001}})
     again = reconsidered(finer(left, -0.006), left, LIMITS)
-    assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(2, 10))
+    assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
+        range(2, 10)
+    )
     assert counts(again) == [16, 8]
 
 
 def test_time_lost_to_the_integrator_makes_fine_where_it_erred() -> None:
     erring = flown({"integration": {2: 0.004, 16: 0.0005}})
     again = reconsidered(finer(erring, -0.0055), erring, LIMITS)
-    assert [index for index, why in enumerate(again.why.tolist()) if why == Why.RACE_TIME] == list(range(1, 7))
+    assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
+        range(1, 7)
+    )
     assert counts(again) == [15, 8]
 
 
@@ -390,8 +401,8 @@ def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows() -> N
     long = adapted(flown(marks, (20.0 * LONG_RACE, 10.0 * LONG_RACE)), LIMITS, early=True, joining=False)
     assert short is not None
     assert long is not None
-    assert Why.RACE_TIME in short.why
-    assert Why.RACE_TIME not in long.why
+    assert RefinementReason.RACE_TIME in short.why
+    assert RefinementReason.RACE_TIME not in long.why
 
 
 def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:

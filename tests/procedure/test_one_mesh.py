@@ -8,15 +8,15 @@ import pytest
 from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
-from airrace.procedure.ladder import UNPROVED
+from airrace.procedure.fidelity_continuation import UNPROVED
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
 from airrace.procedure.run import optimize, recertify
-from airrace.procedure.settings import GuessKind, Proof, Settings
+from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.runs.discrepancies import discrepancies
 
 ALL = settings(GuessKind.PLAN)
-LAST = dataclasses.replace(ALL, proof=Proof.LAST)
+LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)
 UNREACHABLE = dataclasses.replace(
     ALL,
     certificate=dataclasses.replace(ALL.certificate, race_time=1e-9),

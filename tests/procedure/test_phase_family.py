@@ -10,16 +10,16 @@ from races import RACES, planned
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import angle_between, quaternion
 from airrace.procedure.guess import first_mesh
-from airrace.procedure.phase_family import PhaseFamily, phase_family
+from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.settings import MeshSettings
 from airrace.trajectory import Array
 
 
 @functools.cache
-def families(name: str) -> list[PhaseFamily]:
+def families(name: str) -> list[PhaseHomotopy]:
     """All phases of a race, each beginning as planned."""
     plan = planned(RACES[name])
-    return [phase_family(plan, index, None) for index in range(len(plan.legs))]
+    return [phase_homotopy(plan, index, None) for index in range(len(plan.legs))]
 
 
 LEVEL = [(name, index) for name in RACES for index, one in enumerate(families(name)) if one.path is not None]
@@ -86,7 +86,7 @@ def test_between_free_attitudes_the_real_phase_is_the_first_member(name: str, in
     assert families(name)[index].first == 1.0
 
 
-def arrived(name: str, index: int, bank: float, speed: float) -> PhaseFamily:
+def arrived(name: str, index: int, bank: float, speed: float) -> PhaseHomotopy:
     """The family of a phase that begins 3 m beside its gate, 5 degrees off its heading."""
     plan = planned(RACES[name])
     gate = plan.waypoints[index]
@@ -96,7 +96,7 @@ def arrived(name: str, index: int, bank: float, speed: float) -> PhaseFamily:
         x=gate.position[0] + 3.0, y=gate.position[1], z=-gate.position[2], V_K=speed, q0=q0, q1=q1, q2=q2, q3=q3,
         delta_T=1.0, n_z=2.0, n_y=0.0, p_Kbar=0.0,
     )  # fmt: skip
-    return phase_family(plan, index, np.array(state.join()))
+    return phase_homotopy(plan, index, np.array(state.join()))
 
 
 def test_phase_begins_where_the_one_before_really_ended() -> None:

@@ -9,7 +9,7 @@ from races import RACES, planned, prepared
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure.attitudes import ROWS
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.pieces import SHORTEST_SHARE, joined, moved, phase_piece
+from airrace.procedure.phase_segments import SHORTEST_SHARE, joined, moved, phase_piece
 from airrace.procedure.settings import MeshSettings
 
 every_race = pytest.mark.parametrize("name", RACES)

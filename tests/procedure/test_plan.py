@@ -11,13 +11,13 @@ from races import planned as plan_of
 from races import pylon as pylon_at
 from transformations import mirrored, rotated
 
-from airrace.documents import load_inputs
 from airrace.environment.air import Air
 from airrace.frames import angle_between
-from airrace.planning.choices import ANY, TWIN
-from airrace.planning.cruise import cruise
+from airrace.inputs import load_inputs
 from airrace.planning.plan import ONE_PLACE, Plan, plan
+from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
+from airrace.planning.route_decisions import ANY, TWIN
 from airrace.track.course import Direction
 from airrace.track.gates import Gate, Manoeuvre, Pylon
 

@@ -8,9 +8,9 @@ from races import SMALL, settings
 
 from airrace.planning import plan as planning
 from airrace.planning.race import Race
-from airrace.procedure.ladder import Ladder
+from airrace.procedure.fidelity_continuation import Ladder
 from airrace.procedure.progress import Silent
-from airrace.procedure.reading import derived_quantities, sampler
+from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind
 from airrace.procedure.stage import STAGES, Stage

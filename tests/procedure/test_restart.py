@@ -7,10 +7,10 @@ import pytest
 from ladders import PLAN, climbed
 from races import ROOT, SHIPPED, SMALL, blown, optimum
 
-from airrace.documents import load_inputs
 from airrace.errors import UsageError
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
-from airrace.procedure import restart, solving
+from airrace.procedure import restart, solver_session
 from airrace.procedure.passings import ensure_same_passings, passings_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
@@ -102,7 +102,7 @@ def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is
 
 
 def test_flight_whose_multipliers_lead_nowhere_is_started_from_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solving, "KNOWN_ITERATIONS_MAX", 1)
+    monkeypatch.setattr(solver_session, "KNOWN_ITERATIONS_MAX", 1)
     (result,) = started(WINDY, stored())
     assert result.message == ""
     assert [one.success for one in result.attempts[:2]] == [False, True]

@@ -10,13 +10,13 @@ import races
 from races import DEGREE, EDGE_540, KNOT, ROOT, RULES, course, knife_edge, pylon
 from transformations import mirrored
 
-from airrace.documents import load_inputs
 from airrace.environment.air import Air, StaticWind
-from airrace.planning.cruise import top_speed
+from airrace.inputs import load_inputs
 from airrace.planning.legs import PLANNED_MAX, legs, tightest
+from airrace.planning.planning_model import top_speed
 from airrace.planning.race import Race
 from airrace.planning.review import Kind, Remark, in_order, review
-from airrace.planning.slips import exchanged_axes
+from airrace.planning.swapped_inputs import exchanged_axes
 from airrace.quantities import Interval
 from airrace.results.plan_review import remarks_on_line
 from airrace.results.planned import planned_flight

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from airrace.environment.atmosphere import g0
 from airrace.frames import product, quaternion, rotation
-from airrace.planning.cruise import Cruise
+from airrace.planning.planning_model import PlanningModel
 from airrace.planning.rotation_time import roll_time, rotated, rotation_time, rotation_vector
 from airrace.quantities import Interval
 from airrace.track.limits import Roll, Turning
 
-PACE = Cruise(V=80.0, n=5.0, p=3.0)
+PACE = PlanningModel(V=80.0, n=5.0, p=3.0)
 attitudes = st.builds(quaternion, st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 
 

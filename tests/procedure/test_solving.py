@@ -10,18 +10,18 @@ from races import RACES, SMALL, planned, prepared
 
 from airrace.optimal_control.kkt import KktError
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.messages import IterationReport
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.service import SolverService, Stalled
-from airrace.optimal_control.solvers import Multipliers, Solution, SolverOptions
+from airrace.optimal_control.solvers.process.messages import IterationReport
+from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
+from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import SMALLEST_STEP, fly_homotopy, held
-from airrace.procedure.pieces import phase_piece
+from airrace.procedure.multistart.solver_pool import SolverPool
+from airrace.procedure.phase_segments import phase_piece
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.settings import Settings
-from airrace.procedure.solving import KNOWN_ITERATIONS_MAX, MEASURED, Workbench
-from airrace.procedure.ways.crew import Crew
+from airrace.procedure.solver_session import KNOWN_ITERATIONS_MAX, MEASURED, SolverSession
 
 STALLED = "stalled"
 
@@ -52,7 +52,7 @@ class Canned(SolverService):
         self.threads.append(threads)
         verdict = self.verdicts.pop(0) if len(self.verdicts) > 1 else self.verdicts[0]
         if verdict == STALLED:
-            raise Stalled("no iteration finished within 1 s")
+            raise SolverTimeout("no iteration finished within 1 s")
         layout = Layout(problem)
         return Solution(
             solver=solver,
@@ -70,11 +70,11 @@ class Canned(SolverService):
         )
 
 
-def bench(*verdicts: str) -> Workbench:
-    return Workbench(Canned(*verdicts), Settings(), Silent())
+def session(*verdicts: str) -> SolverSession:
+    return SolverSession(Canned(*verdicts), Settings(), Silent())
 
 
-def asked(of: Workbench) -> Sequence[tuple[str, SolverOptions, Problem]]:
+def asked(of: SolverSession) -> Sequence[tuple[str, SolverOptions, Problem]]:
     assert isinstance(of.service, Canned)
     return of.service.asked
 
@@ -93,7 +93,7 @@ def small() -> tuple[Problem, Iterate]:
     ],
 )
 def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[str], solvers: list[str]) -> None:
-    used = bench(*verdicts)
+    used = session(*verdicts)
     problem, made = small()
     solution = used.solve(problem, made, "all phases", barrier=0.1)
     assert solution is not None
@@ -104,7 +104,7 @@ def test_fallback_is_asked_only_where_the_primary_solver_fails(verdicts: list[st
 
 
 def test_optimum_by_its_measured_errors_counts_and_says_so() -> None:
-    used = bench("nearly", "solved")
+    used = session("nearly", "solved")
     problem, made = small()
     solution = used.solve(problem, made, "all phases", barrier=0.1)
     assert solution is not None
@@ -116,7 +116,7 @@ def test_optimum_by_its_measured_errors_counts_and_says_so() -> None:
 
 @pytest.mark.parametrize("passing", [False, True])
 def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(passing: bool) -> None:
-    used = bench("inexact")
+    used = session("inexact")
     problem, made = small()
     solution = used.solve(problem, made, "all phases", barrier=0.1, passing=passing)
     assert solution is not None
@@ -126,16 +126,16 @@ def test_inexact_optimum_is_solved_closer_unless_it_is_only_compared_with(passin
 
 def test_last_answer_is_returned_where_nobody_succeeds() -> None:
     problem, made = small()
-    solution = bench("stuck", "infeasible").solve(problem, made, "all phases", barrier=0.1)
+    solution = session("stuck", "infeasible").solve(problem, made, "all phases", barrier=0.1)
     assert solution is not None
     assert (solution.solver, solution.status) == ("ipopt", "infeasible")
-    alone = bench("stuck", STALLED).solve(problem, made, "all phases", barrier=0.1)
+    alone = session("stuck", STALLED).solve(problem, made, "all phases", barrier=0.1)
     assert alone is not None
     assert alone.solver == "fatrop"
 
 
 def test_solvers_that_never_come_back_leave_no_solution_but_a_record() -> None:
-    used = bench(STALLED)
+    used = session(STALLED)
     problem, made = small()
     assert used.solve(problem, made, "all phases", barrier=0.1) is None
     assert [one.status for one in used.attempts] == ["no iteration finished within 1 s"] * 2
@@ -145,7 +145,7 @@ def test_known_multipliers_are_tried_first_and_for_fewer_iterations() -> None:
     problem, start = small()
     layout = Layout(problem)
     known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
-    told = bench("infeasible", "solved")
+    told = session("infeasible", "solved")
     solution = told.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
     assert solution is not None
     assert solution.success
@@ -160,7 +160,7 @@ def test_a_solver_that_begins_without_multipliers_is_asked_once() -> None:
     problem, start = small()
     layout = Layout(problem)
     known = Multipliers(np.zeros(layout.constraints), np.zeros(layout.unknowns))
-    told = bench("infeasible")
+    told = session("infeasible")
     told.solve(problem, start, "joint", barrier=1e-5, multipliers=known)
     assert isinstance(told.service, Canned)
     assert [solver for solver, _, _ in asked(told)] == ["fatrop", "fatrop", "ipopt"]
@@ -169,9 +169,9 @@ def test_a_solver_that_begins_without_multipliers_is_asked_once() -> None:
 
 def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
     problem, start = small()
-    told, searching, going_on = Workbench(Canned("solved"), Settings(), Silent(), threads=2), Event(), Event()
+    told, searching, going_on = SolverSession(Canned("solved"), Settings(), Silent(), threads=2), Event(), Event()
 
-    def search(_: Crew) -> str:
+    def search(_: SolverPool) -> str:
         searching.set()
         assert going_on.wait(10.0)
         return "found"
@@ -187,7 +187,7 @@ def test_search_beside_has_a_thread_to_itself_until_it_has_found() -> None:
 
 
 def test_settings_reach_the_solver() -> None:
-    used = bench("stuck")
+    used = session("stuck")
     chosen = dataclasses.replace(Settings().solver, tolerance=1e-5, iterations_max=7, primary="ipopt")
     used.settings = dataclasses.replace(Settings(), solver=chosen)
     problem, made = small()
@@ -197,7 +197,7 @@ def test_settings_reach_the_solver() -> None:
 
 
 def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
-    used = bench("stuck", "solved")
+    used = session("stuck", "solved")
     problem, made = small()
     used.solve(problem, made, "all phases", barrier=0.1)
     timings = used.timings()
@@ -212,7 +212,7 @@ def test_timings_add_up_and_begin_anew_with_every_stage() -> None:
 
 @pytest.mark.parametrize("name", RACES)
 def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(name: str) -> None:
-    flight, used = prepared(RACES[name]), bench("stuck")
+    flight, used = prepared(RACES[name]), session("stuck")
     result = fly_homotopy(flight, used)
     made = guess(flight.plan, first_mesh(flight.plan, Settings().mesh))
     assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
@@ -223,7 +223,7 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
 
 
 def test_homotopy_tries_the_whole_way_first() -> None:
-    flight, used = prepared(SMALL), bench("solved")
+    flight, used = prepared(SMALL), session("solved")
     result = fly_homotopy(flight, used)
     parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
     assert parts == ["0", "1"] * 3
@@ -232,7 +232,7 @@ def test_homotopy_tries_the_whole_way_first() -> None:
 
 def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
     flight = prepared(SMALL)
-    used = bench("solved", *["stuck"] * 5, "solved")
+    used = session("solved", *["stuck"] * 5, "solved")
     result = fly_homotopy(flight, used)
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
@@ -242,7 +242,7 @@ def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
 
 def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
     flight = prepared(SMALL)
-    used = bench("solved", "stuck", "stuck", "solved")
+    used = session("solved", "stuck", "stuck", "solved")
     result = fly_homotopy(flight, used)
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
@@ -251,7 +251,7 @@ def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
 
 
 def test_short_horizon_of_phases_is_solved_together() -> None:
-    flight, used = prepared(RACES["rovinj_2014"]), bench("solved")
+    flight, used = prepared(RACES["rovinj_2014"]), session("solved")
     fly_homotopy(flight, used)
     counts = [len(problem.phases) for _, _, problem in asked(used)]
     assert counts == [1, 1, *[2] * (len(counts) - 2)]

@@ -10,16 +10,16 @@ from test_solving import STALLED, Canned, asked
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure import joint
+from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence
-from airrace.procedure.flight import mesh_of
-from airrace.procedure.joint import HANDOVER_BARRIER, Start, optimise_jointly
-from airrace.procedure.ladder import Ladder
+from airrace.procedure.fidelity_continuation import Ladder
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, StageResult
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.solving import Workbench
+from airrace.procedure.solve_and_refine import HANDOVER_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import mesh_of
 
 
 @pytest.fixture(autouse=True)
@@ -29,13 +29,13 @@ def flights_that_fly_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
     def certify(problem: Problem, iterate: Iterate, evidence: Evidence, *_: object, **__: object) -> Certificate:
         return Certificate("canned", (*evidence.audit.items, Item(RACE_TIME_CHANGE, 0.0, 5e-3, "s")))
 
-    monkeypatch.setattr(joint, "certify", certify)
+    monkeypatch.setattr(solve_and_refine, "certify", certify)
 
 
-def canned(*verdicts: str) -> Workbench:
+def canned(*verdicts: str) -> SolverSession:
     """Solvers that answer as told; no other mesh is tried."""
     unrefined = dataclasses.replace(PLAN, mesh=MeshSettings(refinements_max=0))
-    return Workbench(Canned(*verdicts), unrefined, Silent())
+    return SolverSession(Canned(*verdicts), unrefined, Silent())
 
 
 @pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
@@ -59,7 +59,7 @@ def solved_start(*, torn: float = 0.0) -> Start:
     return Start(flight, flight.problem(mesh_of(flown)), begun, HANDOVER_BARRIER)
 
 
-def tried(used: Workbench, *starts: Start) -> tuple[StageResult, list[int], list[str]]:
+def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], list[str]]:
     """The result; which starts were made, in order; which solvers were asked."""
     made: list[int] = []
 
@@ -70,7 +70,7 @@ def tried(used: Workbench, *starts: Start) -> tuple[StageResult, list[int], list
 
         return make
 
-    result = optimise_jointly(used, [maker(number) for number in range(len(starts))])
+    result = solve_with_refinement(used, [maker(number) for number in range(len(starts))])
     return result, made, [solver for solver, _, _ in asked(used)]
 
 

@@ -26,12 +26,12 @@ from races import pylon as pylon_at
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.air import Air
 from airrace.frames import quaternion
-from airrace.optimal_control.audit import observed, outside
+from airrace.optimal_control.constraint_check import observed, outside
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.planning.race import Race
+from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.statement import piece_boundary
 from airrace.quantities import Interval
 from airrace.track.course import Direction
 from airrace.track.gates import Element, Manoeuvre, Passing, Pylon

@@ -16,7 +16,7 @@ from races import SHIPPED, prepared
 
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import rotation
-from airrace.planning.cruise import cruise
+from airrace.planning.planning_model import cruise
 from airrace.procedure.guess import guess
 from airrace.procedure.settings import Settings
 
@@ -201,7 +201,7 @@ def test_exploring_is_held_against_the_best_refined_start(
             return record(None, "solved", starts=rows)
         if job.refine is not None:
             return record(60.0 + 0.01 * job.refine)
-        return record({"off": 61.0, "quick": 60.12, "thorough": 60.104}[job.explore])
+        return record({"off": 61.0, "quick": 60.12, "thorough": 60.104}[job.search])
 
     asked = canned(fly)
     assert modules["ways"].main(["--random", "25", COURSE]) == 0
@@ -210,7 +210,7 @@ def test_exploring_is_held_against_the_best_refined_start(
     assert sorted(refined) == [10, 11, 13, 14, 16, 17, 19, 20, 22, 23]
     cells = "| 59.770 | 60.100 | 16 of 25 | 22 | 61.000 | 60.120 | 60.104 | +0.020 | +0.004 |"
     assert cells in capsys.readouterr().out
-    canned(lambda job, timeout: fly(job, timeout) if job.explore != "thorough" else record(60.106))
+    canned(lambda job, timeout: fly(job, timeout) if job.search != "thorough" else record(60.106))
     assert modules["ways"].main(["--random", "25", COURSE]) == 1
 
 
@@ -218,14 +218,14 @@ def test_exploring_that_is_slower_or_loses_the_certificate_is_told(
     modules: dict[str, ModuleType], canned: Callable[[Fly], list[Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     ways = [{"way": "flat", "race_time_s": 7.9}]
-    canned(lambda job, _: record(8.0 if job.explore == "off" else 7.9, ways=ways))
+    canned(lambda job, _: record(8.0 if job.search == "off" else 7.9, ways=ways))
     assert modules["ways"].main(["--found", COURSE]) == 0
     assert f"| {COURSE} | 8.000 | 7.900 | -0.100 | flat | 0.0 | 0.00 |" in capsys.readouterr().out
     assert modules["ways"].main(["--seeds", "2"]) == 0
-    canned(lambda job, _: record(8.0) if job.explore == "off" else record(None, "infeasible"))
+    canned(lambda job, _: record(8.0) if job.search == "off" else record(None, "infeasible"))
     assert modules["ways"].main(["--seeds", "2"]) == 1
     assert "but seed 0, seed 1; 0 of 2 are faster" in capsys.readouterr().out
-    canned(lambda job, _: record(8.0 if job.explore == "off" else 8.006))
+    canned(lambda job, _: record(8.0 if job.search == "off" else 8.006))
     assert modules["ways"].main(["--found", COURSE]) == 1
 
 
@@ -240,7 +240,7 @@ def test_what_cannot_be_studied_is_refused(modules: dict[str, ModuleType], capsy
 @pytest.mark.slow
 def test_a_job_is_flown_in_a_process_and_one_that_takes_too_long_is_stopped(modules: dict[str, ModuleType]) -> None:
     jobs = modules["jobs"]
-    flight = jobs.Job(COURSE, ("settings.guess=plan", "settings.explore=off"), change="mirrored")
+    flight = jobs.Job(COURSE, ("settings.guess=plan", "settings.search=off"), change="mirrored")
     flown = jobs.flown(flight, 300.0)
     assert (flown["outcome"], flown["message"]) == ("certified", "")
     assert flown["race_time_s"] == pytest.approx(8.634, abs=0.005)

@@ -10,13 +10,13 @@ from races import SMALL
 
 from airrace.optimal_control.problem import Iterate
 from airrace.planning.race import Race
-from airrace.procedure.levers import levers
-from airrace.procedure.relaxation import Relaxed, Relaxer
-from airrace.procedure.relaxed_ways import CLEAR, Relaxation, torn
-from airrace.procedure.suggestions import EFFORT_MAX, MARGINS, NOTHING, TOLD_MAX, Flown, Option, Trials
+from airrace.procedure.infeasibility.elastic_solver import ElasticSolver, Relaxed
+from airrace.procedure.infeasibility.parameters import relaxables
+from airrace.procedure.infeasibility.relaxed_routes import CLEAR, Relaxation, torn
+from airrace.procedure.infeasibility.suggestions import EFFORT_MAX, MARGINS, NOTHING, TOLD_MAX, Flown, Option, Trials
 
-KNOWN = {one.key: one for one in levers(SMALL)}
-NOBODY = cast(Relaxer, None)  # no trial of these tests asks what relaxed it
+KNOWN = {one.key: one for one in relaxables(SMALL)}
+NOBODY = cast(ElasticSolver, None)  # no trial of these tests asks what relaxed it
 CERTIFIED, FLOWN = Flown(20.0, certified=True, effort=0.1), Flown(20.0, certified=False, effort=0.1)
 HARD = Flown(20.0, certified=False, effort=1.0)
 
@@ -34,11 +34,11 @@ class Flights:
     """Trials that end as they are told to; `asked` counts them by key."""
 
     def __init__(self, tried: Sequence[Option], ends: Mapping[str, Sequence[Flown]]) -> None:
-        self._keys = {id(one.relaxed): one.lever.key for one in tried}
+        self._keys = {id(one.relaxed): one.relaxable.key for one in tried}
         self._ends = ends
         self.asked = Counter[str]()
 
-    def __call__(self, race: Race, relaxer: Relaxer, near: Relaxed) -> Flown:
+    def __call__(self, race: Race, relaxer: ElasticSolver, near: Relaxed) -> Flown:
         key = self._keys[id(near)]
         self.asked[key] += 1
         return self._ends.get(key, [CERTIFIED])[self.asked[key] - 1]
@@ -48,7 +48,7 @@ def told(tried: Sequence[Option], **ends: Any) -> tuple[list[tuple[str, float]],
     """The keys that are told with their values, and how often each was tried; ends by the last part of the key."""
     by_key = {key: ends[key.rpartition(".")[2]] for key in KNOWN if key.rpartition(".")[2] in ends}
     fly = Flights(tried, by_key)
-    return [(one.option.lever.key, one.value) for one in Trials(SMALL, fly).flown(tried)], fly.asked
+    return [(one.option.relaxable.key, one.value) for one in Trials(SMALL, fly).flown(tried)], fly.asked
 
 
 RULES = [key for key in KNOWN if key.startswith(("rules.", "gates."))]
@@ -74,7 +74,7 @@ def test_the_least_margin_with_a_certified_flight_is_told(certified: int) -> Non
     (one,) = options("aircraft.propulsion.power_max_kW")
     ((_, value),), asked = told([one], power_max_kW=[FLOWN] * certified + [CERTIFIED])
     assert value == one.value(MARGINS[certified])
-    assert asked[one.lever.key] == certified + 1
+    assert asked[one.relaxable.key] == certified + 1
 
 
 def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:

@@ -6,8 +6,8 @@ import pytest
 from races import SMALL
 
 from airrace.dynamics.point_mass import PointMassState
-from airrace.optimal_control.problem import Watch
-from airrace.procedure.watches import leg_watches
+from airrace.optimal_control.problem import PathConstraint
+from airrace.procedure.path_constraints import leg_watches
 from airrace.quantities import Interval
 from airrace.track.course import Course
 from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine
@@ -19,7 +19,7 @@ SQUARE = (Point(-900.0, -900.0), Point(-900.0, 900.0), Point(900.0, 900.0), Poin
 STAND = Crowd("stand", CrowdShape.LINE, (Point(0.0, -400.0), Point(300.0, -420.0)), 90.0)
 
 
-def watches(**changes: object) -> tuple[tuple[Watch, ...], ...]:
+def watches(**changes: object) -> tuple[tuple[PathConstraint, ...], ...]:
     return leg_watches(dataclasses.replace(SMALL.course, **changes), STATES)
 
 
@@ -29,7 +29,7 @@ def with_passage(index: int, **changes: object) -> Course:
     return dataclasses.replace(SMALL.course, passages=tuple(passages))
 
 
-def seen(watch: Watch, north: float, east: float) -> float:
+def seen(watch: PathConstraint, north: float, east: float) -> float:
     x = [north, east, -20.0, 80.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
     return float((watch.exact or watch.observation).values(x, watch.values))
 

@@ -7,8 +7,8 @@ import pytest
 from ladders import PLAN, assert_certified, climbed
 from races import COURSES, RACES, ROOT, blown, optimum
 
-from airrace.documents import load_inputs
 from airrace.environment.air import Thermal
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.procedure.result import Stage
 

@@ -55,8 +55,8 @@ def test_another_stage_is_named(folder: Path, tmp_path: Path) -> None:
 def test_prices_are_told_on_request(folder: Path, tmp_path: Path) -> None:
     plain, priced = tmp_path / "plain.html", tmp_path / "priced.html"
     assert called(folder / "still.h5", "--output", plain).exit_code == ExitCode.DONE
-    assert called(folder / "still.h5", "--output", priced, "--prices").exit_code == ExitCode.DONE
-    key = next(iter(half_cuban().prices()))
+    assert called(folder / "still.h5", "--output", priced, "--sensitivities").exit_code == ExitCode.DONE
+    key = next(iter(half_cuban().sensitivities()))
     assert key in read(priced.read_text(encoding="utf-8")).texts["td"]
     assert key not in read(plain.read_text(encoding="utf-8")).texts["td"]
 
@@ -72,11 +72,11 @@ def test_a_file_that_exists_is_kept_unless_forced(folder: Path, tmp_path: Path) 
 
 
 def test_flights_of_another_course_are_refused_with_a_sentence(folder: Path, tmp_path: Path) -> None:
-    other = airrace.optimize("half_cuban_eight", until="homotopy", set={"gates.exit.climb_deg": 1}, explore="off")
+    other = airrace.optimize("half_cuban_eight", until="homotopy", set={"gates.exit.climb_deg": 1}, search="off")
     other.save(tmp_path / "same.h5")
     text = half_cuban().inputs.track.text.replace("upright", "level_again")
     (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
-    airrace.optimize(tmp_path / "other.yaml", until="homotopy", explore="off").save(tmp_path / "other.h5")
+    airrace.optimize(tmp_path / "other.yaml", until="homotopy", search="off").save(tmp_path / "other.h5")
     assert called(folder / "still.h5", tmp_path / "same.h5", "--output", tmp_path / "a.html").exit_code == ExitCode.DONE
     ran = called(folder / "still.h5", tmp_path / "other.h5", "--output", tmp_path / "b.html")
     assert ran.exit_code == ExitCode.USAGE
@@ -94,7 +94,7 @@ def test_flights_that_do_not_exist_are_refused(folder: Path, tmp_path: Path, fli
 
 
 def test_prices_of_a_guess_are_refused(folder: Path, tmp_path: Path) -> None:
-    ran = called(folder / "still.h5", "--stage", "homotopy", "--prices", "--output", tmp_path / "page.html")
+    ran = called(folder / "still.h5", "--stage", "homotopy", "--sensitivities", "--output", tmp_path / "page.html")
     assert ran.exit_code == ExitCode.NOT_CERTIFIED
 
 

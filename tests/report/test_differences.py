@@ -7,17 +7,17 @@ import pytest
 from flown import circling, half_cuban, windy
 from pages_told import circle
 
-from airrace.documents import load_inputs
 from airrace.errors import UsageError
-from airrace.report.contents import TimeDifference
+from airrace.inputs import load_inputs
+from airrace.report.contents import Difference
 from airrace.report.flight_contents import difference_of
 from airrace.report.flight_page import flight_page
 from airrace.results import Flight
-from airrace.results.comparison import compare_flights
+from airrace.results.comparison import compared
 
 
-def behind(first: Flight, other: Flight) -> TimeDifference:
-    return difference_of(compare_flights(first, other), 1)
+def behind(first: Flight, other: Flight) -> Difference:
+    return difference_of(compared(first, other), 1)
 
 
 def test_a_flight_is_not_behind_itself() -> None:

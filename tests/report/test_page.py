@@ -10,12 +10,12 @@ import pytest
 from flown import half_cuban, windy
 from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
 
-from airrace.procedure.result import Explored, Way
+from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page
-from airrace.report.sections import Cell, Head, TableRow, number, table
-from airrace.results.comparison import compare_flights
+from airrace.report.sections import Cell, Head, Row, number, table
+from airrace.results.comparison import compared
 from airrace.results.leg_facts import leg_facts
-from airrace.runs.reported import opened_report, report_page, stage_sections
+from airrace.runs.reports import opened_report, report_page, stage_sections
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
 
@@ -111,7 +111,7 @@ def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) 
     run = half_cuban()
     way = Way("over the top <left>", 9.25, 0.75, "jointly")
     first, *later = run.checkpoint.stages
-    tried = replace(first, result=replace(first.result, explored=Explored((way,))))
+    tried = replace(first, result=replace(first.result, search=SearchReport((way,))))
     explored = replace(run, checkpoint=replace(run.checkpoint, stages=(tried, *later)))
     assert len(explored.stages) > 1
     assert way.text in read(report_page(explored)).texts["td"]
@@ -123,7 +123,7 @@ def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) 
 def test_prices_are_told_when_they_are_asked_for() -> None:
     stage = half_cuban().stage()
     cells = read("".join(stage_sections(stage, priced=True))).texts["td"]
-    assert next(iter(stage.prices())) in cells
+    assert next(iter(stage.sensitivities())) in cells
     assert not any("rules.n_z_max" in section for section in stage_sections(stage))
 
 
@@ -138,14 +138,14 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
         "0.0",
         "\N{EN DASH}",
     )
-    shown = table([Head("a", "m"), Head("b", text=True)], [TableRow(["<1>", Cell("&", bad=True)])], "caption <")
+    shown = table([Head("a", "m"), Head("b", text=True)], [Row(["<1>", Cell("&", bad=True)])], "caption <")
     assert "&lt;1&gt;" in shown
     assert '<td class="text no">&amp;</td>' in shown
     assert "caption &lt;" in shown
 
 
 def test_the_legs_of_a_comparison_come_with_what_differs() -> None:
-    comparison = compare_flights(half_cuban().flight(), windy().flight(label="windy"))
+    comparison = compared(half_cuban().flight(), windy().flight(label="windy"))
     page = flight_page([comparison.reference, comparison.other]).as_html()
     cells = read(page).texts["td"]
     for leg in comparison.legs:

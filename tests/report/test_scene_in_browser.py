@@ -150,7 +150,7 @@ def test_the_line_is_coloured_by_what_is_chosen(laptop: Opened, scale: int, hist
     """The legend ends with the largest value; that of the roll rate, which has a sign, is symmetric."""
     laptop.page.select_option("[data-colour]", str(scale))
     laptop.drawn()
-    values = laptop.run("name => [...airrace.results[0].history(name)]", history)
+    values = laptop.run("name => [...airrace.flights[0].history(name)]", history)
     largest = np.abs(values).max() if history == "p_Kbar" else np.max(values)
     legend = laptop.page.inner_text(".marks output:nth-child(3)").replace("\N{MINUS SIGN}", "-")
     assert float(legend) == pytest.approx(largest, abs=0.51 * digit)

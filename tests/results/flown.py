@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.documents import load_inputs
 from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0
 from airrace.frames import quaternion
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.results import Basis, Crossing, Flight, History, Source
-from airrace.results.derivation import complete_histories
+from airrace.results.derivation import completed
 from airrace.runs.run import Run
 from airrace.trajectory import Array
 
@@ -25,14 +25,14 @@ ROOT = Path(__file__).parents[2]
 @functools.cache
 def half_cuban() -> Run:
     """The half Cuban eight flown by the point mass."""
-    return airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+    return airrace.optimize("half_cuban_eight", until="point-mass", search="off")
 
 
 @functools.cache
 def windy() -> Run:
     """The same in a wind that blows across."""
     wind = ["environment.wind.from_deg=70", "environment.wind.speed_kt=20"]
-    return airrace.optimize("half_cuban_eight", until="point-mass", explore="off", set=wind)
+    return airrace.optimize("half_cuban_eight", until="point-mass", search="off", set=wind)
 
 
 def rovinj(wind: StaticWind | None = None) -> Race:
@@ -67,7 +67,7 @@ def circling(
         **{(f"q{index}", "1"): row for index, row in enumerate(q)},
     }
     given = {name: History(Quantity(name, unit), values, Basis.SOLVED) for (name, unit), values in columns.items()}
-    histories = complete_histories(race, given)
+    histories = completed(race, given)
     count = len(race.course.passages)
     crossings: list[Crossing] = []
     for number, passage in enumerate(race.course.passages):

@@ -50,7 +50,7 @@ def read_acmi(content: bytes) -> tuple[dict[str, Recorded], list[tuple[float, li
                 one.places.append([float(part) if part else math.nan for part in value.split("|")])
             else:
                 one.properties[key] = value
-                if key not in ("Name", "Type", "Color", "Pilot", "CallSign") and one.times:
+                if key not in ("Name", "Type", "Color", "TrackingSimulator", "CallSign") and one.times:
                     one.numbers.setdefault(key, []).append(float(value))
     return objects, events
 

@@ -26,7 +26,7 @@ from airrace.export.formats import FORMATS
 from airrace.export.globe import BEGIN, on_globe
 from airrace.frames import rotation
 from airrace.results import Flight
-from airrace.runs.exported import begin_of, origin_of
+from airrace.runs.exports import begin_of, origin_of
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 

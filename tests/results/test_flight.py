@@ -12,7 +12,7 @@ from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0
 from airrace.errors import UsageError
 from airrace.frames import rotation
-from airrace.procedure import reading
+from airrace.procedure import results_api
 from airrace.procedure.result import Outcome
 from airrace.results import Basis, laps_of, legs_of
 
@@ -20,7 +20,7 @@ from airrace.results import Basis, laps_of, legs_of
 def test_states_between_the_nodes_are_those_of_an_independent_integration() -> None:
     run = half_cuban()
     flight, result = run.flight(), run["point-mass"].result
-    integrated = reading.sampler(run.race, result)(flight.time)
+    integrated = results_api.sampler(run.race, result)(flight.time)
     for name, tolerance in (("x", 2e-3), ("y", 2e-3), ("z", 2e-3), ("V_K", 2e-4), ("n_z", 1e-7), ("q0", 2e-4)):
         np.testing.assert_allclose(flight[name], integrated[name], rtol=0.0, atol=tolerance)
 

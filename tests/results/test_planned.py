@@ -15,7 +15,7 @@ from shown_courses import SHIPPED, everything, many_gates, race
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.documents import load_inputs
+from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.planning.review import Kind
 from airrace.procedure.guess import leg_seconds
@@ -25,7 +25,7 @@ from airrace.results.plan_review import plan_clearances, remarks_on_line
 from airrace.results.planned import is_planned, planned_flight
 from airrace.track.limits import Crowd, CrowdShape
 from airrace.track.polygons import Point
-from airrace.views.map_model import map_of
+from airrace.views.map_model import map_model
 
 
 def generated(seed: int, folder: Path) -> Race:
@@ -75,7 +75,7 @@ def test_the_planned_flight_makes_every_passing_where_and_when_the_plan_does(tmp
 def test_what_is_drawn_is_the_planned_flight(tmp_path: Path) -> None:
     for flown in every_race(tmp_path):
         planned = planned_flight(flown)
-        for way in map_of(flown, planned).ways:
+        for way in map_model(flown, planned).ways:
             if not way.planned:
                 continue  # a straight line, of which the ends are drawn
             assert np.isin(way.line[:, 0], planned["x"]).all()
@@ -86,7 +86,7 @@ def test_no_line_is_drawn_through_the_zone_of_a_crowd_without_a_remark(tmp_path:
     """Crowds are put beside and onto the drawn lines; the pictures and the remarks are measured independently."""
     met = 0
     for number, flown in enumerate(every_race(tmp_path)):
-        drawn = map_of(flown).ways
+        drawn = map_model(flown).ways
         if not drawn:
             continue
         north, east = drawn[number % len(drawn)].line.mean(axis=0).tolist()
@@ -99,7 +99,7 @@ def test_no_line_is_drawn_through_the_zone_of_a_crowd_without_a_remark(tmp_path:
             visited = replace(flown, course=replace(flown.course, crowd=(crowd,)))
             planned = planned_flight(visited)
             told = " ".join(one.text for one in remarks_on_line(planned) if one.kind is Kind.CROWD)
-            away = from_corners(np.concatenate([way.line for way in map_of(visited, planned).ways]), crowd)
+            away = from_corners(np.concatenate([way.line for way in map_model(visited, planned).ways]), crowd)
             if away.min() < crowd.distance - 1.0:
                 met += 1
                 assert f"`{crowd.name}`" in told, flown.course.name

@@ -9,8 +9,8 @@ import numpy as np
 
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Facts, MeshRecord, Outcome, Stage, StageResult
-from airrace.runs.stored import stored_run
+from airrace.procedure.result import MeshRecord, Outcome, Stage, StageProvenance, StageResult
+from airrace.runs.stored_inputs import stored_run
 from airrace.trajectory import Trajectory
 
 replace = dataclasses.replace
@@ -175,11 +175,11 @@ def coarser_elsewhere(one: MeshRecord) -> MeshRecord:
 
 
 def with_rival(result: StageResult) -> StageResult:
-    """A rival that was never flown."""
+    """An alternative that was never flown."""
     slower = replace(
         result.trajectory, durations=1.01 * result.trajectory.durations, time=1.01 * result.trajectory.time
     )
-    return replace(result, rivals=(replace(result, trajectory=slower, rivals=()),))
+    return replace(result, alternatives=(replace(result, trajectory=slower, alternatives=()),))
 
 
 def versions(**changed: str) -> Forgery:
@@ -277,8 +277,10 @@ FOUND: dict[str, Forgery] = {
     "start of a stage": last(facts(source="six-dof")),
     "start of a stage from another run": last(facts(source="homotopie of other.h5")),
     "start of the point mass": at(POINT_MASS, facts(source="transfer-function")),
-    "straying without a start": at(POINT_MASS, lambda result: replace(result, facts=Facts(0.006, "", 3.0, 1.0, 0.0))),
-    "straying backwards": last(facts(strayed=-1.0)),
+    "straying without a start": at(
+        POINT_MASS, lambda result: replace(result, facts=StageProvenance(0.006, "", 3.0, 1.0, 0.0))
+    ),
+    "straying backwards": last(facts(tracking_error=-1.0)),
     "replay of the mesh": last(mesh(lambda one: replace(one, defect=one.defect / 1e6))),
     "drift of the mesh": at(POINT_MASS, mesh(lambda one: replace(one, drift=one.drift / 1e6))),
     "coarser mesh": last(mesh(coarser_elsewhere)),
@@ -297,7 +299,7 @@ FOUND: dict[str, Forgery] = {
     "first stage dropped": without(HOMOTOPY),
     "stage in the middle dropped": without(POINT_MASS),
     "last stage dropped": without(TRANSFER),
-    "a rival": at(POINT_MASS, with_rival),
+    "an alternative": at(POINT_MASS, with_rival),
     "seconds of the solver": last(lambda result: replace(result, timings=replace(result.timings, solve=0.001))),
     "endless seconds": last(lambda result: replace(result, timings=replace(result.timings, wall=math.inf))),
     "no attempts": at(POINT_MASS, lambda result: replace(result, attempts=())),
@@ -308,12 +310,12 @@ FOUND: dict[str, Forgery] = {
 }
 """Forgeries that `verify` has to find, by what they change."""
 
-HEARSAY: dict[str, Forgery] = {
+UNVERIFIABLE: dict[str, Forgery] = {
     "iterations": last(
         lambda result: replace(result, attempts=tuple(replace(one, iterations=1) for one in result.attempts))
     ),
     "wall time": last(lambda result: replace(result, timings=replace(result.timings, wall=0.5))),
     "reasons of the mesh": last(mesh(lambda one: replace(one, why=np.full_like(one.why, 3)))),
-    "how far the start strayed": last(facts(strayed=0.01)),
+    "tracking error of the start": last(facts(tracking_error=0.01)),
 }
 """Forgeries of what leaves no trace in a flight: nobody can find them without a signature, so it is called hearsay."""

@@ -107,8 +107,8 @@ def test_names_paths_and_texts_mean_the_same(named: str | Path, aircraft: str | 
 
 
 def test_values_are_set_by_keys_or_as_texts() -> None:
-    by_key = airrace.optimize("rovinj_2014", set={"rules.n_z_max": 9, "rules.preset": "rbar-2016"}, explore="off")
-    texts = ["rules.n_z_max=9", "rules.preset=rbar-2016", "settings.explore=off"]
+    by_key = airrace.optimize("rovinj_2014", set={"rules.n_z_max": 9, "rules.preset": "rbar-2016"}, search="off")
+    texts = ["rules.n_z_max=9", "rules.preset=rbar-2016", "settings.search=off"]
     assert by_key.inputs.overrides == tuple(texts)
     assert airrace.optimize("rovinj_2014", set=texts).inputs.resolved == by_key.inputs.resolved
 

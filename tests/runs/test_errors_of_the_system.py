@@ -91,7 +91,7 @@ main()
 """
 COMMANDS = (
     ("check", "half_cuban_eight"),
-    ("optimize", "half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--explore", "off"),
+    ("optimize", "half_cuban_eight", "--until", "point-mass", "--guess", "plan", "--search", "off"),
     ("batch", "half_cuban_eight", "--until", "point-mass", "--set", "settings.guess=plan", "--retries", "0"),
 )
 

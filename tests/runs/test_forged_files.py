@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from forgeries import FOUND, HEARSAY, TRANSFER, flown, last, resealed, splits, versions
+from forgeries import FOUND, TRANSFER, UNVERIFIABLE, flown, last, resealed, splits, versions
 from kept import kept
 from typer.testing import CliRunner
 
@@ -18,34 +18,34 @@ from airrace.checkpoint.digest import content_digest
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, NotCertified
 from airrace.planning.race import Race
-from airrace.procedure import remeasured
-from airrace.procedure.remeasured import Believed, Measured
+from airrace.procedure import recomputation
+from airrace.procedure.recomputation import Measured, TrustedData
 from airrace.procedure.result import Stage
-from airrace.runs.stored import opened_run
+from airrace.runs.stored_inputs import opened_run
 from airrace.runs.verification import verified
 from airrace.trajectory import Trajectory
 
-measure = remeasured.measured
+measure = recomputation.measured
 MEASURED: dict[str, Measured] = {}
 
 
 @kept
 def genuine() -> Checkpoint:
     """Three stages of a small course, the last of them certified."""
-    return airrace.optimize("half_cuban_eight", until="transfer-function", explore="off").checkpoint
+    return airrace.optimize("half_cuban_eight", until="transfer-function", search="off").checkpoint
 
 
 @pytest.fixture(autouse=True)
 def measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is believed is measured once: whatever else a file says, the same follows from it."""
 
-    def once(race: Race, settings: object, believed: Believed, service: object) -> Measured:
-        key = content_digest(believed) + repr(race)
+    def once(race: Race, settings: object, trusted: TrustedData, service: object) -> Measured:
+        key = content_digest(trusted) + repr(race)
         if key not in MEASURED:
-            MEASURED[key] = measure(race, settings, believed, service)
+            MEASURED[key] = measure(race, settings, trusted, service)
         return MEASURED[key]
 
-    monkeypatch.setattr(remeasured, "measured", once)
+    monkeypatch.setattr(recomputation, "measured", once)
 
 
 @pytest.fixture
@@ -90,9 +90,9 @@ def test_what_differs_is_named(name: str, words: str, path: Path) -> None:
     assert words in objections(FOUND[name](genuine()), path)
 
 
-@pytest.mark.parametrize("name", HEARSAY)
+@pytest.mark.parametrize("name", UNVERIFIABLE)
 def test_hearsay_is_not_found_and_called_unverified(name: str, path: Path) -> None:
-    assert objections(HEARSAY[name](genuine()), path) == ""
+    assert objections(UNVERIFIABLE[name](genuine()), path) == ""
     told = ran("verify", path)
     assert told.exit_code == 0
     assert "unverified, for they cannot be measured again: messages, attempts and timings, " in told.stdout
@@ -125,7 +125,7 @@ def test_broken_chain_is_not_called_certified(path: Path) -> None:
     assert opened_run(path).flight().source.certified is False
     assert "# certified: no" in opened_run(path)[TRANSFER].to_csv()
     with pytest.raises(NotCertified):
-        opened_run(path).prices()
+        opened_run(path).sensitivities()
 
 
 READERS = (
@@ -136,7 +136,7 @@ READERS = (
     ("report",),
     ("compare",),
     ("plot",),
-    ("prices",),
+    ("sensitivity",),
     ("resume", "--dry-run"),
 )
 

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from airrace.documents import load_inputs
-from airrace.documents.json_schema import schema_text
-from airrace.documents.shipped import TRACKS
 from airrace.errors import InputError, UsageError
+from airrace.inputs import load_inputs
+from airrace.inputs.json_schema import schema_text
+from airrace.inputs.shipped import TRACKS
 from airrace.runs.init import EDITORS_LINE, init
 from airrace.runs.shipped import shipped
 

@@ -5,10 +5,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from canned_procedure import on_one_mesh, stage_result
+from canned_procedure import solve_single_mesh, stage_result
 
-from airrace.procedure.explanation import told
-from airrace.procedure.result import Outcome, Remedy, Stage, State
+from airrace.procedure.infeasibility.analysis import told
+from airrace.procedure.result import Outcome, Stage, State, SuggestedChange
 from airrace.runs.answer import Answer
 from airrace.runs.run_object import is_certified, lap_times, run_object, stage_object, summarise, verdict
 
@@ -30,16 +30,16 @@ def test_the_object_has_the_documented_keys() -> None:
             "lap_times_s",
             "regularisation_s",
             "started_from",
-            "strayed_m",
+            "tracking_error_m",
             "iterations",
             "solve_s",
             "derivatives_s",
             "wall_s",
             "certified",
-            "rivals",
+            "alternatives",
             "mesh",
             "ways",
-            "explored",
+            "search",
             "conflicts",
             "certificate",
         ]
@@ -56,16 +56,16 @@ def test_the_object_has_the_documented_keys() -> None:
 
 
 def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
-    remedies = (
-        Remedy(1, "a -> b", "rules.n_z_max", "n_z", "g", 2.0, 2.8, 9.5),
-        Remedy(1, "a -> b", "", "the margin of safety line shore", "m", 0.0, -12.0, 9.0),
-        Remedy(2, "c", "", "", "", 0.0, 0.0, 0.0),
+    suggested_changes = (
+        SuggestedChange(1, "a -> b", "rules.n_z_max", "n_z", "g", 2.0, 2.8, 9.5),
+        SuggestedChange(1, "a -> b", "", "the margin of safety line shore", "m", 0.0, -12.0, 9.0),
+        SuggestedChange(2, "c", "", "", "", 0.0, 0.0, 0.0),
     )
-    failed = replace(stage_result(Stage.POINT_MASS), outcome=Outcome.INFEASIBLE, remedies=remedies)
+    failed = replace(stage_result(Stage.POINT_MASS), outcome=Outcome.INFEASIBLE, suggested_changes=suggested_changes)
     (stage,) = json.loads(json.dumps(run_object("t", [failed], 1.0, certified=False), allow_nan=False))["stages"]
     first, second = stage["conflicts"]
-    assert (first["where"], second) == ("a -> b", {"where": "c", "remedies": []})
-    assert first["remedies"][0] == {
+    assert (first["where"], second) == ("a -> b", {"where": "c", "suggested_changes": []})
+    assert first["suggested_changes"][0] == {
         "key": "rules.n_z_max",
         "text": "n_z",
         "unit": "g",
@@ -73,8 +73,8 @@ def test_conflicts_are_told_one_by_one_with_what_resolves_each() -> None:
         "needed": 2.8,
         "race_time_s": 9.5,
     }
-    assert first["remedies"][1]["key"] is None  # no key moves a line
-    sentence = told(remedies)
+    assert first["suggested_changes"][1]["key"] is None  # no key moves a line
+    sentence = told(suggested_changes)
     assert "a -> b cannot be flown with n_z of 2 g: it takes 2.8 g (rules.n_z_max=2.8), or the margin" in sentence
     assert sentence.endswith(
         "; and the limits contradict each other at c, and no single number was found that resolves it"
@@ -98,7 +98,7 @@ def test_a_guess_on_the_way_is_no_failure_but_never_a_certified_end() -> None:
 
 
 def test_a_stage_solved_on_one_mesh_is_no_failure_but_never_a_certified_end() -> None:
-    solved, certified = on_one_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
+    solved, certified = solve_single_mesh(stage_result(Stage.POINT_MASS)), stage_result(Stage.TRANSFER_FUNCTION)
     assert is_certified([solved, certified])
     assert not is_certified([certified, solved])
     code, sentence = verdict([solved])
@@ -107,7 +107,7 @@ def test_a_stage_solved_on_one_mesh_is_no_failure_but_never_a_certified_end() ->
 
 
 def test_the_object_tells_what_was_proved_of_a_stage() -> None:
-    solved = stage_object(on_one_mesh(stage_result(Stage.POINT_MASS)))
+    solved = stage_object(solve_single_mesh(stage_result(Stage.POINT_MASS)))
     assert (solved["status"], solved["state"], solved["certified"]) == ("solved", "solved", False)
     certified = stage_object(stage_result(Stage.POINT_MASS))
     assert (certified["status"], certified["state"], certified["certified"]) == ("solved", "certified", True)
@@ -117,9 +117,9 @@ def test_nothing_but_all_items_makes_a_stage_certified() -> None:
     """Whatever else is left out or does not hold, the state never claims more."""
     result = stage_result(Stage.POINT_MASS)
     assert result.state is State.CERTIFIED
-    assert on_one_mesh(result).state is State.SOLVED
+    assert solve_single_mesh(result).state is State.SOLVED
     assert stage_result(Stage.POINT_MASS, kkt_error=1.0).state is State.NOT_CERTIFIED
-    assert on_one_mesh(stage_result(Stage.POINT_MASS, kkt_error=1.0)).state is State.NOT_CERTIFIED
+    assert solve_single_mesh(stage_result(Stage.POINT_MASS, kkt_error=1.0)).state is State.NOT_CERTIFIED
     assert stage_result(Stage.HOMOTOPY).state is State.GUESS
     for outcome in set(Outcome) - {Outcome.SOLVED}:
         assert stage_result(Stage.POINT_MASS, outcome).state.value == outcome.value

@@ -18,7 +18,7 @@ from airrace.cli.main import app
 from airrace.errors import CheckpointError, UsageError
 from airrace.runs import signing
 from airrace.runs.signing import ensure_signed, signer_of
-from airrace.runs.stored import opened_run
+from airrace.runs.stored_inputs import opened_run
 
 SECRET, OPEN = serialization.PrivateFormat, serialization.PublicFormat
 PLAIN = serialization.NoEncryption()

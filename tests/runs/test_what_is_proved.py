@@ -5,24 +5,24 @@ from dataclasses import replace
 
 import canned_procedure
 import pytest
-from canned_procedure import on_one_mesh, stage_result
+from canned_procedure import solve_single_mesh, stage_result
 
-from airrace.documents import load_inputs
 from airrace.errors import InputError
-from airrace.procedure import reading
+from airrace.inputs import load_inputs
+from airrace.procedure import results_api
 from airrace.procedure import run as procedure
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
-from airrace.procedure.settings import Proof
+from airrace.procedure.settings import MeshCheck
 from airrace.runs.answer import Answer
-from airrace.runs.flying import fly_stages
+from airrace.runs.execution import fly_stages
 from airrace.runs.resuming import continued_task
 from airrace.runs.run import Run
-from airrace.runs.stored import new_run
+from airrace.runs.stored_inputs import new_run
 from airrace.runs.task import described
 
 PASSINGS = [passage.name for passage in load_inputs("rovinj_2014").race.course.passages]
-SOLVED = on_one_mesh(stage_result(Stage.POINT_MASS, passings=PASSINGS))
+SOLVED = solve_single_mesh(stage_result(Stage.POINT_MASS, passings=PASSINGS))
 CERTIFIED = stage_result(Stage.TRANSFER_FUNCTION, passings=PASSINGS)
 
 
@@ -33,8 +33,8 @@ def run() -> Run:
     return begun.with_stage(SOLVED).with_stage(CERTIFIED)
 
 
-def actions(run: Run, until: str, proof: Proof | str | None = None) -> list[str]:
-    return [step.action for step in continued_task(run, until=until, proof=proof).steps]
+def actions(run: Run, until: str, mesh_check: MeshCheck | str | None = None) -> list[str]:
+    return [step.action for step in continued_task(run, until=until, mesh_check=mesh_check).steps]
 
 
 def test_solved_stage_below_the_last_is_kept(run: Run) -> None:
@@ -42,7 +42,7 @@ def test_solved_stage_below_the_last_is_kept(run: Run) -> None:
 
 
 def test_solved_stage_is_proved_where_all_are(run: Run) -> None:
-    assert actions(run, "transfer-function", Proof.ALL) == ["prove", "keep"]
+    assert actions(run, "transfer-function", MeshCheck.ALL) == ["prove", "keep"]
     assert actions(run, "state-space-inversion", "all") == ["prove", "keep", "run"]
 
 
@@ -55,18 +55,18 @@ def test_solved_stage_that_the_run_now_ends_with_is_proved(run: Run) -> None:
 
 def test_stages_stand_whatever_is_to_be_proved(run: Run) -> None:
     """Also those of a run that was asked for otherwise: its next call remembers."""
-    asked = continued_task(run, until="transfer-function", proof="all").run
+    asked = continued_task(run, until="transfer-function", mesh_check="all").run
     assert asked.stale == {}
-    assert asked.inputs.settings.proof is Proof.ALL
+    assert asked.inputs.settings.mesh_check is MeshCheck.ALL
     assert asked.checkpoint.inputs.resolved == run.checkpoint.inputs.resolved
-    again = continued_task(asked, until="transfer-function", proof="last").run
-    assert again.inputs.settings.proof is Proof.LAST
-    assert again.inputs.overrides == (*run.inputs.overrides, "settings.proof=last")
+    again = continued_task(asked, until="transfer-function", mesh_check="last").run
+    assert again.inputs.settings.mesh_check is MeshCheck.LAST
+    assert again.inputs.overrides == (*run.inputs.overrides, "settings.mesh_check=last")
 
 
 def test_what_may_be_proved_has_a_name(run: Run) -> None:
-    with pytest.raises(InputError, match="proof"):
-        continued_task(run, until="transfer-function", proof="some")
+    with pytest.raises(InputError, match="mesh_check"):
+        continued_task(run, until="transfer-function", mesh_check="some")
 
 
 def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -> tuple[Answer, Sequence[StageResult]]:
@@ -76,9 +76,9 @@ def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -
         yield from results
 
     monkeypatch.setattr(procedure, "optimize", optimize)
-    monkeypatch.setattr(reading, "continuous", canned_procedure.continuous)
+    monkeypatch.setattr(results_api, "continuous", canned_procedure.continuous)
     answer = Answer()
-    task = continued_task(run, until="transfer-function", proof="all")
+    task = continued_task(run, until="transfer-function", mesh_check="all")
     return answer, fly_stages(answer, task, threads=1, progress=Silent())
 
 

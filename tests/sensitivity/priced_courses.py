@@ -6,7 +6,7 @@ from pathlib import Path
 
 from kept import kept
 
-from airrace.documents import Document, Inputs, inputs_from_documents
+from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize

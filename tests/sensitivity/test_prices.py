@@ -6,16 +6,16 @@ import math
 import pytest
 from priced_courses import COURSE, CROWDED, inputs, mirrored_text, optimum, priced
 
-from airrace.documents.variation import Variation
 from airrace.errors import CheckpointError, NotCertified
-from airrace.optimal_control.service import SolverService
+from airrace.inputs.variation import Variation
+from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.models import iterate_of
+from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
-from airrace.procedure.solving import Workbench
-from airrace.procedure.varied import VariedProblem
+from airrace.procedure.solver_session import SolverSession
 from airrace.sensitivity.lagrangian import prices
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup
+from airrace.sensitivity.sensitivity import Activity, Group
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
@@ -101,7 +101,7 @@ def test_every_number_of_the_documents_has_a_price() -> None:
 
 
 def test_only_the_groups_that_are_asked_for_are_priced() -> None:
-    found = prices(inputs(), optimum(), groups=frozenset([ParameterGroup.RULES]))
+    found = prices(inputs(), optimum(), groups=frozenset([Group.RULES]))
     assert found
     assert found == {key: one for key, one in priced().items() if key.startswith("rules.")}
 
@@ -137,16 +137,16 @@ def test_where_the_range_of_a_key_ends_there_is_a_price_to_the_other_side_alone(
 )
 def test_solving_again_finds_the_price(key: str) -> None:
     one, given, result = priced()[key], inputs(), optimum()
-    variation, varied = Variation(given), VariedProblem.of_result(given.race, given.settings, result)
+    variation, varied = Variation(given), PerturbedProblem.of_result(given.race, given.settings, result)
     closer = dataclasses.replace(given.settings.solver, tolerance=1e-9)
     settings = dataclasses.replace(given.settings, solver=closer)
     change = 0.05 * one.usual_step
     objectives: list[float] = []
     with SolverService() as service:
-        bench = Workbench(service, settings, Silent())
+        session = SolverSession(service, settings, Silent())
         for value in (one.value - change, one.value + change):
             problem = varied.problem(variation.race(key, value))
-            solution = bench.solve(problem, iterate_of(result.trajectory), "again", barrier=1e-6, solvers=("ipopt",))
+            solution = session.solve(problem, iterate_of(result.trajectory), "again", barrier=1e-6, solvers=("ipopt",))
             assert solution is not None
             assert solution.success
             objectives.append(solution.objective)

@@ -23,7 +23,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Told:
     """What the clocks and the command tell of a run of two stages."""
     folder = tmp_path_factory.mktemp("shares")
     out, told = folder / "run.h5", folder / "shares.json"
-    options = ("--until", "transfer-function", "--explore", "off", "--guess", "plan", "--threads", "1")
+    options = ("--until", "transfer-function", "--search", "off", "--guess", "plan", "--threads", "1")
     command = [sys.executable, str(SCRIPTS / "ladder_shares.py"), str(told), "optimize", "half_cuban_eight"]
     run = subprocess.run(
         [*command, "--output", str(out), *options, "--json"], check=True, capture_output=True, text=True

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.documents import load_inputs
 from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.inputs import load_inputs
 
 ROOT = Path(__file__).parents[2]
 KNOT = 1852.0 / 3600.0

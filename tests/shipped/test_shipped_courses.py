@@ -8,9 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.documents import load_inputs
-from airrace.planning.cruise import cruise
+from airrace.inputs import load_inputs
 from airrace.planning.plan import plan
+from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
 from airrace.track.course import Course, Direction
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon

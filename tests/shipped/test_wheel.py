@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PYTHON = """
 import airrace
-run = airrace.optimize("half_cuban_eight", until="point-mass", explore="off")
+run = airrace.optimize("half_cuban_eight", until="point-mass", search="off")
 print(airrace.__file__, run.certified, run.save("flown.h5"), len(run.splits), len(run["point-mass"].to_dataframe()))
 """
 
@@ -48,8 +48,8 @@ def test_the_wheel_holds_courses_aircraft_rules_types_and_sources(wheel: Path) -
     assert {
         "airrace/py.typed",
         "airrace/__main__.py",
-        "airrace/documents/presets/rbar-2014.yaml",
-        "airrace/documents/templates/course.yaml",
+        "airrace/inputs/presets/rbar-2014.yaml",
+        "airrace/inputs/templates/course.yaml",
         "airrace/native/airrace_native.so",
         "airrace/report/page.html",
         "airrace/report/script/main.js",
@@ -92,7 +92,7 @@ def run(installed: Path, folder: Path, *arguments: str) -> str:
 def test_what_comes_along_is_found_in_the_installed_package(installed: Path, tmp_path: Path) -> None:
     listed = json.loads(run(installed, tmp_path, "-m", "airrace", "tracks", "--json"))
     assert [one["name"] for one in listed["tracks"]] == sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
-    where = run(installed, tmp_path, "-c", "from airrace.documents.shipped import TRACKS; print(TRACKS.path)")
+    where = run(installed, tmp_path, "-c", "from airrace.inputs.shipped import TRACKS; print(TRACKS.path)")
     assert Path(where.strip()) == installed / "airrace" / "shipped" / "tracks"
 
 

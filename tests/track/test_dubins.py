@@ -1,4 +1,4 @@
-"""Dubins paths arrive where they should, and no shorter path exists among simple rivals."""
+"""Dubins paths arrive where they should, and no shorter path exists among simple alternatives."""
 
 import math
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from airrace.dynamics.crossing import CrossingParameters, crossing_values
 from airrace.frames import quaternion
-from airrace.procedure.statement import crossing_parameters
+from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import Interval
 from airrace.track.element import Direction, Element
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances

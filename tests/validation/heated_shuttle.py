@@ -12,7 +12,7 @@ from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.linear_controls import with_linear_controls
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers.solver import Solution
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 

@@ -18,7 +18,7 @@ from statement import KnownAnswer
 
 from airrace.optimal_control.refinement import divide
 from airrace.optimal_control.replay import replay
-from airrace.optimal_control.solvers import Solution
+from airrace.optimal_control.solvers.solver import Solution
 
 PROBLEMS = (
     sliding_mass,

@@ -13,13 +13,13 @@ from shown_courses import SHIPPED, everything, race
 from airrace.track.gates import Gate
 from airrace.views.course_figure import course_figure
 from airrace.views.labels import Box, placed
-from airrace.views.map_model import map_of
+from airrace.views.map_model import map_model
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_every_shipped_course_is_drawn_with_one_scale_and_all_names(path: Path) -> None:
     flown = race(path)
-    seen = map_of(flown)
+    seen = map_model(flown)
     figure = course_figure(flown, seen)
     (axes,) = figure.axes
     assert axes.get_aspect() == 1.0
@@ -32,7 +32,7 @@ def test_every_shipped_course_is_drawn_with_one_scale_and_all_names(path: Path) 
 def test_labels_do_not_overlap() -> None:
     for path in SHIPPED:
         flown = race(path)
-        figure = course_figure(flown, map_of(flown))
+        figure = course_figure(flown, map_model(flown))
         figure.savefig(io.BytesIO(), format="png", dpi=figure.dpi)
         (axes,) = figure.axes
         boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
@@ -43,7 +43,7 @@ def test_labels_do_not_overlap() -> None:
 
 def test_gates_stand_to_scale() -> None:
     flown = race(SHIPPED[0])
-    seen = map_of(flown)
+    seen = map_model(flown)
     (axes,) = course_figure(flown, seen).axes
     drawn = np.concatenate([np.column_stack(line.get_data()) for line in axes.lines if len(line.get_xdata())])
     for mark in seen.marks:
@@ -56,7 +56,7 @@ def test_gates_stand_to_scale() -> None:
 def test_the_legend_names_what_is_there_and_only_that(tmp_path: Path) -> None:
     def entries(path: Path) -> str:
         flown = race(path)
-        (legend,) = course_figure(flown, map_of(flown)).legends
+        (legend,) = course_figure(flown, map_model(flown)).legends
         return "\n".join(text.get_text() for text in legend.get_texts())
 
     full = entries(everything(tmp_path))
@@ -68,7 +68,7 @@ def test_the_legend_names_what_is_there_and_only_that(tmp_path: Path) -> None:
 
 def test_the_wind_is_drawn_where_there_is_one(tmp_path: Path) -> None:
     flown = race(everything(tmp_path))
-    (axes,) = course_figure(flown, map_of(flown)).axes
+    (axes,) = course_figure(flown, map_model(flown)).axes
     assert "wind 34 kt" in [text.get_text() for text in axes.texts]
 
 
@@ -77,7 +77,7 @@ def test_a_course_is_drawn_the_same_every_time(tmp_path: Path) -> None:
     images: list[bytes] = []
     for _ in range(2):
         content = io.BytesIO()
-        course_figure(flown, map_of(flown)).savefig(content, format="png")
+        course_figure(flown, map_model(flown)).savefig(content, format="png")
         images.append(content.getvalue())
     assert images[0] == images[1]
 

@@ -9,20 +9,20 @@ import pytest
 from shown_courses import everything
 from shown_courses import race as race_of
 
-from airrace.documents import load_inputs
-from airrace.documents.shipped import TRACKS
+from airrace.inputs import load_inputs
+from airrace.inputs.shipped import TRACKS
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
 from airrace.views.course_page import course_page
-from airrace.views.map_model import map_of
+from airrace.views.map_model import map_model
 from airrace.views.plan_svg import COLOURS, plan_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 def drawn(race: Race, flight: Trajectory | None = None) -> ElementTree.Element:
-    return ElementTree.fromstring(plan_svg(map_of(race), flight))
+    return ElementTree.fromstring(plan_svg(map_model(race), flight))
 
 
 def places(root: ElementTree.Element, tag: str) -> Array:
@@ -93,5 +93,5 @@ def test_everything_that_can_stand_beside_a_course_is_drawn_and_escaped(tmp_path
     titles = [title.text for title in root.iter(f"{SVG}title")]
     assert titles == ["<script>& from above"]
     hostile = replace(race, course=course)
-    assert "<script>" not in course_page(hostile, map_of(hostile), ["a <b> warning"])
+    assert "<script>" not in course_page(hostile, map_model(hostile), ["a <b> warning"])
     assert len(list(root.iter(f"{SVG}polygon"))) > 0

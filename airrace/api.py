@@ -1,0 +1,262 @@
+"""The commands as functions, for Python and notebooks: their options are the keyword arguments.
+
+Nothing is printed unless it is asked for, and nothing is written but the files that are named.
+"""
+
+import logging
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from airrace.errors import UsageError
+from airrace.procedure.progress import Progress, Silent
+from airrace.procedure.result import Stage
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
+from airrace.process import available_cores
+from airrace.runs.beginning import new_task, settings_texts
+from airrace.runs.course_check import Checked, checked
+from airrace.runs.execution import flown
+from airrace.runs.given import (
+    AircraftGiven,
+    SettingsGiven,
+    TrackGiven,
+    Values,
+    aircraft_of,
+    document_or_path,
+    stage_name,
+    value_texts,
+)
+from airrace.runs.output import ensure_free
+from airrace.runs.resuming import changed_task, continued_task
+from airrace.runs.run import Run
+from airrace.runs.shipped import ShippedTrack, shipped
+from airrace.runs.starting import Changes, other_run
+from airrace.runs.stored_inputs import opened_run
+from airrace.runs.task import Task
+from airrace.views.progress_view import watching
+
+# Without a handler Python itself prints the warnings of a library.
+logging.getLogger("airrace").addHandler(logging.NullHandler())
+
+
+def optimize(
+    track: TrackGiven,
+    *,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    guess: str | GuessKind | None = None,
+    search: str | SearchEffort | None = None,
+    alternatives: int | None = None,
+    mesh_check: str | MeshCheck | None = None,
+    until: str | Stage | None = None,
+    output: str | Path | None = None,
+    force: bool = False,
+    start: Run | str | Path | None = None,
+    set: Values = (),
+    threads: int | None = None,
+    timeout: float | None = None,
+    progress: bool | Progress = False,
+) -> Run:
+    """Fly a course as fast as can be, stage by stage; the last one is certified.
+
+    Examples:
+        >>> run = airrace.optimize("half_cuban_eight", until="point-mass", search="off")
+        >>> print(f"{run.race_time:.3f} s, certified: {run.certified}")
+        8.634 s, certified: True
+
+    Args:
+        track: a course that comes along, by name (see `airrace.tracks`); a file; or a `Course` or a `Race` that was
+            built in Python.
+        aircraft: another aircraft than the one that the track names: `edge540` or `pc9`, a file, or an `Aircraft`.
+            A `Course` names none, so that one must be given.
+        settings: a settings file; None for the defaults.
+        guess: where the point mass starts from, `homotopy` or `plan`; None for what the settings say.
+        search: how much is tried to find the fastest route: `off`, `quick` or `thorough`; None likewise.
+        alternatives: how many of the best routes are taken through all stages; None likewise.
+        mesh_check: which stages have their race time confirmed on a second mesh, `last` or `all`; None likewise. The
+            others are solved on one mesh, and all but their race time is certified.
+        until: the last stage, e.g. `point-mass`; None for the last one, `six-dof`.
+        output: a file that is renewed after every stage, so that nothing is lost by an interruption; None for none.
+        force: whether a file that exists may be overwritten.
+        start: another run, or its file, to start from.
+        set: single values by their keys, e.g. `{"rules.n_z_max": 9}`; or texts, e.g. `["rules.n_z_max=9"]`.
+        threads: threads that evaluate derivatives; None for all cores. Results do not depend on it.
+        timeout: the longest wall time, s; None for none. What is finished by then is in `output`.
+        progress: whether a view of the run under way is shown on stderr; or who watches.
+
+    Returns:
+        The run. A stage that ends without a certified optimum is the last one, and no error: `Run.certified` tells, and
+        `Run.message` says why.
+
+    Raises:
+        InputError: track, aircraft, settings or values are not valid; it carries all findings.
+        UsageError: no such stage, a file that exists, or a run that cannot be started from.
+        OutOfTime: the run is not finished within `timeout`.
+        SolverCrash: the solver process died.
+        StorageError: the system refused to write the file.
+    """
+    path = None if output is None else Path(output)
+    if path is not None:
+        ensure_free(path, force=force)
+    aircraft = aircraft_of(track, aircraft)
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    task = new_task(
+        named,
+        aircraft=document_or_path(aircraft),
+        settings=settings,
+        overrides=[
+            *value_texts(set),
+            *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),
+        ],
+        until=stage_name(until),
+        path=path,
+        start=start,
+    )
+    return _fly(task, threads, timeout, progress)
+
+
+def resume(
+    run: Run | str | Path,
+    *,
+    until: str | Stage | None = None,
+    from_: str | Stage | None = None,
+    mesh_check: str | MeshCheck | None = None,
+    set: Values = (),
+    track: TrackGiven | None = None,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    output: str | Path | None = None,
+    force: bool = False,
+    threads: int | None = None,
+    timeout: float | None = None,
+    progress: bool | Progress = False,
+) -> Run:
+    """Continue a run, or fly it again with something changed.
+
+    Without changes it goes on after the last stage that still stands, in the file of the run if it has one. With `set`,
+    `track`, `aircraft` or `settings` the changed run is a new one, started from the highest stage of this run that
+    holds; this run stays as it is.
+
+    Examples:
+        >>> windy = airrace.resume(run, set={"environment.wind.from_deg": 90, "environment.wind.speed_kt": 10})
+        >>> print(f"{windy.race_time - run.race_time:+.3f} s")
+        -0.052 s
+
+    Args:
+        run: a run, or its file.
+        until: the last stage; None for the last one there is, of a changed run for the last one of this run.
+        from_: a stage that is computed again although it still stands, and all after it.
+        mesh_check: which stages have a mesh check from now on, `last` or `all`; `all` completes that of those solved
+            on one mesh. None for what the run was asked for.
+        set: single values that are otherwise, see `optimize`.
+        track, aircraft, settings: what is flown instead, see `optimize`.
+        output: the file to be written; None for the file of the run, of a changed run for none.
+        force: whether a file that exists may be overwritten.
+        threads, timeout, progress: see `optimize`.
+
+    Returns:
+        The run with all its stages.
+
+    Raises:
+        CheckpointError: the file cannot be read.
+        InputError: the changed inputs are not valid.
+        UsageError: no such stage, a file that exists, or nothing to start from.
+        OutOfTime: the run is not finished within `timeout`.
+        SolverCrash: the solver process died.
+        StorageError: the system refused to write the file.
+    """
+    changes = Changes(
+        document_or_path(track), document_or_path(aircraft_of(track, aircraft)), settings, value_texts(set)
+    )
+
+    path = None if output is None else Path(output)
+    if path is not None:
+        ensure_free(path, force=force)
+    if not changes:
+        before = run if isinstance(run, Run) else opened_run(Path(run))
+        before = before if path is None else before.moved(path)
+        again = stage_name(from_)
+        return _fly(
+            continued_task(before, until=stage_name(until), from_stage=again, mesh_check=mesh_check),
+            threads,
+            timeout,
+            progress,
+        )
+    changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
+    if from_ is not None:
+        raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
+    before = run if isinstance(run, Run) else other_run(Path(run))
+    return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
+
+
+def open(path: str | Path) -> Run:
+    """Open the run in a file that `airrace optimize` or `Run.save` has written.
+
+    Args:
+        path: the path of the file.
+
+    Raises:
+        CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
+        InputError: this version of airrace no longer accepts what the run was given.
+    """
+    return opened_run(Path(path))
+
+
+def check(
+    track: TrackGiven,
+    *,
+    aircraft: AircraftGiven | None = None,
+    settings: SettingsGiven | None = None,
+    set: Values = (),
+) -> Checked:
+    """Read a course, review it as a race director would, and show it; nothing is flown.
+
+    Examples:
+        >>> airrace.check("rovinj_2014")
+        <Checked Rovinj 2014: 17 passages, 0 warnings>
+
+    Args:
+        track, aircraft, settings, set: see `optimize`.
+
+    Returns:
+        Course, aircraft and air, with the warnings of the review. A notebook shows the course from above.
+
+    Raises:
+        InputError: the inputs are not valid; it carries all findings.
+        UsageError: no course is given.
+    """
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    flown_by = document_or_path(aircraft_of(track, aircraft))
+    return checked(named, aircraft=flown_by, settings=settings, overrides=value_texts(set))
+
+
+def tracks() -> tuple[ShippedTrack, ...]:
+    """Return the courses that come along; their names stand for files everywhere.
+
+    Examples:
+        >>> [track.name for track in airrace.tracks()][:3]
+        ['abu_dhabi_2016', 'air_race_x_2024', 'chiba_2015']
+    """
+    return shipped().tracks
+
+
+def _fly(task: Task, threads: int | None, timeout: float | None, progress: bool | Progress) -> Run:
+    """Fly all stages of a task."""
+    with _watched(task, progress) as watcher:
+        steps = list(flown(task, threads=threads or available_cores(), timeout=timeout, progress=watcher))
+    return steps[-1] if steps else task.run
+
+
+@contextmanager
+def _watched(task: Task, progress: bool | Progress) -> Generator[Progress, None, None]:
+    if isinstance(progress, Progress):
+        yield progress
+    elif progress:
+        with watching(task.run.race.course.name, task.stages, quiet=False) as view:
+            yield view
+    else:
+        yield Silent()

@@ -1,0 +1,162 @@
+"""The layout of a flown log as a tree, with `M` samples of the log and `N` times of the flight:
+
+/                                   attributes content = "flown log", schema
+/inputs/, /versions                 as those of a run
+/log/path, format, begins           texts; begins is ISO 8601, empty where the log knows no date
+/log/time, line                     (M,) s after the log's first sample; line of the file
+/log/offset                         (1,) s, the time of the log at which the flight's clock starts
+/log/columns/NAME                   (M,) as recorded, SI and radians, NaN where nothing was
+/log/remarks                        table: remark
+/flight/label                       text
+/flight/time                        (N,) s after the start, dimension scale
+/flight/histories/NAME              (N,) units, long_name, scale, lower, upper, row, basis
+/flight/passings                    table: passing, time (NaN where it was not made)
+/flight/breaches                    table: passing, rule, time, value, limit, deviation, unit, penalty
+"""
+
+import itertools
+from collections.abc import Mapping
+
+import numpy as np
+
+from airrace.checkpoint.decode import declaration_of, inputs_of
+from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, Version, declaration, inputs_group, integers, series
+from airrace.checkpoint.group_reader import Place
+from airrace.checkpoint.log_checkpoint import Recorded, RecordedLog, StoredHistory, StoredPassing
+from airrace.checkpoint.sanity_checks import ensure_attitudes, ensure_sizes
+from airrace.checkpoint.tree import Group, Node, Series, Table, rows_of, table_of
+from airrace.errors import CheckpointError
+from airrace.logs.violations import Breach
+
+FLOWN_LOG = "flown log"
+"""The content of such a file."""
+RECORDED_SCHEMA = 1
+"""The version of this layout; a reader refuses every other."""
+BASES = ("measured", "derived")
+_TIME = "/flight/time"
+
+
+def encode_recorded(recorded: Recorded) -> Group:
+    """Return a flown log as a tree.
+
+    Raises:
+        CheckpointError: a name cannot name an HDF5 dataset.
+    """
+    log = recorded.log
+    members: dict[str, Node] = {
+        "inputs": inputs_group(recorded.inputs),
+        "versions": table_of(Version, [Version(name, number) for name, number in recorded.versions.items()]),
+        "log": Group(
+            {
+                "path": log.path,
+                "format": log.format,
+                "begins": log.begins,
+                "time": series(log.time, "s", "time after the first sample of the log"),
+                "line": integers(log.lines, "line of the log"),
+                "offset": series(np.array([log.offset]), "s", "time of the log at which the flight's clock starts"),
+                "columns": Group({_named(name): series(one, "", "") for name, one in log.columns.items()}),
+                "remarks": Table({"remark": log.remarks}),
+            }
+        ),
+        "flight": Group(
+            {
+                "label": recorded.label,
+                "time": series(recorded.time, "s", "time after the start"),
+                "histories": Group(
+                    {_named(one.quantity.name): _history(one, row) for row, one in enumerate(recorded.histories)}
+                ),
+                "passings": table_of(StoredPassing, recorded.passings),
+                "breaches": table_of(Breach, recorded.breaches),
+            }
+        ),
+    }
+    return Group(members, {CONTENT: FLOWN_LOG, "schema": RECORDED_SCHEMA})
+
+
+def is_recorded(root: Group) -> bool:
+    """Return whether a tree is that of a flown log."""
+    return root.attributes.get(CONTENT) == FLOWN_LOG
+
+
+def decode_recorded(root: Group) -> Recorded:
+    """Return the flown log that a tree holds.
+
+    Raises:
+        CheckpointError: another content or schema; a member that is missing, unknown or of the wrong kind; shapes that
+            contradict each other, or numbers that no flight can have.
+    """
+    schema = root.attributes.get("schema")
+    if not is_recorded(root) or schema != RECORDED_SCHEMA:
+        raise CheckpointError(f"the flown log's schema is {schema}; this airrace reads schema {RECORDED_SCHEMA}")
+    place = Place("", root).expecting("inputs", "versions", "log", "flight")
+    flight = place.group("flight").expecting("label", "time", "histories", "passings", "breaches")
+    time = flight.floats("time")
+    ensure_sizes(time, f"{flight.path}/time")
+    if len(time) < 2 or not (np.diff(time) > 0.0).all():
+        raise CheckpointError(f"{flight.path}/time: does not run forwards")
+    histories = _histories(flight.group("histories"), len(time))
+    passings = rows_of(StoredPassing, flight.table("passings"), f"{flight.path}/passings")
+    known = [one.time for one in passings if not np.isnan(one.time)]
+    if any(not time[0] <= one <= time[-1] for one in known) or any(a > b for a, b in itertools.pairwise(known)):
+        raise CheckpointError(f"{flight.path}/passings: do not follow one another within the flight")
+    return Recorded(
+        inputs=inputs_of(place.group("inputs")),
+        versions={one.name: one.version for one in rows_of(Version, place.table("versions"), "/versions")},
+        log=_log(place.group("log")),
+        time=time,
+        histories=histories,
+        passings=passings,
+        breaches=rows_of(Breach, flight.table("breaches"), f"{flight.path}/breaches"),
+        label=flight.text("label"),
+    )
+
+
+def _named(name: str) -> str:
+    if not QUANTITY_NAME.fullmatch(name):
+        raise CheckpointError(f"{name!r} is not a name for a quantity: it cannot be stored")
+    return name
+
+
+def _history(one: StoredHistory, row: int) -> Series:
+    return Series(one.values, {**declaration(one.quantity, row), "basis": one.basis}, _TIME)
+
+
+def _log(place: Place) -> RecordedLog:
+    place.expecting("path", "format", "begins", "time", "line", "offset", "columns", "remarks")
+    time, lines, offset = place.floats("time"), place.integers("line"), place.floats("offset")
+    columns = place.group("columns")
+    values = {name: columns.floats(name) for name in columns.node.members}
+    if len(offset) != 1 or {len(lines), *(len(one) for one in values.values())} != {len(time)}:
+        raise CheckpointError(f"{place.path}: its columns are not equally long")
+    for name, recorded in {**values, "time": time, "offset": offset}.items():
+        ensure_sizes(recorded[~np.isnan(recorded)], f"{place.path}/{name}")
+    path, log_format, begins = (place.text(name) for name in ("path", "format", "begins"))
+    return RecordedLog(
+        path, log_format, begins, float(offset[0]), time, lines, values, place.texts("remarks", "remark")
+    )
+
+
+def _histories(place: Place, length: int) -> tuple[StoredHistory, ...]:
+    rows: dict[int, StoredHistory] = {}
+    for name in place.node.members:
+        path, attributes = f"{place.path}/{name}", dict(place.series(name).attributes)
+        basis, values = attributes.pop("basis", ""), place.floats(name)
+        if len(values) != length:
+            raise CheckpointError(f"{path}: {len(values)} values instead of {length}")
+        ensure_sizes(values, path)
+        if basis not in BASES:
+            raise CheckpointError(f"{path}: is neither {' nor '.join(BASES)}")
+        quantity, row = declaration_of(name, attributes, path)
+        rows[row] = StoredHistory(quantity, values, str(basis))
+    if sorted(rows) != list(range(len(place.node.members))):
+        raise CheckpointError(f"{place.path}: the rows of its quantities are not 0, 1, 2, ...")
+    _ensure_positions(rows, place.path)
+    ensure_attitudes({one.quantity.name: one.values for one in rows.values()}, place.path)
+    return tuple(rows[row] for row in sorted(rows))
+
+
+def _ensure_positions(rows: Mapping[int, StoredHistory], path: str) -> None:
+    names = {one.quantity.name for one in rows.values()}
+    missing = [name for name in ("x", "y", "z", "height", "V_K", "n_z", "chi", "gamma", "mu") if name not in names]
+    if missing:
+        raise CheckpointError(f"{path}: {missing[0]!r} is missing")

@@ -1,0 +1,154 @@
+"""The inverse of a model whose body rotates: the chain surface -> rate -> angle -> load factor, inverted.
+
+The body's rates about the axes of Kbar are `w = (w_x, w_y, w_z)`; their derivatives are affine in what moves the body:
+the deflections `d = (eta, xi, zeta)` or, in a model that carries its own controller, the commands to that. So with
+`B = d(w')/dd` those for any `w'` are `d + B^-1 (w'_des - w')`. Those for `w' = 0` are the trim, at which the angles for
+the commanded load factors are sought:
+
+    alpha_des = alpha + (n_z_cmd - n_z) / (dn_z/dalpha)           beta_des = beta + (n_y_cmd - n_y) / (dn_y/dbeta)
+    alpha'_des = K_alpha (alpha_des - alpha) + n_z_dot / (dn_z/dalpha)       beta'_des = K_beta (beta_des - beta)
+    w'_des = [p_dot + K_p (p_cmd - p_Kbar),  q_Kbar' + K_q (alpha'_des - alpha'),  K_r (beta' - beta'_des)]
+
+(`alpha' = w_y - q_Kbar` and `beta' = r_Kbar - w_z` but for the cosine of the sideslip; `q_Kbar' = g0/V_K dn_z/dalpha
+alpha'`.)
+"""
+
+from collections.abc import Callable
+
+from airrace.control.inner_controller import (
+    FOLLOWER,
+    InnerController,
+    Named,
+    Plant,
+    declared,
+    jacobian,
+    limited,
+    solve,
+    with_values,
+)
+from airrace.control.outer_loop import clip
+from airrace.dynamics.flight_model import FlightModel, column
+from airrace.dynamics.outer_loop import FlightPathState
+from airrace.environment.atmosphere import g0
+from airrace.environment.elementary import cos, maximum, minimum, sin
+from airrace.frames import Scalar
+from airrace.records import record
+
+K_ALPHA, K_BETA = 8.0, 4.0
+"""The gains of the angles of attack and of sideslip, 1/s."""
+K_P, K_Q, K_R = 12.0, 16.0, 8.0
+"""The gains of the rates of roll, pitch and yaw, 1/s.
+
+With twice the gains in yaw whole races are lost: the surfaces move at a limited rate, and fast reversals of a roll at
+high load factors need all of it.
+"""
+
+LEAST_LIFT_SLOPE = 2.0
+"""The least slope of the load factor over the angle of attack that is assumed beyond the stall, g/rad."""
+LEAST_SIDE_SLOPE = 0.2
+"""The least slope of the lateral load factor over sideslip that is assumed, g/rad, as a magnitude."""
+
+Triple = tuple[Scalar, Scalar, Scalar]
+
+
+@record
+class InversionChain:
+    """The causal chain through which a model rotates.
+
+    Attributes:
+        movers: the states that move the body: what pitches, what rolls, what yaws it.
+        rates: its rates of roll, pitch and yaw.
+        roll_rate: the state or path quantity whose bounds hold for the roll rate about the velocity.
+        body_rates: `(w_x, w_y, w_z)` of a state, rad/s.
+    """
+
+    movers: tuple[str, str, str]
+    rates: tuple[str, str, str]
+    roll_rate: str
+    body_rates: Callable[[Named], Triple]
+
+
+@record
+class _Wanted:
+    """The wanted angles (rad), and the missing parts of `(w_x, w_y, w_z)` (rad/s)."""
+
+    alpha: Scalar
+    beta: Scalar
+    roll: Scalar
+    pitch: Scalar
+    yaw: Scalar
+
+
+def in_body_axes(x: Named) -> Triple:
+    """Return `(w_x, w_y, w_z)` (rad/s) of a model whose rates are those about the body axes."""
+    alpha, beta, p, q, r = (x[name] for name in ("alpha_K", "beta_K", "p_K", "q_K", "r_K"))
+    s = p * cos(alpha) + r * sin(alpha)
+    return cos(beta) * s + sin(beta) * q, cos(beta) * q - sin(beta) * s, r * cos(alpha) - p * sin(alpha)
+
+
+def in_stability_axes(x: Named) -> Triple:
+    """Return `(w_x, w_y, w_z)` (rad/s) of a linear model, whose rates are those about the stability axes."""
+    return x["p_s"], x["q_K"], x["r_s"]
+
+
+SURFACES = ("eta", "xi", "zeta")
+SIX_DOF = InversionChain(SURFACES, ("p_K", "q_K", "r_K"), "p_Kbar", in_body_axes)
+STATE_SPACE = InversionChain(SURFACES, ("p_s", "q_K", "r_s"), "p_s", in_stability_axes)
+STATE_SPACE_INVERSION = InversionChain(("n_z_cmd", "p_cmd", "n_y_cmd"), ("p_s", "q_K", "r_s"), "p_s", in_stability_axes)
+
+
+def invert_body_motion(model: FlightModel, chain: InversionChain) -> InnerController:
+    """Return the controller of a model with the states `alpha_K, beta_K` and those of the chain."""
+    plant = Plant(model)
+    x, command = plant.x, plant.commands
+    w = column(chain.body_rates(x))
+    w_dot = jacobian(w, column(x.values())) @ column(plant.rates.values())
+    movers = column(x[name] for name in chain.movers)
+    effect = jacobian(w_dot, movers)
+    trim = movers - solve(effect, w_dot)
+    wanted = _wanted(plant, chain, movers, trim)
+    q_Kbar_dot = g0 / x["V_K"] * jacobian(plant.load.n_z, x["alpha_K"]) * plant.rates["alpha_K"]
+    w_dot_des = column([command.p_dot + K_P * wanted.roll, q_Kbar_dot + K_Q * wanted.pitch, K_R * wanted.yaw])
+    moved = movers + solve(effect, w_dot_des - w_dot)
+    rates = column(x[name] for name in chain.rates)
+    lacking = column([wanted.roll, -plant.rates["alpha_K"], plant.rates["beta_K"]])
+    turning = rates + solve(jacobian(w, rates), lacking)
+    return plant.controller(
+        wanted={name: moved[row] for row, name in enumerate(chain.movers)},
+        settled={
+            "alpha_K": wanted.alpha,
+            "beta_K": wanted.beta,
+            **{name: turning[row] for row, name in enumerate(chain.rates)},
+            **{name: limited(plant.system, name, trim[row]) for row, name in enumerate(chain.movers)},
+        },
+    )
+
+
+def _wanted(plant: Plant, chain: InversionChain, movers: Scalar, trim: Scalar) -> _Wanted:
+    """Return the angles for the commanded load factors in trim, and the missing parts of the rates towards them."""
+    x, command, system = plant.x, plant.commands, plant.system
+    lift_slope = maximum(jacobian(plant.load.n_z, x["alpha_K"]), LEAST_LIFT_SLOPE)
+    side_slope = minimum(jacobian(plant.load.n_y, x["beta_K"]), -LEAST_SIDE_SLOPE)
+    n_z, n_y, lift_slope, side_slope = (
+        with_values(one, movers, trim) for one in (plant.load.n_z, plant.load.n_y, lift_slope, side_slope)
+    )
+    higher = _within(plant, "alpha_A", (limited(system, "n_z", command.n_z) - n_z) / lift_slope)
+    further = _within(plant, "beta_A", (limited(system, "n_y", command.n_y) - n_y) / side_slope)
+    path = FlightPathState.names()
+    along, path_rates = column(x[name] for name in path), column(plant.rates[name] for name in path)
+    n_z_dot, n_y_dot = (jacobian(one, along) @ path_rates for one in (plant.load.n_z, plant.load.n_y))
+    alpha_dot = K_ALPHA * higher + ((1.0 + K_ALPHA / FOLLOWER) * command.n_z_dot - n_z_dot) / lift_slope
+    beta_dot = K_BETA * further - n_y_dot / side_slope
+    return _Wanted(
+        alpha=x["alpha_K"] + higher,
+        beta=x["beta_K"] + further,
+        roll=limited(system, chain.roll_rate, command.p) - plant.load.p_Kbar,
+        pitch=alpha_dot - plant.rates["alpha_K"],
+        yaw=plant.rates["beta_K"] - beta_dot,
+    )
+
+
+def _within(plant: Plant, name: str, change: Scalar) -> Scalar:
+    """Return a change of an angle, limited so that the path quantity `name` that changes with it keeps its bounds."""
+    bounds, now = declared(plant.system.path, name), plant.path[name]
+    return clip(change, bounds.lower - now, bounds.upper - now)

@@ -1,0 +1,138 @@
+"""The language `airrace/log/1` of a mapping: what the columns of a log mean, and how its numbers are written."""
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, timedelta, timezone, tzinfo
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from annotated_types import Gt, Le
+from pydantic import Field
+
+from airrace.errors import Finding, InputError, UsageError
+from airrace.inputs.document import read_document
+from airrace.inputs.nodes import MappingNode, Reporter
+from airrace.inputs.schema import Schema
+from airrace.inputs.validation import validate
+from airrace.inputs.yaml_reader import read_yaml
+from airrace.logs.recording import FIELDS, Layout, split_unit, unit_named
+
+LOG_SCHEMA = "airrace/log/1"
+_OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
+_DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|"}
+
+
+class LogEntry(Schema):
+    """A whole mapping."""
+
+    what: ClassVar[str] = "a mapping of a log"
+    schema_: Literal["airrace/log/1"] = Field(alias="schema", description="the language of this file and its version")
+    notes: str = Field(default="", description="whatever a reader should know")
+    columns: dict[str, str] = Field(
+        default_factory=dict[str, str],
+        description="the header of every quantity, with its unit in brackets: `altitude: GPS alt [ft]`",
+    )
+    time_zone: str | None = Field(
+        default=None, description="of times that name none: `+02:00` or a name such as `Europe/Zagreb`; else UTC"
+    )
+    delimiter: Literal["comma", "semicolon", "tab", "bar"] | None = Field(
+        default=None, description="what stands between the columns; found out by default"
+    )
+    decimal: Literal["point", "comma"] = Field(default="point", description="what stands before the decimals")
+    position_noise_m: Annotated[float, Gt(0), Le(100)] | None = Field(
+        default=None, description="standard deviation of the positions; estimated from them by default"
+    )
+
+
+def read_layout(path: Path) -> tuple[Layout, float | None]:
+    """Return the layout of a mapping file, and the noise of the positions that it names, m.
+
+    Raises:
+        InputError: the file is no mapping; it carries all findings.
+    """
+    findings: list[Finding] = []
+    document = read_document(path, findings)
+    if document is None:
+        raise InputError(findings)
+    root = read_yaml(document.path, document.text)
+    if not isinstance(root, MappingNode):
+        message = f"must be a mapping that begins with `schema: {LOG_SCHEMA}`"
+        raise InputError([Finding(document.path, root.place.line, root.place.column, "", message)])
+    reporter = Reporter(root, findings)
+    entry = validate(LogEntry, reporter)
+    if entry is None:
+        raise InputError(findings)
+    zone = None
+    if entry.time_zone is not None and (zone := _zone(entry.time_zone)) is None:
+        reporter.value(("time_zone",), f"`{entry.time_zone}` is no time zone; expected +02:00 or Europe/Zagreb")
+    for name, text in entry.columns.items():
+        if problem := _problem(name, text):
+            reporter.value(("columns", name), problem)
+    if findings:
+        raise InputError(findings)
+    columns = {name: _header(name, text) for name, text in entry.columns.items()}
+    delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
+    return Layout(columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
+
+
+def with_columns(layout: Layout, texts: Sequence[str]) -> Layout:
+    """Return a layout with columns on top, as `--column NAME=HEADER[UNIT]` gives them.
+
+    Raises:
+        UsageError: one of them is not understood.
+    """
+    columns = dict(layout.columns)
+    for text in texts:
+        name, equals, header = (part.strip() for part in text.partition("="))
+        problem = _problem(name, header) if equals and header else "expected NAME=HEADER [UNIT]"
+        if problem:
+            raise UsageError(f"--column {text}: {problem}")
+        columns[name] = _header(name, header)
+    return Layout(columns, layout.zone, layout.delimiter, layout.decimal_comma)
+
+
+def with_zone(layout: Layout, text: str) -> Layout:
+    """Return a layout with another time zone.
+
+    Raises:
+        UsageError: there is no such zone.
+    """
+    zone = _zone(text)
+    if zone is None:
+        raise UsageError(f"--time-zone {text}: expected an offset such as +02:00, or a name such as Europe/Zagreb")
+    return Layout(layout.columns, zone, layout.delimiter, layout.decimal_comma)
+
+
+def _problem(name: str, text: str) -> str:
+    """Return why a column is not understood; empty where it is."""
+    if name not in FIELDS:
+        return f"`{name}` is nothing that is read from a log; known are {', '.join(FIELDS)}"
+    header, unit = split_unit(text)
+    if not header:
+        return "names no header"
+    if unit and unit_named(FIELDS[name], unit) is None and _looks_like_unit(unit):
+        return f"`{unit}` is no unit of {name}; known are {', '.join(FIELDS[name].units)}"
+    return ""
+
+
+def _looks_like_unit(text: str) -> bool:
+    return len(text) <= 10
+
+
+def _header(name: str, text: str) -> tuple[str, str]:
+    """Return header and unit; brackets that hold no unit belong to the header."""
+    header, unit = split_unit(text)
+    return (header, unit) if unit and unit_named(FIELDS[name], unit) else (text.strip(), "")
+
+
+def _zone(text: str) -> tzinfo | None:
+    if text.upper() in ("UTC", "Z"):
+        return UTC
+    if found := _OFFSET.fullmatch(text):
+        offset = timedelta(hours=int(found[2]), minutes=int(found[3]))
+        return timezone(-offset if found[1] == "-" else offset) if offset < timedelta(hours=15) else None
+    try:
+        return ZoneInfo(text)
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        return None

@@ -1,0 +1,149 @@
+"""The tree of a YAML text between reader and schemas, in which every key and value keeps its place."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import field
+
+from airrace.errors import Finding
+from airrace.inputs.spelling import Speller
+from airrace.records import record
+
+ScalarValue = str | int | float | bool | None
+JSON = ScalarValue | list["JSON"] | dict[str, "JSON"]
+KeyPath = tuple[str | int, ...]
+
+
+@record
+class Place:
+    """A place in a file; `line` and `column` count from 1, and both are 0 outside of a file."""
+
+    file: str
+    line: int
+    column: int
+
+
+@record
+class ScalarNode:
+    """A single value."""
+
+    place: Place
+    value: ScalarValue
+
+    def plain(self) -> JSON:
+        return self.value
+
+
+@record
+class SequenceNode:
+    """A list."""
+
+    place: Place
+    items: tuple["Node", ...] = ()
+
+    def plain(self) -> JSON:
+        return [item.plain() for item in self.items]
+
+
+@record
+class Entry:
+    """A key of a mapping with its value."""
+
+    key_place: Place
+    value: "Node"
+
+
+@record
+class MappingNode:
+    """A mapping: keys and values in the order of the file."""
+
+    place: Place
+    entries: Mapping[str, Entry] = field(default_factory=dict[str, Entry])
+
+    def plain(self) -> JSON:
+        return {key: entry.value.plain() for key, entry in self.entries.items()}
+
+    def scalar(self, key: str) -> ScalarValue:
+        """Return the value of a key; None if it is absent or no single value."""
+        entry = self.entries.get(key)
+        return entry.value.value if entry and isinstance(entry.value, ScalarNode) else None
+
+
+Node = ScalarNode | SequenceNode | MappingNode
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a path of keys as messages name it, e.g. `gates.g4.heading_deg`; items of lists count from 0."""
+    return ".".join(str(part) for part in path)
+
+
+@record
+class Reporter:
+    """A reporter that turns remarks about entries of one document into findings with their place.
+
+    Attributes:
+        root: the document.
+        findings: where the findings are gathered.
+        prefix: what the keys begin with on the command line ("settings."); added where the value came from there.
+        others: prefixes of the other documents, where keys without one belong to this.
+    """
+
+    root: MappingNode
+    findings: list[Finding]
+    prefix: str = ""
+    others: tuple[str, ...] = ()
+    _speller: Speller = field(default_factory=Speller)
+
+    def value(self, path: KeyPath, message: str) -> None:
+        """Remark on a value; where the entry is absent, on the innermost element that should hold it."""
+        self._add(self._place(path, at_key=False), path, message)
+
+    def key(self, path: KeyPath, message: str) -> None:
+        """Remark on the key itself, or on an absent one."""
+        self._add(self._place(path, at_key=True), path, message)
+
+    def suggestion(self, word: str, known: Collection[str]) -> str:
+        """Return what may have been meant by a word, to be appended to a message."""
+        return self._speller.suggestion(word, known)
+
+    def other_documents(self, path: KeyPath) -> tuple[str, ...]:
+        """Return the prefixes that may be missing before a key that was given on the command line."""
+        return self.others if len(path) == 1 and not self._place(path, at_key=True).line else ()
+
+    def is_set(self, path: KeyPath) -> bool:
+        """Return whether a key was given on the command line and not in the file."""
+        return not self._place(path, at_key=True).line
+
+    def find(self, path: KeyPath) -> Node | None:
+        """Return the node at a path, or None if there is none."""
+        node: Node | None = self.root
+        for part in path:
+            step = child(node, part) if node else None
+            node = step.value if step else None
+        return node
+
+    def _add(self, place: Place, path: KeyPath, message: str) -> None:
+        prefix = "" if place.line else self.prefix
+        self.findings.append(Finding(place.file, place.line, place.column, prefix + dotted(path), message))
+
+    def _place(self, path: KeyPath, *, at_key: bool) -> Place:
+        place, node = self.root.place, self.root
+        for index, part in enumerate(path):
+            step = child(node, part)
+            if step is None:
+                return place
+            is_last = index == len(path) - 1
+            # What an element lacks is reported at its key.
+            place = step.value.place if is_last and not at_key else step.key_place
+            node = step.value
+        return place
+
+
+def child(node: Node, part: str | int) -> Entry | None:
+    """Return the entry one step down: an entry of a mapping, or an item of a list.
+
+    The place of an item serves as that of its key. None stands for an entry that does not exist.
+    """
+    if isinstance(node, MappingNode) and isinstance(part, str):
+        return node.entries.get(part)
+    if isinstance(node, SequenceNode) and isinstance(part, int) and part < len(node.items):
+        return Entry(node.items[part].place, node.items[part])
+    return None

@@ -1,0 +1,114 @@
+"""Overrides: `--set key=value` replaces, adds or (with `null`) takes out single values of the documents."""
+
+from collections.abc import Callable, Sequence
+
+from airrace.errors import Finding, InputError
+from airrace.inputs.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
+from airrace.inputs.yaml_reader import plain_scalar, read_yaml
+from airrace.records import record
+
+FILE = "--set"
+PLACE = Place(FILE, 0, 0)
+PREFIXED = ("aircraft", "settings")
+"""The documents other than the track, whose names stand before the key."""
+
+
+@record
+class Override:
+    """A replacement: in which document (`track`, `aircraft`, `settings`), where, by what."""
+
+    document: str
+    path: KeyPath
+    value: ScalarNode
+
+
+def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Override]:
+    """Understand `key=value` texts; those that cannot be understood are reported."""
+    parsed: list[Override] = []
+    for text in texts:
+        key, equals, value = text.partition("=")
+        names = key.strip().split(".")
+        if not equals or not all(names):
+            _report(findings, key.strip(), f"`{text}` is not of the form key=value, e.g. rules.n_z_max=12")
+            continue
+        try:
+            node = ScalarNode(PLACE, _scalar(value.strip()))
+        except ValueError as error:
+            _report(findings, key.strip(), str(error))
+            continue
+        prefixed = len(names) > 1 and names[0] in PREFIXED
+        document = names[0] if prefixed else "track"
+        parsed.append(Override(document, tuple(names[1:] if prefixed else names), node))
+    return parsed
+
+
+def apply_overrides(
+    root: MappingNode,
+    overrides: Sequence[Override],
+    findings: list[Finding],
+    written_out: Callable[[MappingNode], MappingNode],
+) -> MappingNode:
+    """Return the document with the replacements made, in order; mappings on the way are made where absent.
+
+    `written_out` writes the shorthands of a document out: overrides reach into what those stand for, and may be
+    shorthands themselves.
+    """
+    root = written_out(root)
+    for override in overrides:
+        try:
+            replaced = _replaced(root, override.path, override.value)
+        except ValueError as error:
+            prefix = (override.document,) if override.document in PREFIXED else ()
+            _report(findings, dotted((*prefix, *override.path)), str(error))
+            continue
+        if isinstance(replaced, MappingNode):
+            root = written_out(replaced)
+    return root
+
+
+def _scalar(text: str) -> str | int | float | bool | None:
+    """Return a value by the rules of the files: quoted text as YAML, everything else as a plain scalar."""
+    if text[:1] in ("'", '"'):
+        try:
+            node = read_yaml(FILE, text)
+        except InputError as error:
+            raise ValueError(error.findings[0].message) from None
+        if isinstance(node, ScalarNode):
+            return node.value
+        raise ValueError("only a single value can be set")
+    if text[:1] in ("[", "{", "&", "*", "!", "|", ">"):
+        raise ValueError("only a single value can be set; edit the file for more")
+    return plain_scalar(text)
+
+
+def _replaced(node: Node | None, path: KeyPath, value: ScalarNode) -> Node:
+    """Return a copy of `node` with the entry at `path` replaced.
+
+    Raises:
+        ValueError: the path leads through a single value, or to an item a list does not have.
+    """
+    if not path:
+        return value
+    name, rest = str(path[0]), path[1:]
+    if node is None:
+        node = MappingNode(PLACE)
+    if isinstance(node, MappingNode):
+        entries = dict(node.entries)
+        known = entries.get(name)
+        if value.value is None and not rest:
+            entries.pop(name, None)
+        else:
+            place = known.key_place if known and rest else PLACE
+            entries[name] = Entry(place, _replaced(known.value if known else None, rest, value))
+        return MappingNode(node.place, entries)
+    if isinstance(node, SequenceNode):
+        if not (name.isascii() and name.isdigit() and int(name) < len(node.items)):
+            raise ValueError(f"the list has items 0 to {len(node.items) - 1}, none named `{name}`")
+        items = list(node.items)
+        items[int(name)] = _replaced(items[int(name)], rest, value)
+        return SequenceNode(node.place, tuple(items))
+    raise ValueError(f"`{name}` cannot be set inside the single value {node.value!r}")
+
+
+def _report(findings: list[Finding], key: str, message: str) -> None:
+    findings.append(Finding(FILE, 0, 0, key, message))

@@ -1,0 +1,263 @@
+"""The mapping of the nonlinear program to fatrop's stages.
+
+fatrop orders the unknowns of a stage `u, x` (the program: `x, u`) and knows three kinds of constraints: equalities and
+inequalities of one stage, and the dynamics `F(x, u) - x_next = 0` (the program's gaps with the other sign). Simple
+bounds are constraints like others. Its vectors of constraints and multipliers hold all equalities, then the dynamics,
+then all inequalities.
+
+Entries of matrices are counted column by column, stage by stage. Those that a pattern leaves out are zero for good:
+
+    BAbt = [B A b]^T, Ggt = [G g]^T of equalities and of inequalities: nonzeros of the Jacobian, residuals, ones
+    RSQrqt = [R S^T; S Q; r^T q^T]: nonzeros of the Hessian, the gradient
+"""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.assembly_sums import Sums
+from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.solvers.fatrop.matrices import MatrixFamily
+from airrace.optimal_control.solvers.fatrop.one_sided_bounds import PrimalDualPoint, plain, unrelaxed, weighed
+from airrace.optimal_control.stage_assembly import Entries, Factors, StageAssembly, chosen, kinds
+from airrace.records import record
+from airrace.trajectory import Array
+
+INEQUALITIES = 2
+"""The number of the matrices of inequalities among those of constraints: BAbt, Ggt of equalities, Ggt of these."""
+WIDE = 1e6
+"""The bound, in scaled units, that is given to one unknown of a problem without any inequality.
+
+fatrop 1.1.8 never brings the multipliers of such a problem to convergence. With one bound of 1e3 to 1e9 it solves a
+linear-quadratic problem in 7 to 10 iterations, to the same digits; with 1e15 the bound has no effect any more.
+"""
+
+
+@record
+class Bounds:
+    """The bounds of the scaled unknowns, each of shape (n_w,), and of the scaled constraints, each of shape (n_g,)."""
+
+    lower: Array
+    upper: Array
+    g_lower: Array
+    g_upper: Array
+
+
+class Stages:
+    """The mapping as far as it depends on the structure of a program alone (K stages)."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        layout = assembly.layout
+        self.assembly = assembly
+        self.n_x, self.n_u = layout.stage_states, layout.stage_controls
+        self.sizes: Indices = self.n_x + self.n_u
+        self.unknowns, self.constraints = layout.unknowns, layout.constraints
+        self.count = len(self.sizes)
+        self.first: Indices = np.cumsum(self.sizes) - self.sizes
+        self.stage_of_unknown = layout.stage_of_unknown
+        within = np.arange(self.unknowns) - self.first[self.stage_of_unknown]
+        states, controls = self.n_x[self.stage_of_unknown], self.n_u[self.stage_of_unknown]
+        self.place_in_stage: Indices = np.where(within < states, within + controls, within - states)
+        self.place: Indices = self.first[self.stage_of_unknown] + self.place_in_stage
+        self.gaps: Indices = layout.gap_index.ravel()
+        next_states: Indices = self.first[1:, None] + np.arange(int(layout.gap_index.shape[1]))
+        self.next_states = next_states.ravel()
+        self.rows = layout.row_index
+        self.stage_of_row = np.repeat(np.arange(self.count), layout.stage_rows)
+        self.dynamics = MatrixFamily(self.sizes[:-1] + 1, self.n_x[1:])
+        self.matrices = MatrixFamily(self.sizes + 1, self.sizes)
+
+    @cached_property
+    def alike(self) -> Indices:
+        """The numbers that tell stages with other constraints apart, shape (K, n)."""
+        return self.assembly.alike(rows=True)
+
+    @cached_property
+    def _hessian(self) -> tuple[StageAssembly, NDArray[np.bool_]]:
+        """The Hessian's nonzeros, and which of those that stand for all are on the diagonal.
+
+        Raises:
+            ValueError: a second derivative reaches from one stage into another.
+        """
+        kind, first = kinds(self.assembly.alike(rows=False))
+        sums = self.assembly.hessian_of(chosen(first, self.count))
+        stage = self.stage_of_unknown[sums.rows]
+        if (stage != self.stage_of_unknown[sums.columns]).any():
+            raise ValueError("a second derivative reaches into another stage")
+        row, column = self.place_in_stage[sums.rows], self.place_in_stage[sums.columns]
+        nothing = np.zeros_like(stage)
+        entries = Entries(stage, nothing, self.matrices.offsets(stage, row, column), nothing - 1)
+        return StageAssembly(sums, entries, kind), row == column
+
+    @property
+    def hessian(self) -> StageAssembly:
+        """The nonzeros that are written to the matrices RSQrqt."""
+        return self._hessian[0]
+
+    @property
+    def on_diagonal(self) -> NDArray[np.bool_]:
+        """A mask of the nonzeros that stand for all: those on the diagonal."""
+        return self._hessian[1]
+
+    @cached_property
+    def gradient_offsets(self) -> Indices:
+        """The places that the gradient goes to within the matrices of the unknowns' stages."""
+        stage = self.stage_of_unknown
+        return self.matrices.offsets(stage, self.sizes[stage], self.place_in_stage)
+
+
+@record
+class Columns:
+    """Columns of the matrices BAbt (family 0) and both Ggt (1 and 2), one per constraint of fatrop's.
+
+    Attributes:
+        stages, families, numbers: the matrix, and the column within it; each of shape (n,).
+    """
+
+    stages: Indices
+    families: Indices
+    numbers: Indices
+
+
+class Rows:
+    """The mapping as far as it depends on the kinds of bounds: which constraints are equalities, which inequalities.
+
+    Values v are those of the constraints, then those of the unknowns, (g, w); so are multipliers.
+
+    Attributes:
+        items: the places in v of fatrop's constraints, in its order; those of both sides of a row are neighbours.
+        factors: fatrop's constraints are `factors * v[items] + shifts`.
+        equalities: number of equalities per stage, shape (K,).
+        inequalities: number of inequalities per stage, shape (K,).
+        lower, upper: bounds of the inequalities.
+    """
+
+    def __init__(
+        self, stages: Stages, bounds: Bounds, known: PrimalDualPoint | None = None, *, exact: bool = False
+    ) -> None:
+        self.stages = stages
+        lower = np.concatenate([bounds.g_lower, bounds.lower])
+        upper = np.concatenate([bounds.g_upper, bounds.upper])
+        # Within a stage the constraints come before the simple bounds.
+        candidates = np.concatenate([stages.rows, stages.constraints + np.arange(stages.unknowns)])
+        stage = np.concatenate([stages.stage_of_row, stages.stage_of_unknown])
+        order = np.argsort(stage, kind="stable")
+        candidates, stage = candidates[order], stage[order]
+        equal = lower[candidates] == upper[candidates]
+        between = ~equal & (np.isfinite(lower[candidates]) | np.isfinite(upper[candidates]))
+        if not between.any():
+            free = np.flatnonzero(~equal & (candidates >= stages.constraints))[:1]
+            lower[candidates[free]], upper[candidates[free]] = -WIDE, WIDE
+            between[free] = True
+        self.equalities: Indices = np.bincount(stage[equal], minlength=stages.count)
+        fixed, ranged = candidates[equal], candidates[between]
+        ends = lower[ranged], upper[ranged]
+        sides = plain(ranged, *ends) if known is None else weighed(ranged, *ends, known)
+        self.inequalities: Indices = np.bincount(np.repeat(stage[between], sides.copies), minlength=stages.count)
+        self.items: Indices = np.concatenate([fixed, stages.gaps, sides.items])
+        self.factors = np.concatenate([np.ones(len(fixed)), -np.ones(len(stages.gaps)), sides.factors])
+        self.shifts = np.concatenate([-lower[fixed], lower[stages.gaps], sides.shifts])
+        self.lower, self.upper = unrelaxed(sides.lower, sides.upper) if exact else (sides.lower, sides.upper)
+        self.first_inequality = np.cumsum(self.inequalities) - self.inequalities
+        self.families = (
+            stages.dynamics,
+            MatrixFamily(stages.sizes + 1, self.equalities),
+            MatrixFamily(stages.sizes + 1, self.inequalities),
+        )
+        copies = equal.astype(np.int64)
+        copies[between] = 2 * sides.copies
+        self._copies = np.concatenate([[0], np.cumsum(np.bincount(stage, minlength=stages.count))]), copies
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The columns of all items."""
+        counts = self.equalities, self.stages.n_x[1:], self.inequalities
+        stage = [np.repeat(np.arange(len(count)), count) for count in counts]
+        number = [np.arange(len(at)) - (np.cumsum(count) - count)[at] for at, count in zip(stage, counts, strict=True)]
+        family = np.repeat((1, 0, 2), [len(at) for at in stage])
+        return Columns(np.concatenate(stage), family, np.concatenate(number))
+
+    def _kinds(self) -> tuple[Indices, Indices]:
+        """Return the kind of each stage, and the first stage of each kind: alike are those with alike constraints."""
+        ends, copies = self._copies
+        places = np.arange(len(copies)) - np.repeat(ends[:-1], np.diff(ends))
+        told = np.full((self.stages.count, int(np.diff(ends).max())), -1)
+        told[np.repeat(np.arange(self.stages.count), np.diff(ends)), places] = copies
+        return kinds(np.hstack([self.stages.alike, told]))
+
+    @cached_property
+    def jacobian(self) -> StageAssembly:
+        """The nonzeros that are written to BAbt and both Ggt.
+
+        The others of the program's Jacobian belong to the next states, whose matrix fatrop knows, and to rows without
+        bounds.
+
+        Raises:
+            ValueError: a constraint reaches into another stage, other than a gap to the next states.
+        """
+        kind, first = self._kinds()
+        sums = self.stages.assembly.jacobian_of(chosen(first, self.stages.count))
+        numbers, items = self.written(sums)
+        family = self.columns.families[items]
+        stage, column = self.columns.stages[items], self.columns.numbers[items]
+        inequality = family == INEQUALITIES
+        signs = np.where(inequality, 1.0, self.factors[items])
+        row = self.stages.place_in_stage[sums.columns[numbers]]
+        entries = Entries(stage, family, self.offsets(items, row), np.where(inequality, column, -1))
+        return StageAssembly(sums.chosen(numbers, signs), entries, kind)
+
+    def written(self, sums: Sums) -> tuple[Indices, Indices]:
+        """Return which nonzeros are written, and to which items' columns."""
+        stages = self.stages
+        rows, columns = sums.rows, sums.columns
+        stage_of_row = np.empty(stages.constraints, dtype=np.int64)
+        stage_of_row[stages.rows] = stages.stage_of_row
+        stage_of_row[stages.gaps] = np.repeat(np.arange(stages.count - 1), stages.n_x[1:])
+        ahead = stages.stage_of_unknown[columns] == stage_of_row[rows] + 1
+        next_state = np.full(stages.constraints, -1)
+        next_state[stages.gaps] = stages.next_states
+        if (
+            not np.array_equal(next_state[rows[ahead]], columns[ahead])
+            or (stages.stage_of_unknown[columns[~ahead]] != stage_of_row[rows[~ahead]]).any()
+        ):
+            raise ValueError("a constraint reaches into another stage")
+        again = np.concatenate([[False], self.items[1:] == self.items[:-1]])
+        numbers: list[Indices] = []
+        items: list[Indices] = []
+        for some in (~again, again):
+            item_of = np.full(stages.constraints + stages.unknowns, -1)
+            item_of[self.items[some]] = np.flatnonzero(some)
+            numbers.append(np.flatnonzero(~ahead & (item_of[rows] >= 0)))
+            items.append(item_of[rows[numbers[-1]]])
+        return np.concatenate(numbers), np.concatenate(items)
+
+    @property
+    def weights(self) -> Factors:
+        """The factors of the inequalities, by which their nonzeros are multiplied."""
+        first = len(self.items) - len(self.lower)
+        return Factors(self.factors[first:], self.first_inequality)
+
+    @cached_property
+    def residual_offsets(self) -> Indices:
+        """The places that the residuals go to within the matrices of the items' columns."""
+        everywhere = np.arange(len(self.items))
+        return self.offsets(everywhere, self.stages.sizes[self.columns.stages])
+
+    @cached_property
+    def constants(self) -> tuple[Indices, Indices]:
+        """The items that are simple bounds, and where their derivatives, the factors, go within their matrices."""
+        bounded = np.flatnonzero(self.items >= self.stages.constraints)
+        unknowns = self.items[bounded] - self.stages.constraints
+        return bounded, self.offsets(bounded, self.stages.place_in_stage[unknowns])
+
+    def offsets(self, items: Indices, rows: Indices) -> Indices:
+        """Return where entries in the columns of items lie within their matrices."""
+        columns = self.columns
+        result = np.empty(len(items), dtype=np.int64)
+        for number, family in enumerate(self.families):
+            here = np.flatnonzero(columns.families[items] == number)
+            own = items[here]
+            result[here] = family.offsets(columns.stages[own], rows[here], columns.numbers[own])
+        return result

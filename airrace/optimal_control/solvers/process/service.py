@@ -1,0 +1,261 @@
+"""The service of a solver process: it starts the process, hands it problems, watches it and stops it.
+
+A solver may spend minutes in one call, or never come back from a bad guess, so it lives in a process that can be killed
+at any moment. One process serves a whole run.
+"""
+
+import contextlib
+import math
+import pickle
+import queue
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Generator
+from functools import partial
+from types import TracebackType
+from typing import Self
+
+from airrace import memory
+from airrace.errors import OutOfTime, SolverCrash
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers.process.idle_processes import take
+from airrace.optimal_control.solvers.process.messages import (
+    Inbox,
+    IterationReport,
+    Notice,
+    PreloadRequest,
+    Reply,
+    Sender,
+    SolveRequest,
+    WorkerFailure,
+)
+from airrace.optimal_control.solvers.solver import Multipliers, Solution, SolverOptions
+from airrace.system import System
+
+STALL_SECONDS = 120.0
+"""The longest time that a solver may spend on one iteration before it is considered to hang, s.
+
+An iteration that hangs never ends. Of those that end, the slowest of the problems with known answers takes 0.5 s (that
+of the soaring glider on 800 intervals, evaluated by casadi), and those of a whole six-dof race with native kernels
+less; the rest is for slower machines and for setting a large problem up, which counts into the first iteration.
+"""
+
+
+class SolverTimeout(Exception):
+    """The error of a solver that has finished no iteration for too long and was stopped."""
+
+
+class SolverEnded(SolverCrash):
+    """The error of a solver process that was ended on purpose."""
+
+    def __init__(self) -> None:
+        super().__init__("the solver process was ended")
+
+
+PART_OF_WAITING = 1.0
+"""The time that is waited at once for an iteration, s."""
+LAST_WORDS = 0.5
+"""The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
+
+
+class SolverService:
+    """A solver process; a context manager that leaves no process behind.
+
+    Args:
+        threads: threads that evaluate derivatives.
+        stall_seconds: longest wait for the next iteration before the process is stopped and restarted.
+        deadline: the time, by `time.monotonic`, after which nothing is solved any more.
+        on_notice: told what the process does besides solving.
+    """
+
+    def __init__(
+        self,
+        *,
+        threads: int = 1,
+        stall_seconds: float = STALL_SECONDS,
+        deadline: float = math.inf,
+        on_notice: Callable[[str], None] | None = None,
+    ) -> None:
+        self._on_notice = on_notice
+        self._threads = threads
+        self._stall_seconds = stall_seconds
+        self._deadline = deadline
+        self._process: subprocess.Popen[bytes] | None = None
+        self._starter = 0  # the thread that has started the process, with which the process ends on Linux
+        self._ended = False
+        self._stopping = threading.Lock()
+        self._solving = False
+        self._chores: list[Callable[[], None]] = []
+        self._start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
+        """Let the process make the kernels of a system ready that will be flown.
+
+        While the process works on a problem, what is announced waits for the solution: the process reads nothing before
+        it has written that, and a pipe holds so little that each would wait for the other to read.
+        """
+        if self._process is not None:
+            self._sender.pack(PreloadRequest(system, scheme))
+            if not self._solving:
+                self._deliver()
+
+    def _deliver(self) -> None:
+        """Send what waits; the next solve finds out where the process is dead or was ended."""
+        with contextlib.suppress(OSError, ValueError):
+            self._sender.deliver()
+
+    def meanwhile(self, chore: Callable[[], None]) -> None:
+        """Put something off until the process works on the next problem, while this one would only wait.
+
+        It is done once, by the thread that waits, and its errors are those of `solve`.
+        """
+        self._chores.append(chore)
+
+    def solve(
+        self,
+        problem: Problem,
+        guess: Iterate,
+        *,
+        solver: str,
+        options: SolverOptions,
+        multipliers: Multipliers | None = None,
+        on_iteration: Callable[[IterationReport], None] | None = None,
+        threads: int | None = None,
+        stall_seconds: float | None = None,
+    ) -> Solution:
+        """Solve a problem in the solver process.
+
+        Args:
+            threads, stall_seconds: for this solve; None for those of the service.
+
+        Raises:
+            Stalled: no iteration was finished for `stall_seconds`; the process was restarted.
+            OutOfTime: the deadline has passed; the process was stopped.
+            SolverEnded: `end` was called, before the solve or meanwhile.
+            MemoryError: the process ended for lack of memory.
+            SolverCrash: the process died, or could not work on the request.
+        """
+        if self._process is None:
+            self._start()
+        request = SolveRequest(problem, guess, multipliers, solver, options, threads or self._threads)
+        try:
+            with self._alive():
+                self._sender.send(request)
+            with self._working():
+                while self._chores:
+                    self._chores.pop(0)()
+                return self._answered(stall_seconds or self._stall_seconds, on_iteration)
+        except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
+            self.stop()  # more use
+            raise
+
+    @contextlib.contextmanager
+    def _working(self) -> Generator[None]:
+        """Let announcements wait until the process has answered."""
+        self._solving = True
+        try:
+            yield
+        finally:
+            self._solving = False
+        self._deliver()
+
+    def _answered(self, longest: float, on_iteration: Callable[[IterationReport], None] | None) -> Solution:
+        """Return the solution of the request that the process works on."""
+        while True:
+            with self._alive():
+                reply = self._receive(longest)
+            if isinstance(reply, Solution):
+                return reply
+            if isinstance(reply, WorkerFailure):
+                raise SolverCrash(f"the solver process failed:\n{reply.text}")
+            if isinstance(reply, Notice):
+                self._notice(reply.text)
+            elif on_iteration is not None:
+                on_iteration(reply)
+
+    @contextlib.contextmanager
+    def _alive(self) -> Generator[None]:
+        """Turn errors of the pipes into the one that the process is dead; of nothing else."""
+        try:
+            yield
+        except (OSError, EOFError, pickle.UnpicklingError) as error:
+            process = self._process
+            if process is not None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(LAST_WORDS)
+                process.kill()  # whatever lives without its pipes is of no use
+            status = None if process is None else process.wait()
+            if self._ended:
+                raise SolverEnded from error
+            if status == memory.CODE:
+                raise MemoryError from error
+            raise SolverCrash(f"the solver process died (status {status})") from error
+
+    def _notice(self, text: str) -> None:
+        if self._on_notice is not None:
+            self._on_notice(text)
+
+    def stop(self) -> None:
+        """Kill the process, if there is one; the next solve starts another."""
+        with self._stopping:
+            if self._process is not None:
+                self._process.kill()
+                self._process.wait()
+                with contextlib.suppress(OSError):
+                    self._sender.close()
+                self._process = None
+
+    def end(self) -> None:
+        """Kill the process, and start no other."""
+        self._ended = True
+        self.stop()
+
+    def stop_unless_started_here(self) -> None:
+        """Kill a process that another thread has started: it would die, at any moment, with that thread."""
+        if self._starter != threading.get_ident():
+            self.stop()
+
+    def _start(self) -> None:
+        if self._ended:
+            raise SolverEnded
+        worker = take()
+        assert worker.stdin is not None  # `start` asks for both
+        assert worker.stdout is not None
+        with self._stopping:
+            self._process = worker
+            self._sender = Sender(worker.stdin)
+            self._replies = Inbox(worker.stdout, partial(pickle.load, worker.stdout))
+            self._starter = threading.get_ident()
+        if self._ended:  # meanwhile
+            self.stop()
+            raise SolverEnded
+
+    def _receive(self, patience: float) -> Reply:
+        """Return the next reply, waited for `patience` seconds at most, and not beyond the deadline.
+
+        Time in which this process itself stood still is none in which the solver could have worked, so no part of the
+        waiting counts for more than it was meant to take.
+        """
+        left = patience
+        while True:
+            part = max(0.0, min(left, PART_OF_WAITING, self._deadline - time.monotonic()))
+            try:
+                reply: Reply = self._replies.next(part)
+            except queue.Empty:
+                left -= part
+                if time.monotonic() >= self._deadline:
+                    raise OutOfTime("there is no time left") from None
+                if left <= 0.0:
+                    raise SolverTimeout(f"no iteration finished within {patience:g} s") from None
+            else:
+                return reply

@@ -1,0 +1,188 @@
+"""The solver process, which reads requests, solves them and reports iterations meanwhile.
+
+It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
+to Python's `sys.stdout` only; here it is read line by line and turned into reports. Solvers are kept ready per problem
+structure, so that a homotopy pays for its set-up once.
+"""
+
+import contextlib
+import io
+import logging
+import os
+import re
+import sys
+import traceback
+from dataclasses import replace
+from functools import partial
+
+from airrace import memory, process
+from airrace.errors import SolverCrash, is_lack_of_memory
+from airrace.optimal_control.kernels import Kernels, build_kernels
+from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.runge_kutta import RungeKutta
+from airrace.optimal_control.solvers.fatrop import interposition
+from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface
+from airrace.optimal_control.solvers.process.messages import (
+    Inbox,
+    IterationReport,
+    Notice,
+    Outbox,
+    PreloadRequest,
+    Receiver,
+    SolveRequest,
+    WorkerFailure,
+)
+from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution
+from airrace.system import Observation, System
+
+PREPARED_INTERVALS = 600
+"""The number of intervals of all problems together that are kept ready for the next request.
+
+A hundred intervals take 7 to 10 MB of memory, so these are 60 MB at most. They take 0.15 s (point mass) to 0.4 s
+(six-dof) to prepare, which is saved where a structure comes again, as in the steps of a homotopy.
+"""
+
+
+LARGE = 4000
+"""The number of intervals of a problem from which on its memory is given back to the system when it is forgotten.
+
+Of 16,000 intervals 450 MB were left otherwise; the allocator keeps what it has for what is to come.
+"""
+
+# IPOPT leaves no space between the letter of a restoration and the sign of a negative objective.
+_ITERATION = re.compile(r"^\s*(\d+)(?:r?\s+|r(?=-))([-+]?\d\.\d+e[-+]\d+)\s+(\d\.\d+e[-+]\d+)\s")
+
+
+Structure = tuple[str, bytes]
+"""All that the prepared functions of a problem depend on; `bytes` are of its rows."""
+
+
+class ProgressReader(io.TextIOBase):
+    """A stand-in for standard output that turns iteration lines into reports and drops all else."""
+
+    def __init__(self, replies: Outbox) -> None:
+        self._replies = replies
+        self._line = ""
+
+    def write(self, text: str) -> int:
+        *lines, self._line = (self._line + text).split("\n")
+        for line in lines:
+            if match := _ITERATION.match(line):
+                report = IterationReport(int(match[1]), float(match[2]), float(match[3]))
+                self._replies.send(report)
+        return len(text)
+
+
+class NoticeHandler(logging.Handler):
+    """A logging handler that sends records to the other process, whose business it is to show them."""
+
+    def __init__(self, replies: Outbox) -> None:
+        super().__init__(logging.WARNING)
+        self._replies = replies
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._replies.send(Notice(record.getMessage()))
+
+
+class SolveServer:
+    """A solver of requests that keeps kernels and prepared problems for the next request of the same structure."""
+
+    def __init__(self) -> None:
+        self._known: list[System | Observation] = []
+        self._kernels: dict[tuple[int, RungeKutta], Kernels] = {}
+        self._prepared: dict[Structure, PreparedProblem] = {}
+        self._sizes: dict[Structure, int] = {}
+
+    def solve(self, request: SolveRequest) -> Solution:
+        """Solve a request, with what was prepared for an earlier one of the same structure."""
+        layout = Layout(request.problem)
+        key = self._key(layout, request)
+        prepared = self._prepared.pop(key, None)
+        if prepared is None:
+            self._make_room(layout.intervals)
+            solver, problem = SOLVERS[request.solver], request.problem
+            kernels = self._kernels_of(problem.system, problem.scheme)
+            prepared = PreparedProblem(layout, kernels, solver, request.options, request.threads)
+        self._prepared[key], self._sizes[key] = prepared, layout.intervals
+        return prepared.solve(layout, request.guess, request.multipliers)
+
+    def expect(self, announced: PreloadRequest) -> None:
+        """Make the kernels of a system ready."""
+        self._kernels_of(announced.system, announced.scheme)
+
+    def _make_room(self, intervals: int) -> None:
+        """Forget the problems that were not asked for longest."""
+        largest = max((self._sizes[key] for key in self._prepared), default=0)
+        while self._prepared and intervals + sum(self._sizes[key] for key in self._prepared) > PREPARED_INTERVALS:
+            del self._prepared[next(iter(self._prepared))]
+        if largest > LARGE:
+            memory.give_back()
+
+    def _number(self, shared: System | Observation) -> int:
+        """Return the number of a system or observation; equal ones are one object here, see `Receiver`."""
+        for number, known in enumerate(self._known):
+            if known is shared:
+                return number
+        self._known.append(shared)
+        return len(self._known) - 1
+
+    def _kernels_of(self, system: System, scheme: RungeKutta) -> Kernels:
+        key = (self._number(system), scheme)
+        if key not in self._kernels:
+            self._kernels[key] = build_kernels(system, scheme)
+        return self._kernels[key]
+
+    def _key(self, layout: Layout, request: SolveRequest) -> Structure:
+        """Return everything that the prepared functions depend on; two problems with equal keys share them."""
+        problem = request.problem
+        observed = [(self._number(one.observation), one.offset, one.jump) for one in layout.output_samples]
+        observed_last = problem.objective.observation
+        cost = (
+            replace(problem.objective, observation=None, values=()),
+            None if observed_last is None else self._number(observed_last),
+        )
+        parts = (self._number(problem.system), problem.scheme, cost, problem.time_scale)
+        solving = (request.solver, request.options, request.threads)
+        told = repr((parts, layout.first_node.tolist(), len(layout.jump_at), observed, solving))
+        return told, layout.rows.structure
+
+
+def main() -> None:
+    """Serve requests until there is nobody left who could ask for anything."""
+    process.die_with_starter()
+    memory.keep()
+    asked, answers = process.taken_streams()
+    replies = Outbox(answers)
+    logging.getLogger("airrace").addHandler(NoticeHandler(replies))
+    sys.stdout = ProgressReader(replies)
+    interposition.install()  # before fatrop is loaded
+    requests = Inbox(asked, partial(_received, Receiver(asked)))
+    with contextlib.suppress(SolverCrash):  # which the first solve tells
+        require_known_interface()  # while the other process prepares what is to be solved
+    server = SolveServer()
+    while True:
+        request = requests.next()
+        try:
+            if isinstance(request, PreloadRequest):
+                server.expect(request)
+            else:
+                replies.send(server.solve(request))
+        except BrokenPipeError:
+            return
+        except Exception as error:  # whatever it is, the other side must hear of it
+            if is_lack_of_memory(error):
+                raise
+            if isinstance(request, SolveRequest):  # what is only announced is tried again when it is to be solved
+                replies.send(WorkerFailure(traceback.format_exc()))
+
+
+def _received(receiver: Receiver) -> SolveRequest | PreloadRequest:
+    """Return the next request; after the last one end this process, whatever it is at."""
+    request = receiver.receive()
+    if request is None:
+        os._exit(0)
+    return request
+
+
+if __name__ == "__main__":
+    main()

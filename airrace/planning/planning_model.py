@@ -1,0 +1,63 @@
+"""The pace at which a race is planned: a typical speed and load factor of the aircraft, from its own numbers."""
+
+import math
+
+from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.atmosphere import g0
+from airrace.records import record
+from airrace.track.course import Rules
+
+AIR_DENSITY = 1.225
+"""The density of the air in plans, kg/m3, ISA at sea level; a plan need not know the day."""
+SHARE_OF_TOP_SPEED = 0.76
+"""The planning speed as a share of the top speed of level flight."""
+LOAD_FACTOR = 6.0
+"""The load factor of planned turns, g, where limits and lift allow it."""
+SHARE_OF_LIMIT = 0.6
+"""The load factor of planned turns as a share of the allowed one, at most."""
+LEAST_LOAD_FACTOR = 2.5
+"""The least load factor of planned turns, g; below it they become so wide that the plan misses the point."""
+STANDSTILL = 1.0
+"""The speed below which no aircraft flies, m/s."""
+
+
+@record
+class PlanningModel:
+    """The planning speed `V` (m/s), load factor `n` in turns (g) and roll rate `p` (rad/s)."""
+
+    V: float
+    n: float
+    p: float
+
+    @property
+    def radius(self) -> float:
+        """The radius of a level turn, m."""
+        return self.V**2 / (g0 * math.sqrt(self.n**2 - 1.0))
+
+
+def cruise(aircraft: Aircraft, rules: Rules) -> PlanningModel:
+    """Return three quarters of the top speed, and a load factor that lift and limits leave with a margin."""
+    envelope = aircraft.envelope.V
+    V = min(max(SHARE_OF_TOP_SPEED * top_speed(aircraft), 1.1 * envelope.lower), 0.95 * envelope.upper)
+    lift = 0.5 * AIR_DENSITY * V**2 * aircraft.airframe.S * min(aircraft.lift.C_L_max, rules.C_L.upper)
+    n_lift = lift / (aircraft.airframe.m * g0)
+    n_limit = min(aircraft.envelope.n_z.upper, rules.n_z.upper)
+    n = max(min(LOAD_FACTOR, SHARE_OF_LIMIT * n_limit, 0.8 * n_lift), LEAST_LOAD_FACTOR)
+    return PlanningModel(V, n, 0.5 * min(aircraft.point_mass.p, rules.p))
+
+
+def top_speed(aircraft: Aircraft) -> float:
+    """Return the speed at which full power balances the drag of level flight, m/s (ISA, sea level).
+
+    0 where it does so at no speed: such an aircraft cannot fly level.
+    """
+    propulsion, drag, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.S
+    P = propulsion.eta_p * propulsion.P_max
+    speed = (2.0 * P / (AIR_DENSITY * S * drag.C_D0)) ** (1 / 3)
+    for _ in range(20):  # a contraction: the induced drag is a small correction at top speed
+        if speed < STANDSTILL:  # ever slower: what it takes to carry the weight is more than the power
+            return 0.0
+        C_L = aircraft.airframe.m * g0 / (0.5 * AIR_DENSITY * speed**2 * S)
+        C_D = drag.C_D0 + drag.k * (C_L - drag.C_L_minD) ** 2
+        speed = (2.0 * P / (AIR_DENSITY * S * C_D)) ** (1 / 3)
+    return speed

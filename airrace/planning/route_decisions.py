@@ -1,0 +1,73 @@
+"""Choices: what a plan is told to keep to, where it would otherwise decide for itself.
+
+Which way round a race is flown is decided in a few places: along which axis a passage is crossed and with which course,
+to which side the path turns between two passages, to which side a roll or a knife edge goes.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import field
+
+from airrace.planning.waypoints import Waypoint, candidates
+from airrace.records import record
+from airrace.track.course import Course
+from airrace.track.limits import Roll, Turning
+
+
+@record
+class RouteDecisions:
+    """The choices that are made already, by the index of the passage concerned; the others are free.
+
+    Attributes:
+        ways: the candidates that are left of a passage.
+        turns: the side to which the path turns on its way to this passage: 1 to the right, -1 to the left.
+        rolls: the side of the roll on the leg that ends with this passage.
+        edges: the wing that points down at a knife edge that may be flown on either.
+        last: whether of equally short plans the last is taken instead of the first; a mirror exchanges the two.
+    """
+
+    ways: Mapping[int, tuple[Waypoint, ...]] = field(default_factory=dict[int, tuple[Waypoint, ...]])
+    turns: Mapping[int, int] = field(default_factory=dict[int, int])
+    rolls: Mapping[int, int] = field(default_factory=dict[int, int])
+    edges: Mapping[int, int] = field(default_factory=dict[int, int])
+    last: bool = False
+
+    def candidates(self, course: Course, index: int) -> list[Waypoint]:
+        """Return the ways in which a passage may still be planned."""
+        return list(self.ways[index]) if index in self.ways else candidates(course, index)
+
+    def roll(self, course: Course, index: int) -> Roll | None:
+        """Return the roll on the leg that ends with a passage, to the chosen side; None for no roll."""
+        roll = course.passages[index].roll
+        if roll is None or index not in self.rolls:
+            return roll
+        return dataclasses.replace(roll, turning=Turning.RIGHT if self.rolls[index] > 0 else Turning.LEFT)
+
+    def without_ways(self, *indices: int) -> "RouteDecisions":
+        """Return these choices, except for the ways in which some passages are crossed."""
+        left = {index: ways for index, ways in self.ways.items() if index not in indices}
+        return dataclasses.replace(self, ways=left)
+
+    def as_planned(self, waypoints: Mapping[int, Waypoint]) -> "RouteDecisions":
+        """Return these choices, but at some passages those that a plan has made; turns are left to the next plan.
+
+        What was flown since may turn less than that plan did, which forced a side.
+        """
+
+        def side(angle: float | None) -> int:
+            return 1 if (angle or 0.0) > 0.0 else -1
+
+        return dataclasses.replace(
+            self,
+            ways={index: (waypoints[index],) if index in waypoints else ways for index, ways in self.ways.items()},
+            turns={},
+            rolls={i: side(waypoints[i].rolled) if i in waypoints else own for i, own in self.rolls.items()},
+            edges={i: side(waypoints[i].bank) if i in waypoints else own for i, own in self.edges.items()},
+        )
+
+
+ANY = RouteDecisions()
+"""The choices that leave everything to the plan."""
+
+TWIN = RouteDecisions(last=True)
+"""The choices that leave everything to the plan, which decides ties the other way."""

@@ -1,0 +1,397 @@
+"""The ladder: the flight of every stage, and the starts of its joint problem."""
+
+import dataclasses
+import functools
+import logging
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from airrace.control.simulation import TrackingSimulator, pilot
+from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.solvers.process.deferred_signals import defer_signals
+from airrace.planning.decisions_from_solution import plan_as_flown
+from airrace.planning.plan import Plan, plan
+from airrace.planning.race import Race
+from airrace.planning.route_decisions import TWIN
+from airrace.procedure.conclusion import conclude
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.homotopy import Doubt, fly_homotopy
+from airrace.procedure.infeasibility.analysis import diagnose_infeasibility
+from airrace.procedure.infeasibility.diagnosis import blamed
+from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility, contradiction
+from airrace.procedure.infeasibility.relaxed_routes import Relaxations, torn
+from airrace.procedure.mesh_convergence import proved
+from airrace.procedure.models import iterate_of
+from airrace.procedure.multistart.budget import EFFORTS, SearchBudget
+from airrace.procedure.multistart.coarse_solution import InitialGuess
+from airrace.procedure.multistart.local_search import find_faster_route
+from airrace.procedure.multistart.multistart import Exploration, explore
+from airrace.procedure.multistart.solver_pool import SolverPool
+from airrace.procedure.restart import told
+from airrace.procedure.result import Outcome, SearchReport, Stage, StageResult
+from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
+from airrace.procedure.single_mesh import solve_single_mesh
+from airrace.procedure.solve_and_refine import COLD_BARRIER, PIECED_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage import STAGES
+from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight
+from airrace.procedure.warm_start import followed, recorded, settled
+
+logger = logging.getLogger(__name__)
+
+CLOSE = 4.0
+"""The multiple of the limit of the certificate's `race_time_change` (1) that settles which of two flights is faster.
+
+Flights that were solved on one mesh each, and whose race times differ by less, are proved before the faster one is
+chosen. Each mesh may err by about that limit.
+"""
+
+UNPROVED = "its race time could not be proved on a second mesh"
+
+LOST = 0.1
+"""The time by which an optimum may be slower than the rough one that it started from, s.
+
+On its finer mesh it should be the faster one: by 0.04 s on Rovinj and Air Race X, 0.07 s on San Diego. More means that
+another way was proved than the one that was found.
+"""
+
+
+def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
+    """Return the stages of a run; with a guess from the plan there is no homotopy."""
+    first = STAGES.index(Stage.HOMOTOPY if settings.guess is GuessKind.HOMOTOPY else Stage.POINT_MASS)
+    return list(STAGES[first : STAGES.index(until) + 1])
+
+
+class Ladder:
+    """The stages of one race, climbed one after the other; `done` holds those that are finished.
+
+    Args:
+        first: the stage whose model is made at once.
+        last: the stage that a run ends with, which is always proved; None to prove every stage that is climbed.
+
+    Raises:
+        InputError: aircraft and rules leave no allowed value of some quantity.
+    """
+
+    def __init__(
+        self,
+        race: Race,
+        settings: Settings,
+        finished: Sequence[StageResult],
+        first: Stage = Stage.POINT_MASS,
+        last: Stage | None = None,
+    ) -> None:
+        self._race = race
+        self._settings = settings
+        self._last = last
+        self._flights: dict[Stage, Flight] = {}
+        self._pilots: dict[Stage, TrackingSimulator] = {}
+        self._pieces: StageResult | None = None
+        self._contradiction: LocalInfeasibility | None = None
+        self._relaxed: Relaxations | None = None
+        self.done = {result.stage: result for result in finished}
+        self.flight(first)  # inputs that contradict each other are told before anything is solved
+
+    def flight(self, stage: Stage) -> Flight:
+        """Return the model of a stage, made when it is first asked for.
+
+        Raises:
+            InputError: aircraft and rules leave no allowed value of some quantity.
+        """
+        fidelity = fidelity_of(stage)
+        if fidelity.guess:
+            return dataclasses.replace(self.flight(Stage.POINT_MASS), fidelity=fidelity)
+        if stage not in self._flights:
+            with defer_signals():
+                self._flights[stage] = stage_flight(stage, self._race, self._settings)
+        return self._flights[stage]
+
+    def make_ready(self, stage: Stage) -> None:
+        """Make what a stage needs that does not depend on the stage below it."""
+        fidelity = fidelity_of(stage)
+        self.flight(stage)
+        if fidelity.inner_controller is not None and fidelity.warm_start.same_dynamics_as is None:
+            self._pilot(stage)
+
+    def _pilot(self, stage: Stage) -> TrackingSimulator:
+        if stage not in self._pilots:
+            with defer_signals():
+                self._pilots[stage] = pilot(self.flight(stage).model, fidelity_of(stage).controller())
+        return self._pilots[stage]
+
+    def climb(self, stage: Stage, session: SolverSession) -> StageResult:
+        """Run one stage and return its result; those before it are done."""
+        fidelity = fidelity_of(stage)
+        if fidelity.guess:
+            result = self._homotopy(session)
+        elif fidelity.inner_controller is None:
+            result = diagnose_infeasibility(
+                self._first_optimum(session), self._race, self.flight(stage), session, self._relaxed
+            )
+        else:
+            below = self.done[STAGES[STAGES.index(stage) - 1]]
+            climbing = (below, *below.alternatives)
+            results = [self._optimum(stage, list(self._handovers(stage, one, session)), session) for one in climbing]
+            result = _on_record(_fastest(self._resolve_near_ties(results, session)), session)
+        self.done[stage] = result
+        return result
+
+    def explores(self, stage: Stage) -> bool:
+        """Tell whether other ways round are tried in a stage."""
+        return stage is Stage.POINT_MASS and self._settings.search is not SearchEffort.OFF
+
+    def proves(self, stage: Stage) -> bool:
+        """Tell whether a stage is proved on a second mesh."""
+        return proves(self._settings, stage, self._last)
+
+    def complete(self, stage: Stage, session: SolverSession) -> StageResult:
+        """Complete the proof of a stage that was solved on one mesh, and of its alternatives.
+
+        Returns:
+            The stage, certified; as it was, with a message that says why, where that fails.
+        """
+        solved = self.done[stage]
+        session.go_on(solved.attempts, solved.timings)
+        main, *alternatives = (self._proved(one, session) for one in (solved, *solved.alternatives))
+        result = dataclasses.replace(_on_record(main, session), alternatives=tuple(alternatives))
+        self.done[stage] = result
+        return result
+
+    def _proved(self, optimum: StageResult, session: SolverSession) -> StageResult:
+        """Return an optimum with its proof; the optimum itself where there is nothing to prove, or where that fails."""
+        if optimum.certified or not optimum.holds:
+            return optimum
+        found = proved(self.as_flown(optimum.stage, optimum), optimum, session)
+        clauses = optimum.message.split("; ") if optimum.message else []
+        before = "; ".join(clause for clause in clauses if not clause.startswith(UNPROVED))
+        if isinstance(found, StageResult):
+            return dataclasses.replace(found, message=before)
+        return told(dataclasses.replace(optimum, message=f"{UNPROVED}: {found}"), before)
+
+    def _optimum(
+        self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], session: SolverSession
+    ) -> StageResult:
+        """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
+        refine = None if self.proves(stage) else solve_single_mesh
+        return solve_with_refinement(
+            session, starts, refine, diagnosing=stage is not Stage.POINT_MASS
+        )  # see `diagnose_infeasibility`
+
+    def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
+        """Optima of one stage, proved where their meshes may hide which of them is the fastest.
+
+        Of those, only optima whose proof succeeds still hold, unless none does.
+        """
+        times = [one.trajectory.race_time if one.holds else math.inf for one in results]
+        closest = min(times) + CLOSE * self._settings.certificate.race_time_of(min(times))
+        close = [time <= closest < math.inf for time in times]
+        if sum(close) < 2:
+            return results
+        after = [self._proved(one, session) if near else one for one, near in zip(results, close, strict=True)]
+        if not any(one.certified for one in after):
+            return after
+        return [
+            dataclasses.replace(one, outcome=Outcome.NOT_CERTIFIED) if near and not one.certified else one
+            for one, near in zip(after, close, strict=True)
+        ]
+
+    def find_faster_route(self, optimum: StageResult) -> Callable[[SolverPool], str]:
+        """Return the search for a way round that is faster than that of another run's optimum.
+
+        It finds words; none where there is no such way, or where none is looked for. What is searched does not depend
+        on what is solved meanwhile: the optimum is flown again by the point mass under this race's numbers.
+        """
+        if self._settings.search is SearchEffort.OFF:
+            return _nothing
+        flight, source = self.flight(Stage.POINT_MASS), self.as_flown(optimum.stage, optimum)
+        if source.model.system.states != optimum.trajectory.states:
+            return _nothing  # it flies other equations, and is no start either
+        return functools.partial(find_faster_route, flight, source, optimum, self._race.course)
+
+    def _first_optimum(self, session: SolverSession) -> StageResult:
+        """Optimise the point mass from what exploring found, then from the homotopy and the plan.
+
+        The one that the user prefers comes first.
+        """
+        if self._contradiction is not None:
+            return self._impossible(self._contradiction, session)
+        known = self._first_starts(session)
+        effort = EFFORTS.get(self._settings.search)
+        if effort is None:
+            return self._optimum(Stage.POINT_MASS, known, session)
+        found = self._explored(effort.with_finalists(self._settings.alternatives), session)
+        best = found.search(0)
+        results: list[StageResult] = []
+        for number, start in enumerate(found.starts):
+            if number >= self._settings.alternatives and any(_kept(one, best) for one in results):
+                break
+            results.append(
+                self._optimum(Stage.POINT_MASS, [functools.partial(_made, start)], session)
+            )  # by all solvers
+        if not any(one.holds for one in results):
+            results.append(self._optimum(Stage.POINT_MASS, known, session))
+        results = list(self._resolve_near_ties(results, session))
+        result = _fastest(results)
+        winner = _winner(results)
+        explored = found.search(winner) if winner < len(found.starts) else best
+        _warn(result, explored, best)
+        return dataclasses.replace(_on_record(result, session), search=explored)
+
+    def _explored(self, effort: SearchBudget, session: SolverSession) -> Exploration:
+        """Explore ways round, with the starts without exploring among the starts, so that nothing is lost by it."""
+        flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
+        pieces = [self._homotopy(session)] if effort.homotopy or asked else []
+        starts = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
+        own, twin = (
+            _planned(flight, way, session) for way in (flight.plan, plan(self._race.course, flight.plan.cruise, TWIN))
+        )
+        starts.append(("plan", own))
+        if not np.array_equal(own.guess.state, twin.guess.state):
+            starts.append(("plan, its twin", twin))
+        return explore(flight, self._race.course, session, effort, starts)
+
+    def _first_starts(self, session: SolverSession) -> Sequence[Callable[[], Start | StageResult]]:
+        """Return the homotopy and the plan as starts, the one that the user prefers first."""
+        flight, flown = self.flight(Stage.POINT_MASS), self.done.get(Stage.HOMOTOPY)
+
+        def planned() -> Start:
+            mesh = first_mesh(flight.plan, session.settings.mesh)
+            return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
+
+        def concatenate_phases() -> Start | StageResult:
+            where = ""
+            if flown is None:  # nor has the plan led anywhere
+                self._relaxed = Relaxations(self._race, flight, session)
+                where = torn(self._relaxed)
+            first = self._homotopy(session, plain=bool(where))
+            if where and first.message:  # which names phases that could not be added
+                return self._torn(where, session)
+            if self._contradiction is not None:
+                return self._impossible(self._contradiction, session)
+            pieces = first.trajectory
+            return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
+
+        return (concatenate_phases, planned) if flown else (planned, concatenate_phases)
+
+    def _homotopy(self, session: SolverSession, *, plain: bool = False) -> StageResult:
+        """Return the pieces of the homotopy, which is flown once; `plain` as of `contradiction`."""
+        if self._pieces is None:
+            flown = self.done.get(Stage.HOMOTOPY)
+            doubt = self._doubt(session, plain=plain)
+            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), session, doubt)
+        return self._pieces
+
+    def _doubt(self, session: SolverSession, *, plain: bool) -> Doubt:
+        """Return the question whether a phase contradicts itself, whose answer is kept."""
+
+        def infeasible_apart(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
+            self._contradiction = contradiction(session, problem, torn, guesses, plain=plain)
+            return self._contradiction is not None
+
+        return infeasible_apart
+
+    def _torn(self, where: str, session: SolverSession) -> StageResult:
+        """Return the result of a race whose limits contradict each other at a place."""
+        flight = self.flight(Stage.POINT_MASS)
+        mesh = first_mesh(flight.plan, session.settings.mesh)
+        problem, message = flight.problem(mesh), f"the limits contradict each other at {where}"
+        return conclude(flight, session, problem, guess(flight.plan, mesh), outcome=Outcome.INFEASIBLE, message=message)
+
+    def _impossible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
+        """Return the result of a race that cannot be flown, which says what stands in the way."""
+        message = blamed(session, found.problem, found.torn, found.guess, found.worst)
+        flight = self.flight(Stage.POINT_MASS)
+        return conclude(flight, session, found.problem, found.guess, outcome=Outcome.INFEASIBLE, message=message)
+
+    def _handovers(self, stage: Stage, below: StageResult, session: SolverSession) -> Iterator[Callable[[], Start]]:
+        """Yield the starts of a higher fidelity: along the stage below, at rest in it, at rest in the point mass."""
+        yield functools.partial(self._handed_over, stage, below, session)
+        yield functools.partial(self._at_rest, stage, below)
+        point_mass = self.done.get(Stage.POINT_MASS)  # a run started from another may lack it
+        is_rival = below is not self.done[below.stage]  # which goes another way than the point mass
+        if point_mass is not None and below is not point_mass and not is_rival:
+            yield functools.partial(self._at_rest, stage, point_mass)
+
+    def _at_rest(self, stage: Stage, optimum: StageResult) -> Start:
+        with defer_signals():
+            return settled(self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum), optimum)
+
+    def _handed_over(self, stage: Stage, optimum: StageResult, session: SolverSession) -> Start:
+        flight, below = self.as_flown(stage, optimum), self.as_flown(optimum.stage, optimum)
+        if flight.fidelity.warm_start.same_dynamics_as is optimum.stage:
+            return recorded(flight, below, optimum)
+        session.progress.activity(f"flying along the optimum of {optimum.stage.value} by error feedback", 0, 0)
+        with defer_signals():
+            return followed(flight, self._pilot(stage), below, optimum)
+
+    def as_flown(self, stage: Stage, optimum: StageResult) -> Flight:
+        """Return a stage's model, planned as an optimum goes round."""
+        flight = self.flight(stage)
+        way = plan_as_flown(self._race.course, flight.plan.cruise, optimum.trajectory)
+        return dataclasses.replace(flight, plan=way)
+
+
+def proves(settings: Settings, stage: Stage, last: Stage | None) -> bool:
+    """Tell whether a stage of a run up to `last` is proved on a second mesh; `last` is None where every stage is."""
+    return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
+
+
+def _fastest(results: Sequence[StageResult]) -> StageResult:
+    """Return the fastest of the results that hold, the others its alternatives; the first if none holds."""
+    fastest = results[_winner(results)]
+    others = [one for one in results if one.holds and one is not fastest]
+    return dataclasses.replace(fastest, alternatives=tuple(sorted(others, key=lambda one: one.trajectory.race_time)))
+
+
+def _winner(results: Sequence[StageResult]) -> int:
+    """Return the number of the fastest of the results that hold; 0 if none does."""
+    times = [one.trajectory.race_time if one.holds else math.inf for one in results]
+    return times.index(min(times))
+
+
+def _on_record(result: StageResult, session: SolverSession) -> StageResult:
+    """Return a result with the record of all that was solved for its stage, before it and after it."""
+    return dataclasses.replace(result, attempts=tuple(session.attempts), timings=session.timings())
+
+
+def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> None:
+    """Warn of what a user should look at: loops that are left, and a better way that could not be proved."""
+    for loop in explored.loops:
+        logger.warning("the flight may hold a needless loop: %s", loop)
+    if result.holds and not _kept(result, best):
+        logger.warning(
+            "the best way round took %.2f s when flown roughly but could not be proved; the %s flight, another one, "
+            "takes %.2f s",
+            *(best.ways[0].race_time, result.state.value, result.trajectory.race_time),
+        )
+
+
+def _kept(result: StageResult, explored: SearchReport) -> bool:
+    """Tell whether a flight holds and is about as fast as the best way was when it was flown roughly."""
+    if not result.holds or not explored.ways:
+        return result.holds
+    return result.trajectory.race_time <= explored.ways[0].race_time + LOST
+
+
+def _made(start: Start) -> Start:
+    return start
+
+
+def _nothing(_: SolverPool) -> str:
+    return ""
+
+
+def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
+    """Return a plan as a initial guess, on the mesh on which the race's own is solved without exploring."""
+    mesh = first_mesh(way, session.settings.mesh)
+    return InitialGuess(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, is_baseline=True)
+
+
+def _draught(flight: Flight, pieces: StageResult) -> InitialGuess:
+    """Return the pieces of a homotopy as a initial guess."""
+    return InitialGuess(
+        flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, is_baseline=True
+    )

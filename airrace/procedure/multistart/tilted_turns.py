@@ -1,0 +1,89 @@
+"""The tilting of turns about the straight line between their ends: slanted at first, over the top when upright."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from airrace.dynamics.point_mass import PointMassControl, PointMassState
+from airrace.environment.atmosphere import g0
+from airrace.frames import quaternion
+from airrace.optimal_control.problem import Iterate
+from airrace.procedure.attitudes import align_quaternions
+from airrace.trajectory import Array
+
+ROLL_RATE = 2.0
+"""The largest roll rate in the guess, rad/s; where a path is almost straight its bank jumps."""
+SHORTEST_CHORD = 30.0
+"""The distance of the ends below which a turn is tilted about its first course instead, m."""
+
+
+def tilt_turn(pieces: Sequence[Iterate], angle: float) -> list[Iterate]:
+    """Return a level turn in pieces, tilted by an angle (rad), flown at its own speed.
+
+    The deviation from the line between the ends is raised; attitude, load factor and roll rate are those with which the
+    path is flown without sideslip.
+    """
+    rows = PointMassState.names()
+    seconds = [float(piece.durations[0]) for piece in pieces]
+    times = [
+        np.linspace(0.0, T, piece.control.shape[1] + 1) + before
+        for T, piece, before in zip(seconds, pieces, np.cumsum([0.0, *seconds[:-1]]), strict=True)
+    ]
+    state = np.hstack([pieces[0].state, *(piece.state[:, 1:] for piece in pieces[1:])])
+    time = np.concatenate([times[0], *(one[1:] for one in times[1:])])
+    raised = state.copy()
+    raised[:3] = _tilted(state[:3], angle)
+    _fly(raised, time, rows)
+    ends = np.cumsum([0, *(piece.control.shape[1] for piece in pieces)])
+    found: list[Iterate] = []
+    for piece, first, last in zip(pieces, ends, ends[1:], strict=False):
+        x, steps = raised[:, first : last + 1], np.diff(time[first : last + 1])
+        control = piece.control.copy()
+        for row, one in enumerate(PointMassControl.quantities()):
+            if one.rate_of:
+                control[row] = np.diff(x[rows.index(one.rate_of)]) / steps
+        found.append(Iterate(piece.durations, x, control))
+    return found
+
+
+def _tilted(r: Array, angle: float) -> Array:
+    """Return the tilted positions (3, n), north, east, down."""
+    along = r[:2, -1] - r[:2, 0]
+    if np.linalg.norm(along) < SHORTEST_CHORD:
+        along = r[:2, 1] - r[:2, 0]
+    along = along / np.linalg.norm(along)
+    across = np.array([-along[1], along[0]])
+    offset = across @ (r[:2] - r[:2, :1])
+    tilted = r.copy()
+    tilted[:2] -= np.outer(across, (1.0 - math.cos(angle)) * offset)
+    tilted[2] -= math.sin(angle) * np.abs(offset)
+    return tilted
+
+
+def _fly(state: Array, time: Array, rows: Sequence[str]) -> None:
+    """Set attitude, speed, load factor and roll rate along a path, in place."""
+    velocity = np.gradient(state[:3], time, axis=1)
+    speed = np.linalg.norm(velocity, axis=0)
+    ahead = velocity / speed
+    force = np.gradient(velocity, time, axis=1) - np.array([[0.0], [0.0], [g0]])
+    lift = force - (force * ahead).sum(axis=0) * ahead
+    up = lift / np.maximum(np.linalg.norm(lift, axis=0), 1e-6)
+    right = np.cross(ahead, up, axis=0)  # down is -up, and right = down x ahead = ahead x up
+    q = [_attitude(*columns) for columns in zip(ahead.T, right.T, up.T, strict=True)]
+    for row, history in zip(("q0", "q1", "q2", "q3"), np.array(q).T, strict=True):
+        state[rows.index(row)] = history
+    align_quaternions(state)
+    bank = np.unwrap([math.atan2(one[2], -two[2]) for one, two in zip(right.T, up.T, strict=True)])
+    state[rows.index("V_K")] = speed
+    state[rows.index("n_z")] = np.linalg.norm(lift, axis=0) / g0
+    state[rows.index("p_Kbar")] = np.clip(np.gradient(bank, time), -ROLL_RATE, ROLL_RATE)
+
+
+def _attitude(ahead: Array, right: Array, up: Array) -> list[float]:
+    """Return the quaternion of a frame given by its axes in O.
+
+    Course and climb are those of `ahead`, the bank that of the others.
+    """
+    climb = -math.asin(max(-1.0, min(1.0, float(ahead[2]))))
+    return quaternion(math.atan2(ahead[1], ahead[0]), climb, math.atan2(right[2], -up[2]))

@@ -1,0 +1,180 @@
+"""A flown log: the flight that was made of it, what it would be penalised for, and what there is to tell of it."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import numpy as np
+
+from airrace.checkpoint import (
+    Recorded,
+    RecordedLog,
+    StoredHistory,
+    StoredPassing,
+    write_recorded,
+)
+from airrace.errors import CheckpointError, UsageError
+from airrace.export.csv import export_flight_csv
+from airrace.inputs import Inputs, inputs_from_documents
+from airrace.logs.violations import Breach
+from airrace.procedure.result import GateSplit
+from airrace.results import Basis, Crossing, Flight, History, Source
+from airrace.runs.output import written_or_returned
+from airrace.runs.splits import Splits
+from airrace.runs.stored_inputs import document_of, library_versions, stored_inputs
+
+if TYPE_CHECKING:
+    from airrace.logs.log_flight import Flown
+
+RATES = 1e-3, 1e4
+"""Rows per second that may be asked for, Hz."""
+
+
+@dataclass(frozen=True, eq=False)
+class LogView:
+    """A log that was flown through a course.
+
+    Attributes:
+        inputs: course, aircraft and air, as they were given.
+        recorded: what its file holds.
+    """
+
+    inputs: Inputs
+    recorded: Recorded
+
+    @property
+    def breaches(self) -> tuple[Breach, ...]:
+        """The rules that the flight would break, in the order of the course."""
+        return self.recorded.breaches
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences for whoever looks at the flight."""
+        return self.recorded.log.remarks
+
+    @property
+    def penalty(self) -> float:
+        """The penalties of all breaches that are certain, s; infinity where one of them ends the race."""
+        known = [one.penalty for one in self.breaches if one.certain and not math.isnan(one.penalty)]
+        return float(sum(known))
+
+    def flight(self, label: str | None = None) -> Flight:
+        """Return the flight; see `airrace.results`.
+
+        Args:
+            label: what people call it; None for the name of the log.
+
+        Raises:
+            CheckpointError: the passings are not those of its course.
+        """
+        stored, race = self.recorded, self.inputs.race
+        names = [passage.name for passage in race.course.passages]
+        if [one.passing for one in stored.passings] != names:
+            raise CheckpointError("the flown log is damaged: its passings are not those of its course")
+        histories = {one.quantity.name: History(one.quantity, one.values, Basis(one.basis)) for one in stored.histories}
+        crossings: list[Crossing] = []
+        for passage, passing in zip(race.course.passages, stored.passings, strict=True):
+            values: dict[str, float] = {}
+            if math.isfinite(passing.time):
+                row = min(int(np.searchsorted(stored.time, passing.time - 1e-9)), len(stored.time) - 1)
+                values = {name: float(one.values[row]) for name, one in histories.items()}
+            crossings.append(Crossing(passage, passing.time, values))
+        source = Source(
+            label or stored.label, version=stored.versions.get("airrace", ""), remark=" ".join(self.remarks)
+        )
+        return Flight(race, source, stored.time, histories, tuple(crossings))
+
+    @property
+    def splits(self) -> Splits:
+        """The gate splits of the passings that were made."""
+        made = [one for one in self.flight().crossings if one.found]
+        return Splits(
+            tuple(
+                GateSplit(
+                    one.name,
+                    one.time,
+                    V_K=one.value("V_K"),
+                    height=one.value("height"),
+                    n_z=one.value("n_z"),
+                    bank=one.value("mu"),
+                    climb=one.value("gamma"),
+                    heading=one.value("chi"),
+                )
+                for one in made
+            )
+        )
+
+    def to_csv(self, path: str | Path | None = None, rate: float | None = None) -> str:
+        """Return or write all histories as comma-separated values.
+
+        Args:
+            path: a file to be written; None for none.
+            rate: rows per second; None for all times of the flight.
+
+        Returns:
+            The text; empty where a file is written, which may be larger than the memory.
+
+        Raises:
+            UsageError: the rate cannot be exported.
+            StorageError: the system refused.
+        """
+        return written_or_returned(path, lambda stream: self.write_csv(stream, rate))
+
+    def write_csv(self, stream: TextIO, rate: float | None = None) -> None:
+        """Write all histories as comma-separated values, as `to_csv` does, to a stream that is open."""
+        if rate is not None and not RATES[0] <= rate <= RATES[1]:
+            raise UsageError(f"a rate of {rate:g} Hz cannot be exported; it must lie in {RATES[0]:g} to {RATES[1]:g}")
+        export_flight_csv(self.flight(), stream, rate_hz=rate)
+
+    def save(self, path: str | Path) -> None:
+        """Write it into a file, replacing what is there.
+
+        Raises:
+            StorageError: the system refused.
+            CheckpointError: it cannot be stored, for instance because it would be too large.
+        """
+        write_recorded(Path(path), self.recorded)
+
+
+def new_flown_log(inputs: Inputs, flown: "Flown") -> LogView:
+    """Return a flown log that is stored nowhere yet."""
+    flight, log = flown.flight, flown.recording
+    recorded = Recorded(
+        inputs=stored_inputs(inputs),
+        versions=library_versions(),
+        log=RecordedLog(
+            path=log.path,
+            format=log.format,
+            begins="" if log.begins is None else log.begins.isoformat(),
+            offset=flown.offset,
+            time=log.time,
+            lines=log.lines,
+            columns=log.columns,
+            remarks=flown.remarks,
+        ),
+        time=flight.time,
+        histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
+        passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
+        breaches=flown.breaches,
+        label=flight.label,
+    )
+    return LogView(inputs, recorded)
+
+
+def opened_log(recorded: Recorded) -> LogView:
+    """Return a flown log that was read from its file; its inputs are understood anew from their stored texts.
+
+    Raises:
+        InputError: this version of airrace no longer accepts them.
+    """
+    stored = recorded.inputs
+    inputs = inputs_from_documents(
+        document_of(stored.track), document_of(stored.aircraft), None, _without_settings(stored.overrides)
+    )
+    return LogView(inputs, recorded)
+
+
+def _without_settings(overrides: Sequence[str]) -> list[str]:
+    return [one for one in overrides if not one.strip().startswith("settings.")]

@@ -1,0 +1,55 @@
+"""Small races for the tests of exploring, each flown once however many tests ask."""
+
+import dataclasses
+
+from kept import kept
+from races import DEGREE, EDGE_540, RULES, course, level, pylon, settings
+from races import optimum as unexplored
+
+from airrace.environment.air import Air
+from airrace.planning.race import Race
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.run import optimize
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.quantities import Interval
+from airrace.track.gates import Gate, Pylon
+
+PLAN = settings(GuessKind.PLAN)
+OFF = dataclasses.replace(PLAN, search=SearchEffort.OFF)
+QUICK = dataclasses.replace(PLAN, search=SearchEffort.QUICK)
+
+
+def narrow(element: Gate | Pylon) -> Gate | Pylon:
+    """An element to be crossed about level and within 10 degrees of its axis."""
+    climb = Interval(-5 * DEGREE, 10 * DEGREE)
+    return dataclasses.replace(
+        element, tolerances=dataclasses.replace(element.tolerances, climb=climb, crossing=10 * DEGREE)
+    )
+
+
+def wound(n_z: float) -> Race:
+    """A slalom past two pylons. Planned with wide turns, as a low limit of the load factor (g) makes them, the flight
+    winds itself around them."""
+    elements = (
+        narrow(level("first", -433.2, -233.9, 60.0)),
+        narrow(pylon("left", -339.7, -94.0, 320.0)),
+        narrow(pylon("right", -285.9, 55.2, 145.0)),
+        narrow(level("last", -75.1, 266.1, 350.0)),
+    )
+    rules = dataclasses.replace(RULES, n_z=Interval(-2.0, n_z), p=200 * DEGREE)
+    return Race(course("wound", *elements, rules=rules), EDGE_540, Air())
+
+
+WOUND = wound(6.0)
+
+
+def optimum(race: Race, chosen: Settings = QUICK) -> StageResult:
+    """The point mass of a race."""
+    return explored(race, chosen, 1) if chosen.search is not SearchEffort.OFF else unexplored(race, chosen)
+
+
+@kept
+def explored(race: Race, chosen: Settings, threads: int) -> StageResult:
+    """The point mass of a race, found by so many solvers at once."""
+    return list(optimize(race, chosen, until=Stage.POINT_MASS, threads=threads, progress=Silent()))[-1]

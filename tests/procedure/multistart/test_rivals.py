@@ -1,0 +1,257 @@
+"""Several ways round climb the ladder side by side; the fastest is the result, and none gets lost on the way."""
+
+import dataclasses
+import functools
+import logging
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from canned_procedure import solve_single_mesh
+from explored_races import OFF, QUICK
+from explored_races import optimum as explored_optimum
+from races import SHIPPED, SMALL
+from ways_bench import open_session, planned_sketch
+
+from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
+from airrace.procedure import fidelity_continuation
+from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.multistart.multistart import Exploration
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, State, Way
+from airrace.procedure.run import optimize
+from airrace.procedure.settings import Settings
+from airrace.procedure.solve_and_refine import Start
+from airrace.procedure.solver_session import SolverSession
+
+HALF_CUBAN = SHIPPED["half_cuban_eight"]
+BOTH = dataclasses.replace(QUICK, alternatives=2)
+
+
+@functools.cache
+def climbed() -> tuple[StageResult, ...]:
+    """The point mass and the stage above it, on two ways round."""
+    return tuple(optimize(HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, progress=Silent()))
+
+
+def seconds(result: StageResult) -> float:
+    return result.trajectory.race_time
+
+
+def test_rivals_are_certified_and_slower() -> None:
+    point_mass = explored_optimum(HALF_CUBAN, BOTH)
+    (alternative,) = point_mass.alternatives
+    assert alternative.certified
+    assert seconds(alternative) > seconds(point_mass)
+    assert alternative.stage is Stage.POINT_MASS
+    assert (alternative.search, alternative.alternatives) == (NOT_SEARCHED, ())
+
+
+def test_best_way_is_the_same_whether_it_climbs_alone_or_not() -> None:
+    alone = explored_optimum(HALF_CUBAN)
+    assert alone.alternatives == ()
+    assert seconds(explored_optimum(HALF_CUBAN, BOTH)) == pytest.approx(seconds(alone), abs=1e-6)
+
+
+@pytest.mark.slow
+def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
+    higher = climbed()[1]
+    assert higher.stage is Stage.TRANSFER_FUNCTION
+    assert higher.certified
+    (alternative,) = higher.alternatives
+    assert alternative.certified
+    assert seconds(alternative) >= seconds(higher)
+    assert higher.search == NOT_SEARCHED
+
+
+@pytest.mark.slow
+def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
+    document = StoredDocument("x.yaml", "x")
+    checkpoint = Checkpoint(StoredInputs(document, document, None, (), "{}"), {}).with_stage(climbed()[0])
+    write_checkpoint(tmp_path / "run.h5", checkpoint)
+    (stored,) = read_checkpoint(tmp_path / "run.h5").stages
+    going_on = optimize(
+        HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, finished=[stored.result], progress=Silent()
+    )
+    (higher,) = going_on
+    for own, other in zip((higher, *higher.alternatives), (climbed()[1], *climbed()[1].alternatives), strict=True):
+        np.testing.assert_array_equal(own.trajectory.state, other.trajectory.state)
+
+
+def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where they were read from a file: what a ladder stands on is what is finished."""
+    below = explored_optimum(HALF_CUBAN, BOTH)
+    answers = Answers(taking(9.0), taking(8.9), making=False)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
+    with open_session(BOTH) as session:
+        result = Ladder(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, session)
+    assert len(answers.asked) == 2
+    assert seconds(result) == pytest.approx(8.9)
+    assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
+
+
+# the order in which starts are tried, with canned answers
+
+
+class Answers:
+    """Stands for the joint optimisation: certified or not, as told, in the order of the calls."""
+
+    def __init__(self, *verdicts: StageResult, making: bool = True) -> None:
+        self.verdicts = list(verdicts)
+        self.making = making
+        self.asked: list[list[Start]] = []
+
+    def __call__(
+        self, _: SolverSession, starts: Sequence[Callable[[], Start]], refine: object, *, diagnosing: bool
+    ) -> StageResult:
+        self.asked.append([make() for make in starts] if self.making else [])
+        return self.verdicts.pop(0)
+
+
+def taking(seconds: float, *, certified: bool = True) -> StageResult:
+    """A result of a race time."""
+    own = explored_optimum(SMALL, OFF)
+    flown = dataclasses.replace(own.trajectory, durations=own.trajectory.durations * seconds / own.trajectory.race_time)
+    outcome = Outcome.SOLVED if certified else Outcome.NOT_CERTIFIED
+    return dataclasses.replace(own, trajectory=flown, outcome=outcome)
+
+
+def first_stage(
+    monkeypatch: pytest.MonkeyPatch,
+    chosen: Settings,
+    found: int,
+    *verdicts: StageResult,
+    search: SearchReport = NOT_SEARCHED,
+) -> tuple[StageResult, list[list[Start]], list[Start]]:
+    """The point mass where exploring has found so many starts: the result, what was asked, and those starts."""
+    sketch = planned_sketch(SMALL)
+    starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
+    answers = Answers(*verdicts)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
+    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: search))
+    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    with open_session(chosen) as session:
+        result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
+    assert answers.verdicts == []
+    return result, answers.asked, list(starts)
+
+
+def test_every_solver_is_asked_of_the_best_way_before_another_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    result, asked, found = first_stage(monkeypatch, QUICK, 2, taking(9.0))
+    assert asked == [[found[0]]]
+    assert seconds(result) == pytest.approx(9.0)
+
+
+def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    failed = taking(9.0, certified=False)
+    result, asked, found = first_stage(monkeypatch, QUICK, 2, failed, failed, taking(11.0))
+    assert asked[:2] == [[found[0]], [found[1]]]
+    assert len(asked[2]) == 2  # the plan and the homotopy
+    assert result.certified
+    assert seconds(result) == pytest.approx(11.0)
+
+
+def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    sketch = planned_sketch(SMALL)
+    starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
+    told = [SearchReport(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
+    monkeypatch.setattr(
+        fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
+    )
+    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, told.__getitem__))
+    with open_session(QUICK) as session:
+        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
+    assert result.search.ways[0].text == "second"
+
+
+BEST_WAY = SearchReport(ways=(Way("flat", 9.0, 0.0, "jointly"),))
+
+
+def test_next_way_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_the_proof(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    verdicts = (taking(9.5), taking(9.05))
+    with caplog.at_level(logging.WARNING):
+        result, asked, found = first_stage(monkeypatch, QUICK, 3, *verdicts, search=BEST_WAY)
+    assert asked == [[one] for one in found[:2]]
+    assert seconds(result) == pytest.approx(9.05)
+    assert not caplog.records
+
+
+def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), search=BEST_WAY)
+    assert seconds(result) == pytest.approx(9.5)
+    (record,) = caplog.records
+    assert "9.00 s when flown roughly" in record.getMessage()
+    assert "takes 9.50 s" in record.getMessage()
+
+
+def close_together(
+    monkeypatch: pytest.MonkeyPatch, *verdicts: StageResult, proofs: dict[float, StageResult | str]
+) -> tuple[StageResult, list[float]]:
+    """The result where two ways below the last stage were solved on one mesh each, and what was proved of them."""
+    two = dataclasses.replace(QUICK, alternatives=2)
+    sketch = planned_sketch(SMALL)
+    starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
+    asked: list[float] = []
+
+    def answered(_: object, optimum: StageResult, __: object) -> StageResult | str:
+        asked.append(round(seconds(optimum), 3))
+        return proofs[asked[-1]]
+
+    left = list(verdicts)
+    monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
+    monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
+    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    monkeypatch.setattr(fidelity_continuation, "proved", answered)
+    with open_session(two) as session:
+        result = Ladder(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)
+    return result, asked
+
+
+def test_ways_whose_meshes_may_hide_which_is_faster_are_proved_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
+    proofs: dict[float, StageResult | str] = {9.000: taking(8.999), 9.008: taking(8.998)}
+    result, asked = close_together(monkeypatch, first, second, proofs=proofs)
+    assert asked == [9.000, 9.008]
+    assert (seconds(result), result.state) == (pytest.approx(8.998), State.CERTIFIED)
+    assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(8.999)]
+
+
+def test_ways_that_are_far_apart_need_no_proof(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = solve_single_mesh(taking(9.05)), solve_single_mesh(taking(9.0))
+    result, asked = close_together(monkeypatch, first, second, proofs={})
+    assert asked == []
+    assert (seconds(result), result.state) == (pytest.approx(9.0), State.SOLVED)
+    assert [alternative.state for alternative in result.alternatives] == [State.SOLVED]
+
+
+def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = solve_single_mesh(taking(9.000)), solve_single_mesh(taking(9.008))
+    result, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: taking(9.008)})
+    assert (seconds(result), result.state) == (pytest.approx(9.008), State.CERTIFIED)
+    assert result.alternatives == ()
+    neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
+    assert (seconds(neither), neither.state) == (pytest.approx(9.0), State.SOLVED)
+    assert neither.message == "its race time could not be proved on a second mesh: it failed"
+
+
+def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    result, asked, _ = first_stage(monkeypatch, QUICK, 0, taking(10.0))
+    assert [len(one) for one in asked] == [2]
+    assert seconds(result) == pytest.approx(10.0)
+
+
+def test_fastest_certified_way_is_the_result_whichever_was_the_best_when_rough(monkeypatch: pytest.MonkeyPatch) -> None:
+    three = dataclasses.replace(QUICK, alternatives=3)
+    verdicts = (taking(9.2), taking(9.0), taking(8.0, certified=False))
+    result, asked, found = first_stage(monkeypatch, three, 4, *verdicts)
+    assert asked == [[one] for one in found[:3]]
+    assert seconds(result) == pytest.approx(9.0)
+    assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.2)]
