@@ -30,7 +30,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 from generated_courses import generated_course  # noqa: E402  (the folder above must be on the path first)
 
 from airrace.batch.planning import make_plan  # noqa: E402
-from airrace.batch.record import FileMark, Record, checkpoint_path, record_path, write_record  # noqa: E402
+from airrace.batch.record import FileMark, JobRecord, checkpoint_path, record_path, write_record  # noqa: E402
 from airrace.batch.sources import Manner, find_sources, parse_sweeps  # noqa: E402
 from airrace.inputs import load_inputs  # noqa: E402
 from airrace.runs.stored_inputs import library_versions  # noqa: E402
@@ -72,7 +72,7 @@ def plan(jobs: int, files: int) -> None:
             path = checkpoint_path(out, step.name)
             path.write_bytes(b"made up")
             run = {"race_time_s": 60.0, "stages": stages}
-            write_record(out, step.name, Record(step.job.fingerprint, True, run=run, checkpoint=FileMark.of(path)))
+            write_record(out, step.name, JobRecord(step.job.fingerprint, True, run=run, checkpoint=FileMark.of(path)))
         dry_run(arguments, out, "finished jobs")
 
 

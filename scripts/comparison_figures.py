@@ -17,7 +17,7 @@ from figures import COMMAND, draw_figures
 from PIL import Image
 
 from airrace.results import Flight
-from airrace.results.comparison import compared
+from airrace.results.comparison import compare_flights
 from airrace.runs.flight_sources import opened_flight
 from airrace.views.comparison_figure import comparison_figure
 
@@ -93,7 +93,7 @@ def draw(pair: Sequence[Flown], path: Path, runs: Path) -> None:
     last, first = (flown(one, runs) for one in reversed(pair))  # the second of a run has the higher stage
     subprocess.run([*COMMAND, "compare", *(one.name(runs) for one in pair)], check=True)
     content = io.BytesIO()
-    comparison_figure([compared(first, last)]).savefig(content, format="png", dpi=DOTS_PER_INCH)
+    comparison_figure([compare_flights(first, last)]).savefig(content, format="png", dpi=DOTS_PER_INCH)
     Image.open(content).convert("RGB").quantize(SHADES, dither=Image.Dither.NONE).save(path, optimize=True)
 
 

@@ -34,7 +34,7 @@ from airrace.errors import AirraceError, UsageError
 from airrace.inputs import load_inputs
 from airrace.jsbsim.accelerations import at_geopotential_height, differences, random_states
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
-from airrace.jsbsim.simulation import flown_by_jsbsim, fly_course
+from airrace.jsbsim.simulation import fly_course, simulate
 from airrace.procedure import results_api
 from airrace.runs.run import Run
 from airrace.runs.stored_inputs import stored_run
@@ -71,7 +71,7 @@ def in_states(aircraft: Aircraft) -> Iterable[Row]:
             ("at the same height", True, states, False),
         ):
             with tempfile.TemporaryDirectory() as folder:
-                flown = flown_by_jsbsim(Path(folder), numbers, atmosphere, planet, own_density=own_density)
+                flown = simulate(Path(folder), numbers, atmosphere, planet, own_density=own_density)
                 force, angular = differences(flown, numbers, states, ours).worst
             text = f"{aircraft.name:<20}{planet.name:<8}{air:<24}{force:>12.1e}{angular:>12.1e}"
             yield Row(text, force <= FORCE_LIMIT and angular <= ANGULAR_LIMIT if limited else None)
@@ -84,9 +84,7 @@ def along_optimum(run: Run, planet: Planet) -> Row:
         raise UsageError(f"{run.path}: a flight in wind; JSBSim flies in still air here")
     result = run.stage("six-dof").result
     with tempfile.TemporaryDirectory() as folder:
-        flown = flown_by_jsbsim(
-            Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet
-        )
+        flown = simulate(Path(folder), inner_loop_parameters(race.aircraft), atmosphere_parameters(race.air), planet)
         at = results_api.sampler(race, result)
         misses = fly_course(flown, result.trajectory, at, race.aircraft.propulsion.tau_T)
     farthest = max(misses, key=lambda miss: miss.distance)

@@ -21,8 +21,17 @@ from types import TracebackType
 from typing import Any, Self
 
 from airrace.batch.cluster_connection import Connection, words
-from airrace.batch.cluster_job import DamagedParcel, Flown, Parcel, Sending, collect, fly, stop
-from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted, Started
+from airrace.batch.cluster_job import AttemptPayload, AttemptReply, DamagedPayload, Payload, collect, fly, stop
+from airrace.batch.executor import (
+    Attempt,
+    AttemptResult,
+    Ended,
+    Event,
+    FailureKind,
+    StageFinished,
+    StageStarted,
+    Started,
+)
 from airrace.batch.process import GRACE
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import StorageError
@@ -39,7 +48,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass
-class _Flight:
+class _RunningAttempt:
     """An attempt under way.
 
     Attributes:
@@ -50,7 +59,7 @@ class _Flight:
         told: the number of stages that were reported.
     """
 
-    order: Order
+    order: Attempt
     future: Any
     workers: frozenset[str]
     since: float
@@ -89,7 +98,7 @@ class ClusterExecutor:
         self._batch = f"airrace-{secrets.token_hex(8)}"
         self._numbers = itertools.count(1)
         self._inbox: queue.SimpleQueue[Mapping[str, Any]] = queue.SimpleQueue()
-        self._flights: dict[str, _Flight] = {}
+        self._flights: dict[str, _RunningAttempt] = {}
         self._pending: list[Event] = []
         self._threads: Mapping[str, int] = {}
         self._next_look = 0.0
@@ -100,20 +109,22 @@ class ClusterExecutor:
         threads = sum(self._threads.values()) or (1 if self._gave_up else 0)
         return threads if self._slots is None else min(threads, self._slots)
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: Attempt) -> None:
         name, key = order.job.name, f"{self._batch}-{next(self._numbers)}"
         if not self._threads:
-            self._pending.append(Ended(name, Ending(ExitCode.SYSTEM, self._no_worker, 0.0, fault=Fault.LOST)))
+            self._pending.append(
+                Ended(name, AttemptResult(ExitCode.SYSTEM, self._no_worker, 0.0, fault=FailureKind.LOST))
+            )
             return
         try:
-            parcel = Parcel.of(order.checkpoint)
-            sending = Sending(key, self._batch, order.job, order.attempt, order.timeout, parcel, self._command)
+            parcel = Payload.of(order.checkpoint)
+            sending = AttemptPayload(key, self._batch, order.job, order.attempt, order.timeout, parcel, self._command)
             future = self._connection.submit(fly, sending, key=key, workers=list(self._threads))
         except Exception as error:  # the disk's, or any error of the library
             message = f"it could not be sent to the cluster: {words(error)}"
-            self._pending.append(Ended(name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.LOST)))
+            self._pending.append(Ended(name, AttemptResult(ExitCode.SYSTEM, message, 0.0, fault=FailureKind.LOST)))
             return
-        self._flights[key] = _Flight(order, future, frozenset(self._threads), time.monotonic())
+        self._flights[key] = _RunningAttempt(order, future, frozenset(self._threads), time.monotonic())
 
         def done(_: object) -> None:
             self._inbox.put({"key": key, "done": True})
@@ -212,7 +223,7 @@ class ClusterExecutor:
             case _:
                 pass
 
-    def _keep_stage(self, key: str, flight: _Flight, stage: StageFinished) -> None:
+    def _keep_stage(self, key: str, flight: _RunningAttempt, stage: StageFinished) -> None:
         """Fetch the checkpoint of a job under way, so that less is lost with its worker.
 
         Where that fails, the stage is reported at the end of the attempt.
@@ -224,7 +235,7 @@ class ClusterExecutor:
                 flight.told += 1
                 self._pending.append(stage)
 
-    def _land(self, key: str, flight: _Flight) -> None:
+    def _land(self, key: str, flight: _RunningAttempt) -> None:
         """End an attempt as its task reports it."""
         try:
             flown = flight.future.result(timeout=FETCH)
@@ -246,23 +257,23 @@ class ClusterExecutor:
     def _lose(self, key: str, message: str) -> None:
         flight = self._flights.pop(key)
         self._call_off([flight])
-        ending = Ending(ExitCode.SYSTEM, message, flight.wall, fault=Fault.LOST)
+        ending = AttemptResult(ExitCode.SYSTEM, message, flight.wall, fault=FailureKind.LOST)
         self._pending.append(Ended(flight.order.job.name, ending))
 
     def _stopped(self, keys: Sequence[str]) -> None:
         flights = [self._flights.pop(key) for key in keys]
         self._call_off(flights)
         for flight in flights:
-            ending = Ending(ExitCode.INTERRUPTED, "interrupted", flight.wall, fault=Fault.STOPPED)
+            ending = AttemptResult(ExitCode.INTERRUPTED, "interrupted", flight.wall, fault=FailureKind.STOPPED)
             self._pending.append(Ended(flight.order.job.name, ending))
 
-    def _call_off(self, flights: Sequence[_Flight]) -> None:
+    def _call_off(self, flights: Sequence[_RunningAttempt]) -> None:
         with contextlib.suppress(Exception):  # any error of the library: the flights count as ended already
             if flights:
                 self._connection.cancel([flight.future for flight in flights])
 
 
-def landed(order: Order, flown: Flown) -> tuple[Sequence[StageFinished], Ending]:
+def landed(order: Attempt, flown: AttemptReply) -> tuple[Sequence[StageFinished], AttemptResult]:
     """Put the checkpoint that came back where it belongs, if it is what was sent.
 
     Returns:
@@ -272,10 +283,12 @@ def landed(order: Order, flown: Flown) -> tuple[Sequence[StageFinished], Ending]
     try:
         if flown.checkpoint is not None:
             replace_file(order.checkpoint, flown.checkpoint.unpacked())
-    except DamagedParcel as error:
-        return (), Ending(ExitCode.SYSTEM, f"its checkpoint came back {error}", flown.ending.wall, fault=Fault.LOST)
+    except DamagedPayload as error:
+        return (), AttemptResult(
+            ExitCode.SYSTEM, f"its checkpoint came back {error}", flown.ending.wall, fault=FailureKind.LOST
+        )
     except StorageError as error:
-        return (), Ending(ExitCode.SYSTEM, str(error), flown.ending.wall)
+        return (), AttemptResult(ExitCode.SYSTEM, str(error), flown.ending.wall)
     return flown.stages, flown.ending
 
 

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import distributed
 
-from airrace.batch.executor import Ended, Ending, Fault, Order, StageFinished, StageStarted
+from airrace.batch.executor import Attempt, AttemptResult, Ended, FailureKind, StageFinished, StageStarted
 from airrace.batch.job import Job
 from airrace.batch.local import LocalExecutor
 from airrace.errors import AirraceError
@@ -25,12 +25,12 @@ POLL = 0.5
 """The time between two looks whether the job is still wanted, s."""
 
 
-class DamagedParcel(AirraceError):
+class DamagedPayload(AirraceError):
     """An error of a parcel whose content is not what was sent."""
 
 
 @record
-class Parcel:
+class Payload:
     """A file on its way: its bytes, and their sha256 (hex) where they were sent from."""
 
     content: bytes
@@ -57,18 +57,18 @@ class Parcel:
         """
         arrived = hashlib.sha256(self.content).hexdigest()
         if arrived != self.sha256:
-            raise DamagedParcel(f"damaged on its way (sha256 {arrived[:12]}... instead of {self.sha256[:12]}...)")
+            raise DamagedPayload(f"damaged on its way (sha256 {arrived[:12]}... instead of {self.sha256[:12]}...)")
         return self.content
 
 
 @record
-class Sending:
+class AttemptPayload:
     """An attempt at a job, as it travels to a worker.
 
     Attributes:
         key: names this attempt and no other, on the whole cluster.
         batch: names the batch likewise; what workers tell while they fly comes under this name.
-        job, attempt, timeout: see `executor.Order`.
+        job, attempt, timeout: see `executor.Attempt`.
         checkpoint: the checkpoint of earlier attempts, if there is one.
         command: arguments with which the worker's Python runs a job, see `process.py`.
     """
@@ -78,12 +78,12 @@ class Sending:
     job: Job
     attempt: int
     timeout: float | None
-    checkpoint: Parcel | None
+    checkpoint: Payload | None
     command: tuple[str, ...]
 
 
 @record
-class Flown:
+class AttemptReply:
     """The result of an attempt, as it travels back.
 
     Attributes:
@@ -92,9 +92,9 @@ class Flown:
         checkpoint: the checkpoint that was left behind, if any.
     """
 
-    ending: Ending | None
+    ending: AttemptResult | None
     stages: tuple[StageFinished, ...] = ()
-    checkpoint: Parcel | None = None
+    checkpoint: Payload | None = None
 
 
 # The process of a worker flies several jobs at once, in threads; `collect` and `stop` find them here.
@@ -102,11 +102,11 @@ _under_way: dict[str, Path] = {}
 _stopped: set[str] = set()
 
 
-def fly(sending: Sending) -> Flown:
+def fly(sending: AttemptPayload) -> AttemptReply:
     """Fly a job, as a task of a worker."""
     worker = distributed.get_worker()
     if not _is_first(sending.key):
-        return Flown(None)
+        return AttemptReply(None)
 
     def tell(**said: object) -> None:
         worker.log_event(sending.batch, {"key": sending.key, **said})
@@ -117,8 +117,10 @@ def fly(sending: Sending) -> Flown:
         try:
             if sending.checkpoint is not None:
                 path.write_bytes(sending.checkpoint.unpacked())
-        except DamagedParcel as error:
-            return Flown(Ending(ExitCode.SYSTEM, f"its checkpoint was {error}", 0.0, fault=Fault.LOST))
+        except DamagedPayload as error:
+            return AttemptReply(
+                AttemptResult(ExitCode.SYSTEM, f"its checkpoint was {error}", 0.0, fault=FailureKind.LOST)
+            )
         _under_way[sending.key] = path
         try:
             return _watched(sending, path, worker, tell)
@@ -127,11 +129,11 @@ def fly(sending: Sending) -> Flown:
 
 
 # Any: `distributed`'s Worker, and a function of keyword arguments; run by name on the worker.
-def _watched(sending: Sending, path: Path, worker: Any, tell: Any) -> Flown:
+def _watched(sending: AttemptPayload, path: Path, worker: Any, tell: Any) -> AttemptReply:
     """Fly a job, report its stages while it lasts, and end it when it is no longer wanted."""
     stages: list[StageFinished] = []
     with LocalExecutor((sys.executable, *sending.command), 1) as local:
-        local.submit(Order(sending.job, sending.attempt, path, sending.timeout))
+        local.submit(Attempt(sending.job, sending.attempt, path, sending.timeout))
         while True:
             for event in local.events(POLL):
                 match event:
@@ -142,19 +144,19 @@ def _watched(sending: Sending, path: Path, worker: Any, tell: Any) -> Flown:
                         if stage != sending.job.until:  # after the last stage the end follows at once, with everything
                             tell(stage_finished=asdict(event), number=len(stages))
                     case Ended(ending=ending):
-                        return Flown(ending, tuple(stages), Parcel.of(path))
+                        return AttemptReply(ending, tuple(stages), Payload.of(path))
                     case _:
                         pass
             if _is_dropped(worker, sending.key):
-                return Flown(None)  # nobody waits for the answer; the process ends with the executor
+                return AttemptReply(None)  # nobody waits for the answer; the process ends with the executor
             if sending.batch in _stopped:
                 local.stop()
 
 
-def collect(key: str) -> Parcel | None:
+def collect(key: str) -> Payload | None:
     """Return the checkpoint of a job under way on this worker, as it is now; None if the job is not under way."""
     path = _under_way.get(key)
-    return None if path is None else Parcel.of(path)
+    return None if path is None else Payload.of(path)
 
 
 def stop(batch: str) -> None:

@@ -12,7 +12,7 @@ from airrace.records import record
 
 
 @record
-class Order:
+class Attempt:
     """A job to be flown.
 
     Attributes:
@@ -29,7 +29,7 @@ class Order:
     timeout: float | None
 
 
-class Fault(Enum):
+class FailureKind(Enum):
     """A reason for which a job ended without an answer of its own."""
 
     NONE = "none"
@@ -41,7 +41,7 @@ class Fault(Enum):
 
 
 @record
-class Ending:
+class AttemptResult:
     """The end of one attempt at a job.
 
     Attributes:
@@ -50,7 +50,7 @@ class Ending:
         findings: what is wrong with its input files.
         run: the object that `airrace optimize --json` prints, with the stages that are finished; None where the job
             ended without an answer.
-        fault: why there is no answer; `Fault.NONE` where there is one.
+        fault: why there is no answer; `FailureKind.NONE` where there is one.
         wall: the wall time of the attempt, s.
     """
 
@@ -59,7 +59,7 @@ class Ending:
     wall: float
     findings: tuple[Finding, ...] = ()
     run: Mapping[str, Any] | None = None  # Any: JSON
-    fault: Fault = Fault.NONE
+    fault: FailureKind = FailureKind.NONE
 
 
 @record
@@ -94,7 +94,7 @@ class Ended:
     """An event: an attempt is over. It comes exactly once for every order, as the last event of it."""
 
     name: str
-    ending: Ending
+    ending: AttemptResult
 
 
 Event = Started | StageStarted | StageFinished | Ended
@@ -110,7 +110,7 @@ class Executor(Protocol):
     - Before it tells `StageFinished` or `Ended` of a job, the checkpoint with the stages finished by then lies at
       `order.checkpoint` as a whole file (`checkpoint.atomic.replace_file`), verified if it came from elsewhere. Stages
       may come back one by one or all at the end; the former costs less when a machine is lost.
-    - An attempt that takes longer than `order.timeout` is stopped and ends with `Fault.TIMED_OUT` and code 6.
+    - An attempt that takes longer than `order.timeout` is stopped and ends with `FailureKind.TIMED_OUT` and code 6.
     - Every process it starts has one solver thread, and none outlives its job or this process.
 
     An executor that cannot work at all (an unreachable scheduler) raises an `AirraceError` when it is entered.
@@ -121,7 +121,7 @@ class Executor(Protocol):
         """The number of jobs that can be under way at a time; it may change from call to call, and be 0 for a while."""
         ...
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: Attempt) -> None:
         """Begin with a job, and return at once."""
         ...
 
@@ -133,7 +133,7 @@ class Executor(Protocol):
         ...
 
     def stop(self) -> None:
-        """Stop all jobs under way, within seconds; the next `events` tells how they ended (`Fault.STOPPED`, 130)."""
+        """Stop all jobs under way, within seconds; the next `events` tells how they ended (`STOPPED`, 130)."""
         ...
 
     def __enter__(self) -> Self: ...

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from airrace.batch.ranking import Row
+from airrace.batch.ranking import RankingRow
 from airrace.errors import Finding, StorageError
 from airrace.runs.exit_codes import ExitCode
 
@@ -17,7 +17,7 @@ def runs_here(environment: Mapping[str, str] = os.environ) -> bool:
     return environment.get("GITHUB_ACTIONS") == "true"
 
 
-def annotations(rows: Sequence[Row], findings: Sequence[Finding]) -> Iterator[str]:
+def annotations(rows: Sequence[RankingRow], findings: Sequence[Finding]) -> Iterator[str]:
     """Yield commands of a workflow, one per line: an error for every finding and every job that is not certified."""
     lines = dict.fromkeys([*(_of_finding(one) for one in findings), *(line for row in rows for line in _of_row(row))])
     told = list(lines)
@@ -42,7 +42,7 @@ def append_summary(text: str, environment: Mapping[str, str] = os.environ) -> No
         raise StorageError(f"cannot write to the step summary {path}: {error.strerror}") from error
 
 
-def _of_row(row: Row) -> Iterator[str]:
+def _of_row(row: RankingRow) -> Iterator[str]:
     if row.result.findings:
         yield from map(_of_finding, row.result.findings)
     elif row.result.code != ExitCode.DONE:

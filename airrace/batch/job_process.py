@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from airrace.batch.job import Job
 
 
-class Told(Progress):
+class JsonProgress(Progress):
     """An observer that reports stages as lines of JSON."""
 
     def __init__(self, replies: IO[str]) -> None:
@@ -65,7 +65,7 @@ def main() -> None:
 
     job = Job.from_object(order["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:
-        told = Told(replies)
+        told = JsonProgress(replies)
         answer = Answer(empty_result(job.course))
         try:
             _fly(answer, job, Path(order["checkpoint"]), told)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-from airrace.batch.executor import Ended, Ending, Event, Fault, Order, Started
+from airrace.batch.executor import Attempt, AttemptResult, Ended, Event, FailureKind, Started
 from airrace.batch.process import JobProcess
 from airrace.runs.exit_codes import ExitCode
 
@@ -33,12 +33,14 @@ class LocalExecutor:
     def slots(self) -> int:
         return self._slots
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: Attempt) -> None:
         try:
             self._running.append(JobProcess(order, self._command, self._heard))
         except OSError as error:  # no memory for a process, or no room for a file
             message = f"its process could not be started: {error.strerror or error}"
-            self._pending.append(Ended(order.job.name, Ending(ExitCode.SYSTEM, message, 0.0, fault=Fault.CRASHED)))
+            self._pending.append(
+                Ended(order.job.name, AttemptResult(ExitCode.SYSTEM, message, 0.0, fault=FailureKind.CRASHED))
+            )
         else:
             self._pending.append(Started(order.job.name))
 
@@ -58,7 +60,7 @@ class LocalExecutor:
 
     def stop(self) -> None:
         for process in self._running:
-            process.stop(Fault.STOPPED)
+            process.stop(FailureKind.STOPPED)
         ended: list[Event] = []
         while self._running:
             ended += self.events(POLL)

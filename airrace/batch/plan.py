@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from airrace.batch.job import Job
-from airrace.batch.record import Record, checkpoint_path, record_path
+from airrace.batch.record import JobRecord, checkpoint_path, record_path
 from airrace.batch.sweep import Combination
 from airrace.errors import Finding
 from airrace.records import record
@@ -42,7 +42,7 @@ def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
 
 
 @record
-class Result:
+class JobResult:
     """The end of a job in short, for there may be thousands.
 
     Attributes:
@@ -68,10 +68,10 @@ class Result:
     laps: tuple[float, ...] = ()
 
 
-def result_of(record: Record) -> Result:
+def result_of(record: JobRecord) -> JobResult:
     """Return what a record says."""
     stages: Sequence[Mapping[str, Any]] = (record.run or {}).get("stages") or ({},)  # Any: JSON
-    return Result(
+    return JobResult(
         record.code,
         record.message,
         record.race_time,
@@ -84,15 +84,15 @@ def result_of(record: Record) -> Result:
     )
 
 
-def invalid(findings: tuple[Finding, ...]) -> Result:
+def invalid(findings: tuple[Finding, ...]) -> JobResult:
     """Return the result of a job whose inputs are not valid."""
     number = len(findings)
     message = f"the input is not valid: {number} finding{'' if number == 1 else 's'}"
-    return Result(ExitCode.INVALID_INPUT, message, findings=findings)
+    return JobResult(ExitCode.INVALID_INPUT, message, findings=findings)
 
 
 @record
-class Step:
+class PlannedJob:
     """A job of the plan and what is done with it.
 
     Attributes:
@@ -112,7 +112,7 @@ class Step:
     swept: Combination
     job: Job | None
     reason: str = ""
-    known: Result | None = None
+    known: JobResult | None = None
 
     @property
     def action(self) -> str:
@@ -135,7 +135,7 @@ class Step:
 
 
 @record
-class Plan:
+class BatchPlan:
     """The plan of a batch: all of its jobs, in order.
 
     Attributes:
@@ -145,7 +145,7 @@ class Plan:
     """
 
     folder: Path
-    steps: tuple[Step, ...]
+    steps: tuple[PlannedJob, ...]
     findings: tuple[Finding, ...] = ()
     read: tuple[str, ...] = ()
 

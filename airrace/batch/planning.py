@@ -6,9 +6,9 @@ from pathlib import Path
 
 from airrace.batch.checking import Family, Findings, refused_jobs
 from airrace.batch.job import Job
-from airrace.batch.plan import Plan, Step, invalid, result_of
+from airrace.batch.plan import BatchPlan, PlannedJob, invalid, result_of
 from airrace.batch.record import Choice, reason_to_fly
-from airrace.batch.sources import Group, Manner, Sources
+from airrace.batch.sources import Manner, SourceGroup, Sources
 from airrace.batch.sweep import Combination, combinations, count, job_name, refuse_clashes
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, read_documents
@@ -28,10 +28,10 @@ class _Steps:
     """The steps of one course and aircraft."""
 
     manner: Manner
-    steps: tuple[Step, ...]
+    steps: tuple[PlannedJob, ...]
 
 
-def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choice: Choice = Choice.NONE) -> Plan:
+def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choice: Choice = Choice.NONE) -> BatchPlan:
     """Return the plan of a batch: everything that is found out before anything is flown.
 
     Args:
@@ -46,7 +46,7 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
     total = sum(_jobs_of(group) for group in sources.groups)
     if total > JOBS_MAX:
         raise UsageError(f"these are {total} jobs; at most {JOBS_MAX} are flown at once")
-    reader = _Reader()
+    reader = _DocumentCache()
     families = [
         family
         for group in sources.groups
@@ -62,12 +62,12 @@ def make_plan(sources: Sources, folder: Path, *, until: str, versions: str, choi
     steps = tuple(_checked(step, refused.get(step.name)) for family in decided for step in family.steps)
     read = [file for step in steps for file in (step.track, step.aircraft) if file is not None]
     read += [str(file) for file in (*sources.files, *(one.manner.settings for one in sources.groups)) if file]
-    plan = Plan(folder, steps, sources.findings, tuple(dict.fromkeys(read)))
+    plan = BatchPlan(folder, steps, sources.findings, tuple(dict.fromkeys(read)))
     ensure_unread(plan.files(), plan.read)
     return plan
 
 
-class _Reader:
+class _DocumentCache:
     """A reader that reads every file once, and keeps every text once."""
 
     def __init__(self) -> None:
@@ -90,7 +90,7 @@ class _Reader:
         return self._documents.setdefault(document, document)
 
 
-def _families(group: Group, reader: _Reader, *, until: str, versions: str) -> Iterator[_Steps]:
+def _families(group: SourceGroup, reader: _DocumentCache, *, until: str, versions: str) -> Iterator[_Steps]:
     manner = group.manner
     _refuse_ambiguity(manner)
     settings = reader.settings(manner.settings)
@@ -102,7 +102,7 @@ def _families(group: Group, reader: _Reader, *, until: str, versions: str) -> It
                 name = job_name(course, aircraft, ())
                 flown = None if aircraft is None else str(aircraft)
                 known = invalid(tuple(error.findings))
-                yield _Steps(manner, (Step(name, course.stem, str(course), flown, (), None, known=known),))
+                yield _Steps(manner, (PlannedJob(name, course.stem, str(course), flown, (), None, known=known),))
                 continue
             yield _Steps(manner, tuple(_step(job) for job in jobs))
 
@@ -112,7 +112,7 @@ def _jobs(
     aircraft: Path | None,
     settings: Document | None,
     manner: Manner,
-    reader: _Reader,
+    reader: _DocumentCache,
     *,
     until: str,
     versions: str,
@@ -133,11 +133,11 @@ def _jobs(
         yield Job(name, course.stem, track, flown, settings, overrides, swept, until, versions)
 
 
-def _step(job: Job) -> Step:
-    return Step(job.name, job.course, job.track.path, job.aircraft.path, job.swept, job)
+def _step(job: Job) -> PlannedJob:
+    return PlannedJob(job.name, job.course, job.track.path, job.aircraft.path, job.swept, job)
 
 
-def _decided(step: Step, folder: Path, choice: Choice) -> Step:
+def _decided(step: PlannedJob, folder: Path, choice: Choice) -> PlannedJob:
     if step.job is None:
         return step
     reason, record = reason_to_fly(step.job, folder, choice)
@@ -148,11 +148,11 @@ def _to_fly(family: _Steps) -> list[Job]:
     return [step.job for step in family.steps if step.job and step.known is None]
 
 
-def _checked(step: Step, findings: Findings | None) -> Step:
+def _checked(step: PlannedJob, findings: Findings | None) -> PlannedJob:
     return step if findings is None else replace(step, reason="", known=invalid(findings))
 
 
-def _jobs_of(group: Group) -> int:
+def _jobs_of(group: SourceGroup) -> int:
     return len(group.courses) * max(1, len(group.manner.aircraft)) * count(group.manner.sweeps)
 
 
@@ -163,7 +163,7 @@ def _refuse_ambiguity(manner: Manner) -> None:
         raise InputError([Finding("--sweep", 0, 0, key, "is swept, and set as well; do one of them") for key in both])
 
 
-def _origin(step: Step) -> str:
+def _origin(step: PlannedJob) -> str:
     """Return what a job is made of, in the user's words."""
     return " ".join([step.track, *_origin_of(step.aircraft, step.swept)])
 

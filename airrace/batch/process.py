@@ -21,7 +21,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import IO, Any
 
-from airrace.batch.executor import Ended, Ending, Event, Fault, Order, StageFinished, StageStarted
+from airrace.batch.executor import Attempt, AttemptResult, Ended, Event, FailureKind, StageFinished, StageStarted
 from airrace.errors import Finding
 from airrace.process import ONE_THREAD, python_command, started_apart
 from airrace.records import record
@@ -58,13 +58,13 @@ class JobProcess:
         heard: is set when there is something for `events`.
     """
 
-    def __init__(self, order: Order, command: Sequence[str], heard: threading.Event) -> None:
+    def __init__(self, order: Attempt, command: Sequence[str], heard: threading.Event) -> None:
         self.order = order
         self._started = time.monotonic()
         self._heard = heard
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._answer: _Answer | None = None
-        self._stopping: Fault = Fault.NONE
+        self._stopping: FailureKind = FailureKind.NONE
         self._killed_at: float | None = None
         self._closed = False
         self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (lives as long as the process)
@@ -83,7 +83,7 @@ class JobProcess:
         events = self._understood()
         elapsed = time.monotonic() - self._started
         if self.order.timeout is not None and elapsed > self.order.timeout:
-            self.stop(Fault.TIMED_OUT)
+            self.stop(FailureKind.TIMED_OUT)
         if self._killed_at is not None and time.monotonic() > self._killed_at:
             self.kill()
         if self._closed and self._process.poll() is not None:
@@ -91,9 +91,9 @@ class JobProcess:
             self._said.close()
         return events
 
-    def stop(self, why: Fault) -> None:
+    def stop(self, why: FailureKind) -> None:
         """Ask the process to end; after `GRACE` seconds `events` kills it."""
-        if self._stopping is Fault.NONE:
+        if self._stopping is FailureKind.NONE:
             self._stopping = why
             self._killed_at = time.monotonic() + GRACE
             with contextlib.suppress(OSError):
@@ -164,25 +164,29 @@ class JobProcess:
                 pass
         return None
 
-    def _ending(self, wall: float) -> Ending:
+    def _ending(self, wall: float) -> AttemptResult:
         """Return how the attempt ended. An answer counts even if the process was told to stop meanwhile."""
         answer = self._answer
-        if self._stopping is not Fault.NONE and (answer is None or answer.code == ExitCode.INTERRUPTED):
+        if self._stopping is not FailureKind.NONE and (answer is None or answer.code == ExitCode.INTERRUPTED):
             run = None if answer is None else answer.run
-            if self._stopping is Fault.TIMED_OUT:
+            if self._stopping is FailureKind.TIMED_OUT:
                 message = f"stopped after {self.order.timeout:g} s (--timeout)"
-                return Ending(ExitCode.TIMEOUT, message, wall, run=run, fault=Fault.TIMED_OUT)
-            return Ending(ExitCode.INTERRUPTED, "interrupted", wall, run=run, fault=Fault.STOPPED)
+                return AttemptResult(ExitCode.TIMEOUT, message, wall, run=run, fault=FailureKind.TIMED_OUT)
+            return AttemptResult(ExitCode.INTERRUPTED, "interrupted", wall, run=run, fault=FailureKind.STOPPED)
         if answer is None:
             return self._dead(self._process.returncode, wall)
-        return Ending(answer.code, _with_suspicion(answer.error), wall, answer.findings, answer.run)
+        return AttemptResult(answer.code, _with_suspicion(answer.error), wall, answer.findings, answer.run)
 
-    def _dead(self, status: int, wall: float) -> Ending:
+    def _dead(self, status: int, wall: float) -> AttemptResult:
         how = signal.Signals(-status).name if status < 0 else f"exit code {status}"
         if how == "SIGKILL":
-            return Ending(ExitCode.SYSTEM, "its process was killed (out of memory?)", wall, fault=Fault.KILLED)
+            return AttemptResult(
+                ExitCode.SYSTEM, "its process was killed (out of memory?)", wall, fault=FailureKind.KILLED
+            )
         said = self._last_words()
-        return Ending(ExitCode.SYSTEM, f"its process crashed ({how}){said and ': ' + said}", wall, fault=Fault.CRASHED)
+        return AttemptResult(
+            ExitCode.SYSTEM, f"its process crashed ({how}){said and ': ' + said}", wall, fault=FailureKind.CRASHED
+        )
 
     def _last_words(self) -> str:
         self._said.seek(max(0, self._said.seek(0, os.SEEK_END) - SAID_MAX))

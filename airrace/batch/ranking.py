@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from airrace.batch.plan import Plan, Result, Step
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
 from airrace.inputs.units import KNOT
 from airrace.records import record
 from airrace.results.comparison import TIE
@@ -29,7 +29,7 @@ STATES: Mapping[int, str] = {
 
 
 @record
-class Row:
+class RankingRow:
     """A job, and how far it is behind.
 
     Attributes:
@@ -38,8 +38,8 @@ class Row:
         best: whether it is that fastest one.
     """
 
-    step: Step
-    result: Result
+    step: PlannedJob
+    result: JobResult
     behind: float | None
     best: bool
 
@@ -59,20 +59,20 @@ class Row:
         return "tie" if abs(self.behind) <= TIE else f"{self.behind:+.3f}"
 
 
-def ranked(plan: Plan, results: Sequence[Result]) -> list[Row]:
+def ranking_of(plan: BatchPlan, results: Sequence[JobResult]) -> list[RankingRow]:
     """Return all jobs, course by course as planned: certified ones by race time, then other flights by race time, then
     the rest as planned."""
     pairs = list(zip(plan.steps, results, strict=True))
-    courses: dict[str, list[Result]] = {}
+    courses: dict[str, list[JobResult]] = {}
     for step, result in pairs:
         courses.setdefault(step.track, []).append(result)
     bests = {track: _best(of_course) for track, of_course in courses.items()}
     order = {track: number for number, track in enumerate(courses)}
-    rows = [Row(step, one, _behind(one, bests[step.track]), one is bests[step.track]) for step, one in pairs]
+    rows = [RankingRow(step, one, _behind(one, bests[step.track]), one is bests[step.track]) for step, one in pairs]
     return sorted(rows, key=lambda row: (order[row.step.track], *_rank(row.result)))
 
 
-def counts(rows: Sequence[Row]) -> dict[str, int]:
+def counts(rows: Sequence[RankingRow]) -> dict[str, int]:
     """Return how many jobs ended in which state, the most frequent first."""
     found: dict[str, int] = {}
     for row in rows:
@@ -80,20 +80,20 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _best(results: Sequence[Result]) -> Result | None:
+def _best(results: Sequence[JobResult]) -> JobResult | None:
     """Return the fastest certified flight; where none is certified the fastest there is."""
     flown = [one for one in results if one.race_time is not None]
     certified = [one for one in flown if one.code == ExitCode.DONE]
     return min(certified or flown, key=lambda one: one.race_time or 0.0, default=None)
 
 
-def _behind(result: Result, best: Result | None) -> float | None:
+def _behind(result: JobResult, best: JobResult | None) -> float | None:
     if result.race_time is None or best is None or best.race_time is None:
         return None
     return result.race_time - best.race_time
 
 
-def _rank(result: Result) -> tuple[int, float]:
+def _rank(result: JobResult) -> tuple[int, float]:
     if result.race_time is None:
         return 2, 0.0
     return (0 if result.code == ExitCode.DONE else 1), result.race_time
@@ -133,8 +133,8 @@ class WindSummary:
 
     title: str
     flights: int
-    best: Row
-    worst: Row
+    best: RankingRow
+    worst: RankingRow
     per_knot: float | None
     bearings: tuple[Bearing, ...]
 
@@ -152,9 +152,9 @@ class WindSummary:
         }
 
 
-def wind_summaries(rows: Sequence[Row]) -> list[WindSummary]:
+def wind_summaries(rows: Sequence[RankingRow]) -> list[WindSummary]:
     """Return a summary of every course that was flown in several winds; none if the wind was not swept."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
+    groups: dict[tuple[str, ...], list[RankingRow]] = {}
     for row in rows:
         if row.result.code == ExitCode.DONE and row.result.race_time is not None and _is_wind_swept(row):
             others = [f"{key}={value}" for key, value in row.step.swept if key != DIRECTION and key not in SPEEDS]
@@ -163,18 +163,18 @@ def wind_summaries(rows: Sequence[Row]) -> list[WindSummary]:
     return [_summary(key, group) for key, group in groups.items() if len(group) > 1]
 
 
-def wind_words(row: Row) -> str:
+def wind_words(row: RankingRow) -> str:
     """Return the swept part of a job's wind in words, e.g. `10 kt from 45`."""
     swept = dict(row.step.swept)
     speeds = [f"{swept[key]} {'kt' if key.endswith('kt') else 'm/s'}" for key in SPEEDS if key in swept]
     return " ".join([*speeds, *([f"from {swept[DIRECTION]}"] if DIRECTION in swept else [])])
 
 
-def _is_wind_swept(row: Row) -> bool:
+def _is_wind_swept(row: RankingRow) -> bool:
     return any(key == DIRECTION or key in SPEEDS for key, _ in row.step.swept)
 
 
-def _summary(key: tuple[str, ...], group: Sequence[Row]) -> WindSummary:
+def _summary(key: tuple[str, ...], group: Sequence[RankingRow]) -> WindSummary:
     _, aircraft, course, *others = key
     inorder = sorted(group, key=_time)
     directions = sorted({dict(row.step.swept).get(DIRECTION, "") for row in group} - {""}, key=_number)
@@ -185,11 +185,11 @@ def _summary(key: tuple[str, ...], group: Sequence[Row]) -> WindSummary:
     return WindSummary(title, len(group), inorder[0], inorder[-1], _slope(group), tuple(bearings))
 
 
-def _bearing(direction: str, rows: Sequence[Row]) -> Bearing:
+def _bearing(direction: str, rows: Sequence[RankingRow]) -> Bearing:
     return Bearing(direction, sum(map(_time, rows)) / len(rows), _slope(rows))
 
 
-def _slope(rows: Sequence[Row]) -> float | None:
+def _slope(rows: Sequence[RankingRow]) -> float | None:
     """Return the slope of race time over wind speed, s/kt, by least squares; None where the speed does not vary."""
     points = [(speed, _time(row)) for row in rows if (speed := _knots(row)) is not None]
     if len({speed for speed, _ in points}) < 2:
@@ -199,14 +199,14 @@ def _slope(rows: Sequence[Row]) -> float | None:
     return sum((speed - middle) * time for speed, time in points) / spread
 
 
-def _knots(row: Row) -> float | None:
+def _knots(row: RankingRow) -> float | None:
     for key, value in row.step.swept:
         if key in SPEEDS and math.isfinite(number := _number(value)):
             return number * SPEEDS[key]
     return None
 
 
-def _time(row: Row) -> float:
+def _time(row: RankingRow) -> float:
     assert row.result.race_time is not None  # only flights are summarised
     return row.result.race_time
 
@@ -219,5 +219,5 @@ def _number(text: str) -> float:
         return math.inf
 
 
-def _flight(row: Row) -> dict[str, object]:
+def _flight(row: RankingRow) -> dict[str, object]:
     return {"name": row.step.name, "wind": wind_words(row), "race_time_s": row.result.race_time}

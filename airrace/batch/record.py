@@ -68,13 +68,13 @@ class FileMark:
 
 
 @record
-class Record:
+class JobRecord:
     """A job's record as it is stored on disk.
 
     Attributes:
         fingerprint: what it was flown with.
         ended: whether it has ended; otherwise it was under way when this was written.
-        code, message, wall: the end of its last attempt, see `executor.Ending`.
+        code, message, wall: the end of its last attempt, see `executor.AttemptResult`.
         retries: why earlier attempts of the same call were not the last.
         run: the object of `airrace optimize --json`, None where there is none.
         findings: what was wrong with its inputs.
@@ -107,7 +107,7 @@ def record_path(folder: Path, name: str) -> Path:
     return folder / f"{name}.json"
 
 
-def write_record(folder: Path, name: str, record: Record) -> None:
+def write_record(folder: Path, name: str, record: JobRecord) -> None:
     """Write the record of a job, in place of an earlier one.
 
     Raises:
@@ -117,7 +117,7 @@ def write_record(folder: Path, name: str, record: Record) -> None:
     replace_file(record_path(folder, name), text.encode())
 
 
-def read_record(folder: Path, name: str) -> Record | None:
+def read_record(folder: Path, name: str) -> JobRecord | None:
     """Return the record of a job, or None if there is none.
 
     Raises:
@@ -138,12 +138,12 @@ def read_record(folder: Path, name: str) -> Record | None:
 
 
 # Any: JSON; what is not as it should be raises on the way.
-def _record_of(plain: Mapping[str, Any]) -> Record:
+def _record_of(plain: Mapping[str, Any]) -> JobRecord:
     run, mark = plain["run"], plain["checkpoint"]
     if run is not None:
         float(run["race_time_s"] or 0.0)
         run["stages"]
-    return Record(
+    return JobRecord(
         fingerprint=Fingerprint(**plain["fingerprint"]),
         ended=plain["ended"] is True,
         code=int(plain["code"]),
@@ -174,7 +174,7 @@ class Choice(Enum):
     ALL = "all"
 
 
-def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, Record | None]:
+def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, JobRecord | None]:
     """Return why a job has to be flown, as a clause, and its record.
 
     Returns:
@@ -192,7 +192,7 @@ def reason_to_fly(job: Job, folder: Path, choice: Choice) -> tuple[str, Record |
     return _reason(job, record, folder, choice), record
 
 
-def _reason(job: Job, record: Record, folder: Path, choice: Choice) -> str:
+def _reason(job: Job, record: JobRecord, folder: Path, choice: Choice) -> str:
     changes = job.fingerprint.changes(record.fingerprint)
     if changes:
         return "; ".join(changes)

@@ -19,8 +19,8 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from airrace.batch.plan import Result
-from airrace.batch.ranking import Row, WindSummary, counts, wind_words
+from airrace.batch.plan import JobResult
+from airrace.batch.ranking import RankingRow, WindSummary, counts, wind_words
 from airrace.batch.record import RecordError, checkpoint_path, read_record
 from airrace.runs.exit_codes import ExitCode
 
@@ -29,7 +29,7 @@ MEASURED = ("state", "code", "stage", "race_time_s", "behind_s", "laps_s", "wall
 WAYS = ("way", "ways_tried", "next_way", "next_way_behind_s")
 
 
-def csv_text(rows: Sequence[Row], folder: Path) -> str:
+def csv_text(rows: Sequence[RankingRow], folder: Path) -> str:
     """Return the table as RFC 4180 has it, with a column for every swept key.
 
     Numbers have full precision; an entry is empty where there is none.
@@ -60,12 +60,12 @@ ROWS_MAX = 500
 """The largest number of jobs that are listed; GitHub takes 1 MiB."""
 
 
-def markdown_text(rows: Sequence[Row], summaries: Sequence[WindSummary]) -> str:
+def markdown_text(rows: Sequence[RankingRow], summaries: Sequence[WindSummary]) -> str:
     """Return the report: a heading, the table, the ways round, what is wrong, and the winds."""
     return "\n".join([*_ranking(rows), *_ways(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
 
 
-def _ranking(rows: Sequence[Row]) -> Iterator[str]:
+def _ranking(rows: Sequence[RankingRow]) -> Iterator[str]:
     told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
     yield f"### airrace: {len(rows)} job{'' if len(rows) == 1 else 's'}: {told}"
     yield ""
@@ -82,7 +82,7 @@ def _ranking(rows: Sequence[Row]) -> Iterator[str]:
         yield f"and {len(rows) - ROWS_MAX} more"
 
 
-def _ways(rows: Sequence[Row]) -> Iterator[str]:
+def _ways(rows: Sequence[RankingRow]) -> Iterator[str]:
     told = [(row, row.result.ways) for row in rows if row.result.ways is not None]
     if not told:
         return
@@ -94,7 +94,7 @@ def _ways(rows: Sequence[Row]) -> Iterator[str]:
         yield f"| {_cell(row.step.name)} | {_cell(ways.flown)} | {ways.tried} | {_cell(ways.next)} | {behind} |"
 
 
-def _troubles(rows: Sequence[Row]) -> Iterator[str]:
+def _troubles(rows: Sequence[RankingRow]) -> Iterator[str]:
     lines = [
         f"- `{row.step.name}`: {_plain(line)}"
         for row in rows
@@ -141,7 +141,7 @@ _UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 Run = Mapping[str, Any]  # Any: the JSON of a run
 
 
-def junit_text(rows: Sequence[Row], folder: Path) -> str:
+def junit_text(rows: Sequence[RankingRow], folder: Path) -> str:
     """Return the report as XML; stages and certificates come from the records in the folder."""
     suites = Element("testsuites", name="airrace batch")
     for row in rows:
@@ -153,7 +153,7 @@ def junit_text(rows: Sequence[Row], folder: Path) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suites, encoding="unicode") + "\n"
 
 
-def stages_of(row: Row, folder: Path) -> Sequence[Run]:
+def stages_of(row: RankingRow, folder: Path) -> Sequence[Run]:
     """Return the stages of a job as `airrace optimize --json` prints them, from its record."""
     if row.step.action == "refuse":
         return ()
@@ -164,7 +164,7 @@ def stages_of(row: Row, folder: Path) -> Sequence[Run]:
     return () if record is None or record.run is None else record.run["stages"]
 
 
-def _suite(row: Row, folder: Path) -> Element:
+def _suite(row: RankingRow, folder: Path) -> Element:
     suite = Element("testsuite", name=fit(row.step.name))
     properties = SubElement(suite, "properties")
     for name, value in _properties(row):
@@ -185,7 +185,7 @@ def _total_time(parent: Element) -> str:
     return str(round(sum(float(child.get("time", "0")) for child in parent), 3))
 
 
-def _properties(row: Row) -> Iterator[tuple[str, str]]:
+def _properties(row: RankingRow) -> Iterator[tuple[str, str]]:
     yield "course", row.step.course
     yield "track", row.step.track
     if row.step.aircraft is not None:
@@ -199,7 +199,7 @@ def _properties(row: Row) -> Iterator[tuple[str, str]]:
         yield "retried", reason
 
 
-def _stage_cases(row: Row, stage: Run) -> Iterator[Element]:
+def _stage_cases(row: RankingRow, stage: Run) -> Iterator[Element]:
     name, kind = stage["stage"], f"{row.step.name}.{stage['stage']}"
     case = _case(kind, name, stage["wall_s"] or 0.0)
     if stage["status"] != "solved":
@@ -220,7 +220,7 @@ def _item_text(item: Run) -> str:
     return f"{item['name']} is {value}, its limit {limit} {item['unit']}{where}".rstrip()
 
 
-def _run_case(row: Row, seconds: float) -> Element:
+def _run_case(row: RankingRow, seconds: float) -> Element:
     """Return the case of the job as a whole; its time is what its stages leave, so that the times of a suite add up."""
     result = row.result
     case = _case(row.step.name, "run", seconds)
@@ -230,7 +230,7 @@ def _run_case(row: Row, seconds: float) -> Element:
     return case
 
 
-def _severity(result: Result) -> str:
+def _severity(result: JobResult) -> str:
     if result.code in (ExitCode.INFEASIBLE, ExitCode.NOT_CERTIFIED):
         return "failure"
     return "skipped" if result.code == ExitCode.INTERRUPTED and not result.wall else "error"

@@ -88,7 +88,7 @@ class Manner:
 
 
 @record
-class Group:
+class SourceGroup:
     """A group of courses that are flown alike."""
 
     courses: tuple[Path, ...]
@@ -99,7 +99,7 @@ class Group:
 class Sources:
     """The groups of courses that were meant, what is wrong with the way they were named, and the batch files."""
 
-    groups: tuple[Group, ...]
+    groups: tuple[SourceGroup, ...]
     findings: tuple[Finding, ...] = ()
     files: tuple[Path, ...] = ()
 
@@ -135,7 +135,7 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
     """
     findings: list[Finding] = []
     courses: list[Path] = []
-    groups: list[Group] = []
+    groups: list[SourceGroup] = []
     files: list[Path] = []
     for path in _files(named, Path(), None, findings):
         document = _batch_document(path)
@@ -153,7 +153,7 @@ def find_sources(named: Sequence[str], manner: Manner) -> Sources:
         except InputError as error:
             findings += error.findings
     if courses:
-        groups.insert(0, Group(tuple(courses), manner))
+        groups.insert(0, SourceGroup(tuple(courses), manner))
     return Sources(tuple(groups), tuple(findings), tuple(files))
 
 
@@ -166,7 +166,7 @@ def _batch_document(path: Path) -> Document | None:
     return document if document is not None and is_batch(document) else None
 
 
-def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> Group:
+def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manner) -> SourceGroup:
     findings: list[Finding] = []
     named = tuple(_files(entry.courses, folder, reporter, findings))
     batches = [path for path in named if _batch_document(path) is not None]
@@ -178,7 +178,7 @@ def _group_of(entry: BatchEntry, reporter: Reporter, folder: Path, manner: Manne
     settings = None if entry.settings is None else folder / entry.settings
     sweeps = {sweep.key: sweep for sweep in _sweeps_of(entry, reporter)}
     of_command_line = {sweep.key for sweep in manner.sweeps}
-    return Group(
+    return SourceGroup(
         courses,
         Manner(
             aircraft=manner.aircraft or aircraft,

@@ -9,17 +9,26 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from airrace.batch.executor import Ended, Ending, Executor, Fault, Order, StageFinished, StageStarted, Started
+from airrace.batch.executor import (
+    Attempt,
+    AttemptResult,
+    Ended,
+    Executor,
+    FailureKind,
+    StageFinished,
+    StageStarted,
+    Started,
+)
 from airrace.batch.job import Job
-from airrace.batch.plan import Plan, Result, Step, result_of
-from airrace.batch.record import Choice, FileMark, Record, checkpoint_path, record_path, write_record
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, result_of
+from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, record_path, write_record
 from airrace.errors import StorageError
 from airrace.records import record
 from airrace.runs.exit_codes import ExitCode
 
 PATIENCE = 0.25
 """The time between two looks whether to stop, s."""
-ACCIDENTS = (Fault.CRASHED, Fault.KILLED, Fault.LOST)
+ACCIDENTS = (FailureKind.CRASHED, FailureKind.KILLED, FailureKind.LOST)
 """The faults that may well not occur the next time."""
 
 
@@ -41,17 +50,17 @@ class Policy:
 class Watcher(Protocol):
     """An observer of a batch; all calls come from the thread that supervises."""
 
-    def begun(self, plan: Plan) -> None: ...
+    def begun(self, plan: BatchPlan) -> None: ...
 
-    def started(self, step: Step, attempt: int, where: str) -> None: ...
+    def started(self, step: PlannedJob, attempt: int, where: str) -> None: ...
 
-    def stage_started(self, step: Step, stage: str) -> None: ...
+    def stage_started(self, step: PlannedJob, stage: str) -> None: ...
 
-    def stage_finished(self, step: Step, event: StageFinished) -> None: ...
+    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None: ...
 
-    def retried(self, step: Step, reason: str) -> None: ...
+    def retried(self, step: PlannedJob, reason: str) -> None: ...
 
-    def ended(self, step: Step, result: Result) -> None: ...
+    def ended(self, step: PlannedJob, result: JobResult) -> None: ...
 
     def idle(self) -> None:
         """Note that nothing happened for a moment."""
@@ -62,15 +71,15 @@ class Watcher(Protocol):
 class _Attempts:
     """The attempts at a job so far in this call."""
 
-    step: Step
+    step: PlannedJob
     job: Job
     number: int = 0
     reasons: tuple[str, ...] = ()
 
 
 def supervise(
-    plan: Plan, executor: Executor, policy: Policy, watcher: Watcher, *, stop_asked: Callable[[], bool]
-) -> Sequence[Result]:
+    plan: BatchPlan, executor: Executor, policy: Policy, watcher: Watcher, *, stop_asked: Callable[[], bool]
+) -> Sequence[JobResult]:
     """Fly all jobs of a plan that are to be flown.
 
     Args:
@@ -84,7 +93,7 @@ def supervise(
 
 
 class _Supervision:
-    def __init__(self, plan: Plan, executor: Executor, policy: Policy, watcher: Watcher) -> None:
+    def __init__(self, plan: BatchPlan, executor: Executor, policy: Policy, watcher: Watcher) -> None:
         self._plan = plan
         self._executor = executor
         self._policy = policy
@@ -93,7 +102,7 @@ class _Supervision:
         self._waiting = deque(_Attempts(step, step.job) for step in plan.steps if step.known is None and step.job)
         self._running: dict[str, _Attempts] = {}
 
-    def run(self, stop_asked: Callable[[], bool]) -> Sequence[Result]:
+    def run(self, stop_asked: Callable[[], bool]) -> Sequence[JobResult]:
         self._watcher.begun(self._plan)
         while (self._waiting or self._running) and not stop_asked():
             while self._waiting and len(self._running) < self._executor.slots:
@@ -102,7 +111,7 @@ class _Supervision:
         if self._running:
             self._executor.stop()
             self._hear(0.0, trying_again=False)
-        never = Result(ExitCode.INTERRUPTED, "interrupted before it was begun")
+        never = JobResult(ExitCode.INTERRUPTED, "interrupted before it was begun")
         return [self._results.get(step.name, never) for step in self._plan.steps]
 
     def _begin(self, attempts: _Attempts) -> None:
@@ -110,13 +119,13 @@ class _Supervision:
         try:
             if attempts.number == 0 and self._policy.choice is Choice.ALL:
                 path.unlink(missing_ok=True)
-            write_record(self._plan.folder, job.name, Record(job.fingerprint, ended=False))
+            write_record(self._plan.folder, job.name, JobRecord(job.fingerprint, ended=False))
         except (OSError, StorageError) as error:
-            self._end(attempts, Ending(ExitCode.SYSTEM, str(error), 0.0))
+            self._end(attempts, AttemptResult(ExitCode.SYSTEM, str(error), 0.0))
             return
         attempts.number += 1
         self._running[job.name] = attempts
-        self._executor.submit(Order(job, attempts.number, path, self._policy.timeout))
+        self._executor.submit(Attempt(job, attempts.number, path, self._policy.timeout))
 
     def _hear(self, patience: float, *, trying_again: bool = True) -> None:
         events = self._executor.events(patience)
@@ -142,16 +151,16 @@ class _Supervision:
                     else:
                         self._end(attempts, ending)
 
-    def _is_accident(self, ending: Ending) -> bool:
-        return ending.fault in ACCIDENTS or (ending.fault is Fault.NONE and ending.code == ExitCode.SYSTEM)
+    def _is_accident(self, ending: AttemptResult) -> bool:
+        return ending.fault in ACCIDENTS or (ending.fault is FailureKind.NONE and ending.code == ExitCode.SYSTEM)
 
-    def _end(self, attempts: _Attempts, ending: Ending) -> None:
+    def _end(self, attempts: _Attempts, ending: AttemptResult) -> None:
         job, folder = attempts.job, self._plan.folder
         code, message = ending.code, ending.message
         mark = FileMark.of(checkpoint_path(folder, job.name))
         if code == ExitCode.DONE and mark is None:
             code, message = ExitCode.SYSTEM, "its checkpoint is missing"
-        record = Record(
+        record = JobRecord(
             job.fingerprint, True, code, message, ending.wall, attempts.reasons, ending.run, ending.findings, mark
         )
         try:

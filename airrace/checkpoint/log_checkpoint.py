@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.checkpoint.checkpoint import StoredInputs
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array
@@ -75,5 +75,5 @@ class Recorded:
     time: Array
     histories: tuple[StoredHistory, ...]
     passings: tuple[StoredPassing, ...]
-    breaches: tuple[Breach, ...]
+    breaches: tuple[Violation, ...]
     label: str

@@ -26,7 +26,7 @@ from airrace.checkpoint.log_checkpoint import Recorded, RecordedLog, StoredHisto
 from airrace.checkpoint.sanity_checks import ensure_attitudes, ensure_sizes
 from airrace.checkpoint.tree import Group, Node, Series, Table, rows_of, table_of
 from airrace.errors import CheckpointError
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 
 FLOWN_LOG = "flown log"
 """The content of such a file."""
@@ -66,7 +66,7 @@ def encode_recorded(recorded: Recorded) -> Group:
                     {_named(one.quantity.name): _history(one, row) for row, one in enumerate(recorded.histories)}
                 ),
                 "passings": table_of(StoredPassing, recorded.passings),
-                "breaches": table_of(Breach, recorded.breaches),
+                "breaches": table_of(Violation, recorded.breaches),
             }
         ),
     }
@@ -106,7 +106,7 @@ def decode_recorded(root: Group) -> Recorded:
         time=time,
         histories=histories,
         passings=passings,
-        breaches=rows_of(Breach, flight.table("breaches"), f"{flight.path}/breaches"),
+        breaches=rows_of(Violation, flight.table("breaches"), f"{flight.path}/breaches"),
         label=flight.text("label"),
     )
 

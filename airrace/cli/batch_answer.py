@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from airrace.batch import github
-from airrace.batch.plan import Plan, Result
-from airrace.batch.ranking import Row, WindSummary, counts, ranked, wind_summaries
+from airrace.batch.plan import BatchPlan, JobResult
+from airrace.batch.ranking import RankingRow, WindSummary, counts, ranking_of, wind_summaries
 from airrace.batch.record import checkpoint_path
 from airrace.batch.reports import csv_text, junit_text, markdown_text, stages_of
 from airrace.cli.batch_tables import ranking_tables, wind_tables
@@ -32,7 +32,7 @@ class Reports:
     junit: Path | None
     markdown: Path | None
 
-    def ensure_writable(self, plan: Plan) -> None:
+    def ensure_writable(self, plan: BatchPlan) -> None:
         """Make sure, before anything is flown, that the reports can be written and would spoil nothing.
 
         Raises:
@@ -47,7 +47,7 @@ class Reports:
                 raise UsageError(f"{path} is another file that this batch writes; name another one for the report")
             written.add(identity(path))
 
-    def write(self, rows: Sequence[Row], summaries: Sequence[WindSummary], folder: Path) -> None:
+    def write(self, rows: Sequence[RankingRow], summaries: Sequence[WindSummary], folder: Path) -> None:
         """Write all reports that are wanted.
 
         Raises:
@@ -66,7 +66,7 @@ def _writable(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
-def describe_plan(answer: Answer, plan: Plan, *, quiet: bool) -> None:
+def describe_plan(answer: Answer, plan: BatchPlan, *, quiet: bool) -> None:
     """Fill in the answer of `--dry-run`."""
     actions = [step.action for step in plan.steps]
     totals = {action: actions.count(action) for action in ("fly", "keep", "refuse")}
@@ -81,7 +81,7 @@ def describe_plan(answer: Answer, plan: Plan, *, quiet: bool) -> None:
     _fail_for_inputs(answer, plan, refused)
 
 
-def plan_line(plan: Plan) -> str:
+def plan_line(plan: BatchPlan) -> str:
     """Return the plan in a line, e.g. `8 jobs: 3 kept, 5 to fly`."""
     actions = [step.action for step in plan.steps]
     told = {"keep": "kept", "fly": "to fly", "refuse": "with invalid input"}
@@ -90,14 +90,14 @@ def plan_line(plan: Plan) -> str:
 
 
 def answer_with(
-    answer: Answer, plan: Plan, results: Sequence[Result], reports: Reports, *, wall: float, quiet: bool
+    answer: Answer, plan: BatchPlan, results: Sequence[JobResult], reports: Reports, *, wall: float, quiet: bool
 ) -> None:
     """Fill in the answer of a batch, and write its reports.
 
     Raises:
         StorageError: a report cannot be written; everything else is in the answer by then.
     """
-    rows = ranked(plan, results)
+    rows = ranking_of(plan, results)
     summaries = wind_summaries(rows)
     codes = [_code(result) for result in results]
     answer.fields = {
@@ -124,7 +124,7 @@ def answer_with(
     reports.write(rows, summaries, plan.folder)
 
 
-def _fail_for_inputs(answer: Answer, plan: Plan, results: Sequence[Result]) -> None:
+def _fail_for_inputs(answer: Answer, plan: BatchPlan, results: Sequence[JobResult]) -> None:
     """Report all findings, each once."""
     findings = list(dict.fromkeys(_findings(plan, results)))
     if findings:
@@ -134,20 +134,20 @@ def _fail_for_inputs(answer: Answer, plan: Plan, results: Sequence[Result]) -> N
         answer.fail(ExitCode.INVALID_INPUT, text, [*findings[:FINDINGS_MAX], *more])
 
 
-def _findings(plan: Plan, results: Sequence[Result]) -> Iterator[Finding]:
+def _findings(plan: BatchPlan, results: Sequence[JobResult]) -> Iterator[Finding]:
     yield from plan.findings
     for result in results:
         yield from result.findings
 
 
-def _code(result: Result) -> ExitCode:
+def _code(result: JobResult) -> ExitCode:
     try:
         return ExitCode(result.code)
     except ValueError:
         return ExitCode.BUG
 
 
-def _job_object(row: Row, folder: Path) -> dict[str, object]:
+def _job_object(row: RankingRow, folder: Path) -> dict[str, object]:
     step, result = row.step, row.result
     return {
         "name": step.name,

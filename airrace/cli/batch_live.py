@@ -13,14 +13,14 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.batch.executor import StageFinished
-from airrace.batch.plan import Plan, Result, Step
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
 from airrace.batch.ranking import STATES
 from airrace.batch.supervision import Watcher
 from airrace.cli.batch_answer import plan_line
 from airrace.records import record
 from airrace.views.plain_console import PlainConsole
 from airrace.views.progress_view import commands_cursor
-from airrace.views.streams import Watched
+from airrace.views.streams import SafeStream
 
 REASONS_MAX = 20
 """The largest number of reasons that are told one by one before anything is flown."""
@@ -34,27 +34,27 @@ def watching_batch(*, quiet: bool) -> Generator[Watcher, None, None]:
     if quiet:
         yield Unwatched()
     elif commands_cursor(sys.stderr):
-        view = LiveTable(PlainConsole(file=cast(TextIO, Watched(sys.stderr, commanded=True))))
+        view = LiveTable(PlainConsole(file=cast(TextIO, SafeStream(sys.stderr, commanded=True))))
         with view.live:
             yield view
     else:
-        yield BatchLines(cast(TextIO, Watched(sys.stderr)))
+        yield BatchLines(cast(TextIO, SafeStream(sys.stderr)))
 
 
 class Unwatched:
     """A watcher that shows nothing."""
 
-    def begun(self, plan: Plan) -> None: ...
+    def begun(self, plan: BatchPlan) -> None: ...
 
-    def started(self, step: Step, attempt: int, where: str) -> None: ...
+    def started(self, step: PlannedJob, attempt: int, where: str) -> None: ...
 
-    def stage_started(self, step: Step, stage: str) -> None: ...
+    def stage_started(self, step: PlannedJob, stage: str) -> None: ...
 
-    def stage_finished(self, step: Step, event: StageFinished) -> None: ...
+    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None: ...
 
-    def retried(self, step: Step, reason: str) -> None: ...
+    def retried(self, step: PlannedJob, reason: str) -> None: ...
 
-    def ended(self, step: Step, result: Result) -> None: ...
+    def ended(self, step: PlannedJob, result: JobResult) -> None: ...
 
     def idle(self) -> None: ...
 
@@ -68,25 +68,25 @@ class BatchLines:
         self._began = clock()
         self._done = self._total = 0
 
-    def begun(self, plan: Plan) -> None:
+    def begun(self, plan: BatchPlan) -> None:
         self._total = sum(step.known is None for step in plan.steps)
         self._line(plan_line(plan))
         for line in reason_lines(plan):
             self._line(line)
 
-    def started(self, step: Step, attempt: int, where: str) -> None:
+    def started(self, step: PlannedJob, attempt: int, where: str) -> None:
         self._line(f"{step.name}: started{_circumstances(attempt, where)}")
 
-    def stage_started(self, step: Step, stage: str) -> None:
+    def stage_started(self, step: PlannedJob, stage: str) -> None:
         self._line(f"{step.name}: {stage} started")
 
-    def stage_finished(self, step: Step, event: StageFinished) -> None:
+    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
         self._line(f"{step.name}: {stage_words(event)}")
 
-    def retried(self, step: Step, reason: str) -> None:
+    def retried(self, step: PlannedJob, reason: str) -> None:
         self._line(f"{step.name}: tried again: {reason}")
 
-    def ended(self, step: Step, result: Result) -> None:
+    def ended(self, step: PlannedJob, result: JobResult) -> None:
         self._done += 1
         self._line(f"{step.name}: {ending_words(result)} ({self._done} of {self._total})")
 
@@ -126,25 +126,25 @@ class LiveTable:
             redirect_stdout=False,  # stdout is data
         )
 
-    def begun(self, plan: Plan) -> None:
+    def begun(self, plan: BatchPlan) -> None:
         self._total = sum(step.known is None for step in plan.steps)
         for line in (plan_line(plan), *reason_lines(plan)):
             self.live.console.print(Text(line))
 
-    def started(self, step: Step, attempt: int, where: str) -> None:
+    def started(self, step: PlannedJob, attempt: int, where: str) -> None:
         self._seen = {**self._seen, step.name: _Seen(self._clock(), attempt, where)}
 
-    def stage_started(self, step: Step, stage: str) -> None:
+    def stage_started(self, step: PlannedJob, stage: str) -> None:
         self._change(step, stage=stage, state="flying")
 
-    def stage_finished(self, step: Step, event: StageFinished) -> None:
+    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
         self._change(step, stage=event.stage, state=event.status, race_time=event.race_time)
 
-    def retried(self, step: Step, reason: str) -> None:
+    def retried(self, step: PlannedJob, reason: str) -> None:
         self._forget(step)
         self.live.console.print(Text(f"{step.name}: tried again: {reason}"))
 
-    def ended(self, step: Step, result: Result) -> None:
+    def ended(self, step: PlannedJob, result: JobResult) -> None:
         self._forget(step)
         state = STATES.get(result.code, "failed")
         self._ended = {**self._ended, state: self._ended.get(state, 0) + 1}
@@ -153,12 +153,12 @@ class LiveTable:
     def idle(self) -> None: ...
 
     # The view is drawn from another thread: what it reads is replaced as a whole, never changed.
-    def _change(self, step: Step, **fields: str | float | None) -> None:
+    def _change(self, step: PlannedJob, **fields: str | float | None) -> None:
         if step.name in self._seen:
             # Any: the fields of `_Seen`, named by the callers above.
             self._seen = {**self._seen, step.name: replace(self._seen[step.name], **fields)}  # pyright: ignore[reportArgumentType]
 
-    def _forget(self, step: Step) -> None:
+    def _forget(self, step: PlannedJob) -> None:
         self._seen = {name: seen for name, seen in self._seen.items() if name != step.name}
 
     def _render(self) -> RenderableType:
@@ -177,7 +177,7 @@ class LiveTable:
         return Group(table, Text(f"{line}, {now - self._began:.0f} s", style="bold"))
 
 
-def reason_lines(plan: Plan) -> list[str]:
+def reason_lines(plan: BatchPlan) -> list[str]:
     """Return why jobs that are not new are flown again, one line for each."""
     again = [f"{step.name}: again ({step.reason})" for step in plan.steps if step.reason not in ("", "new")]
     more = [f"and {len(again) - REASONS_MAX} more again (--dry-run tells all)"] if len(again) > REASONS_MAX else []
@@ -190,7 +190,7 @@ def stage_words(event: StageFinished) -> str:
     return f"{event.stage} {event.status}{race_time}"
 
 
-def ending_words(result: Result) -> str:
+def ending_words(result: JobResult) -> str:
     """Return the end of a job in words."""
     race_time = "" if result.race_time is None else f", race time {result.race_time:.3f} s"
     state, said = STATES.get(result.code, "failed"), " ".join(result.message.split())

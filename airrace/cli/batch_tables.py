@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from rich.table import Table
 from rich.text import Text
 
-from airrace.batch.ranking import Row, WindSummary, counts, wind_words
+from airrace.batch.ranking import RankingRow, WindSummary, counts, wind_words
 from airrace.cli.tables import full_columns, plain_table
 
 MESSAGE_MAX = 90
@@ -18,7 +18,7 @@ NAME_MAX = 20
 the stage with the longest name, its race time and how far it is behind."""
 
 
-def ranking_tables(rows: Sequence[Row], columns: int | None = None) -> list[Table]:
+def ranking_tables(rows: Sequence[RankingRow], columns: int | None = None) -> list[Table]:
     """Return all jobs, course by course, the fastest of each first.
 
     They are one table, or where the terminal is too narrow for it three: the ranking, how the jobs were flown, and the
@@ -91,14 +91,14 @@ def _of_winds(summary: WindSummary, columns: int | None) -> list[Table]:
     return tables
 
 
-def _ranking(row: Row) -> tuple[str, ...]:
+def _ranking(row: RankingRow) -> tuple[str, ...]:
     """Return the cells that rank a job: state, stage, race time and how far it is behind."""
     race_time = row.result.race_time
     told = "-" if race_time is None else f"{race_time:.3f}"
     return row.state, row.result.stage or "-", told, row.behind_words
 
 
-def _flown(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+def _flown(rows: Sequence[RankingRow]) -> tuple[list[str], list[list[str]]]:
     """Return the heads and the cells of how the jobs were flown, of what any of them has to tell."""
     explored, laps = any(row.result.ways is not None for row in rows), any(row.result.laps for row in rows)
     heads = [
@@ -119,18 +119,18 @@ def _with_messages(title: str, names: Sequence[str], numbers: Sequence[str], row
     return table
 
 
-def _best_lap(row: Row) -> str:
+def _best_lap(row: RankingRow) -> str:
     return f"{min(row.result.laps):.3f}" if row.result.laps else "-"
 
 
-def _ways(row: Row) -> tuple[str, str]:
+def _ways(row: RankingRow) -> tuple[str, str]:
     ways = row.result.ways
     if ways is None:
         return "-", "-"
     return str(ways.tried), "-" if ways.behind is None else f"{ways.behind:+.3f}"
 
 
-def _wall(row: Row) -> str:
+def _wall(row: RankingRow) -> str:
     return "kept" if row.step.action == "keep" else f"{row.result.wall:.1f}"
 
 

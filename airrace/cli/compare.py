@@ -35,12 +35,12 @@ def compare(
             ensure_drawable(plot)
             ensure_free(plot, force=force, sources=names)
         from airrace.cli.compare_tables import comparison_texts
-        from airrace.results.comparison import compared
+        from airrace.results.comparison import compare_flights
         from airrace.runs.comparison import compared_object
         from airrace.runs.flight_sources import opened_flights
 
         reference, *others = opened_flights(names, stage=stage)
-        comparisons = [compared(reference, other) for other in others]
+        comparisons = [compare_flights(reference, other) for other in others]
         answer.fields.update(compared_object(reference, comparisons))
         if plot is not None:
             from airrace.views.comparison_figure import draw_comparison

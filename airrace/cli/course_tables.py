@@ -14,7 +14,7 @@ from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
-from airrace.views.course_page import Row, rows, safety_lines
+from airrace.views.course_page import CourseRow, rows, safety_lines
 
 ROWS_MAX = 200
 """The largest number of passages in the table; of more, only the first and the last are printed."""
@@ -51,7 +51,7 @@ def _passages_table(race: Race) -> Table:
     return plain_table(title, ("passage", "type"), numbers, cells)
 
 
-def _passage_cells(row: Row) -> list[str]:
+def _passage_cells(row: CourseRow) -> list[str]:
     return [
         row.passage.name,
         row.kind,
@@ -62,7 +62,7 @@ def _passage_cells(row: Row) -> list[str]:
     ]
 
 
-def _height_cell(row: Row) -> str:
+def _height_cell(row: CourseRow) -> str:
     """Return the height of a passage as a text; for a free manoeuvre the bounds of its height."""
     heights = row.passage.element.heights
     if row.height is None and heights.bounded:

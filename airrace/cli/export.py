@@ -64,7 +64,7 @@ def csv_table(
         from airrace.runs.output import ensure_free
         from airrace.runs.sources import Named
         from airrace.runs.splits import Splits
-        from airrace.views.streams import Shown
+        from airrace.views.streams import PlainStream
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
@@ -81,7 +81,7 @@ def csv_table(
             answer.texts.append(passings.to_csv())
         else:
             try:
-                flown.write_csv(cast(TextIO, Shown(sys.stdout)), rate)
+                flown.write_csv(cast(TextIO, PlainStream(sys.stdout)), rate)
             except BrokenPipeError:  # the reader has seen enough
                 abandon_stdout()
         for path in beside:

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.tables import PAGE, plain_table, rendered
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 from airrace.quantities import KNOT
 from airrace.report.sections import penalty_text
 from airrace.results import Flight
@@ -58,7 +58,7 @@ def _passings_table(flight: Flight) -> Table:
     return plain_table(f"{flight.label}: race time {race_time}, as flown", ("passing",), numbers, rows)
 
 
-def _breaches_table(breaches: Sequence[Breach]) -> Table:
+def _breaches_table(breaches: Sequence[Violation]) -> Table:
     """Return a table of the rules that would be broken; `+-` is the standard deviation of what was flown."""
     table = plain_table("rules that would be broken", ("at", "rule"), ("time\ns", "flown", "+-", "allowed"), ())
     for name in ("unit", "penalty", "certain"):

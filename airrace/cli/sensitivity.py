@@ -12,7 +12,7 @@ from airrace.cli.options import AsJson, RunFile, StageOfRun, Verbose
 class GroupName(StrEnum):
     """A group of numbers whose sensitivities are wanted.
 
-    The names are those of `airrace.sensitivity.Group`, which is too heavy to import here.
+    The names are those of `airrace.sensitivity.ParameterGroup`, which is too heavy to import here.
     """
 
     TRACK = "track"

@@ -16,7 +16,7 @@ from airrace.inputs.nodes import MappingNode, Reporter
 from airrace.inputs.schema import Schema
 from airrace.inputs.validation import validate
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.logs.recording import FIELDS, Layout, split_unit, unit_named
+from airrace.logs.recording import FIELDS, ColumnLayout, split_unit, unit_named
 
 LOG_SCHEMA = "airrace/log/1"
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
@@ -45,7 +45,7 @@ class LogEntry(Schema):
     )
 
 
-def read_layout(path: Path) -> tuple[Layout, float | None]:
+def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
     """Return the layout of a mapping file, and the noise of the positions that it names, m.
 
     Raises:
@@ -73,10 +73,10 @@ def read_layout(path: Path) -> tuple[Layout, float | None]:
         raise InputError(findings)
     columns = {name: _header(name, text) for name, text in entry.columns.items()}
     delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
-    return Layout(columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
+    return ColumnLayout(columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
 
 
-def with_columns(layout: Layout, texts: Sequence[str]) -> Layout:
+def with_columns(layout: ColumnLayout, texts: Sequence[str]) -> ColumnLayout:
     """Return a layout with columns on top, as `--column NAME=HEADER[UNIT]` gives them.
 
     Raises:
@@ -89,10 +89,10 @@ def with_columns(layout: Layout, texts: Sequence[str]) -> Layout:
         if problem:
             raise UsageError(f"--column {text}: {problem}")
         columns[name] = _header(name, header)
-    return Layout(columns, layout.zone, layout.delimiter, layout.decimal_comma)
+    return ColumnLayout(columns, layout.zone, layout.delimiter, layout.decimal_comma)
 
 
-def with_zone(layout: Layout, text: str) -> Layout:
+def with_zone(layout: ColumnLayout, text: str) -> ColumnLayout:
     """Return a layout with another time zone.
 
     Raises:
@@ -101,7 +101,7 @@ def with_zone(layout: Layout, text: str) -> Layout:
     zone = _zone(text)
     if zone is None:
         raise UsageError(f"--time-zone {text}: expected an offset such as +02:00, or a name such as Europe/Zagreb")
-    return Layout(layout.columns, zone, layout.delimiter, layout.decimal_comma)
+    return ColumnLayout(layout.columns, zone, layout.delimiter, layout.decimal_comma)
 
 
 def _problem(name: str, text: str) -> str:

@@ -20,7 +20,7 @@ from airrace.environment.atmosphere import AtmosphereParameters, g0
 from airrace.environment.weather import Weather
 from airrace.environment.wind import WindField
 from airrace.frames import rotation
-from airrace.jsbsim.simulation import Accelerations, Flown
+from airrace.jsbsim.simulation import Accelerations, SimulatedAircraft
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -67,7 +67,7 @@ def random_states(count: int, seed: int) -> list[SixDofState[float]]:
     return states
 
 
-def mirrored(state: SixDofState[float]) -> SixDofState[float]:
+def mirror(state: SixDofState[float]) -> SixDofState[float]:
     """Return the state in a mirror that exchanges left and right."""
     odd = ("y", "q1", "q3", "beta_K", "p_K", "r_K", "xi", "zeta")
     return SixDofState[float](**{name: -value if name in odd else value for name, value in vars(state).items()})
@@ -107,7 +107,7 @@ def own_accelerations(
 
 
 def differences(
-    flown: Flown,
+    flown: SimulatedAircraft,
     aircraft: InnerLoopParameters[float],
     theirs: Iterable[SixDofState[float]],
     ours: Iterable[SixDofState[float]],

@@ -118,7 +118,7 @@ def body_attitude(state: SixDofState[float]) -> Array:
 
 
 @record
-class Flown:
+class SimulatedAircraft:
     """An aircraft flown by JSBSim in still air.
 
     Attributes:
@@ -177,14 +177,14 @@ class Flown:
         return self.simulator.attitude()
 
 
-def flown_by_jsbsim(
+def simulate(
     folder: Path,
     aircraft: InnerLoopParameters[float],
     atmosphere: AtmosphereParameters[float],
     planet: Planet,
     *,
     own_density: bool = True,
-) -> Flown:
+) -> SimulatedAircraft:
     """Write the model into the folder and load it.
 
     Args:
@@ -192,7 +192,7 @@ def flown_by_jsbsim(
         aircraft: its numbers.
         atmosphere: the atmosphere of the day; there is no wind.
         planet: what it flies over.
-        own_density: see `Flown`.
+        own_density: see `SimulatedAircraft`.
 
     Raises:
         UsageError: JSBSim does not take the model.
@@ -201,13 +201,15 @@ def flown_by_jsbsim(
     return loaded(folder, atmosphere, planet, own_density=own_density)
 
 
-def loaded(folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True) -> Flown:
-    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `flown_by_jsbsim`."""
+def loaded(
+    folder: Path, atmosphere: AtmosphereParameters[float], planet: Planet, *, own_density: bool = True
+) -> SimulatedAircraft:
+    """Load the model that is in the folder, as it stands there. Arguments and errors are those of `simulate`."""
     simulator = Simulator(folder, STEP)
     simulator["atmosphere/delta-T"] = (atmosphere.T_0 - T_ISA) / RANKINE
     simulator["atmosphere/P-sl-psf"] = atmosphere.p_0 / PRESSURE
     simulator["ic/lat-geod-rad"] = planet.latitude
-    return Flown(simulator, atmosphere, own_density)
+    return SimulatedAircraft(simulator, atmosphere, own_density)
 
 
 PIECE = 1.0
@@ -231,7 +233,7 @@ class Miss:
 
 
 def fly_course(
-    flown: Flown, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
+    flown: SimulatedAircraft, optimum: Trajectory, at: Callable[[Array], Mapping[str, Array]], tau_T: float
 ) -> tuple[Miss, ...]:
     """Fly every piece of the optimum by JSBSim with the optimum's controls; the last piece may be shorter.
 

@@ -22,7 +22,7 @@ _ANGLES = frozenset({"longitude", "latitude", "phi", "theta", "psi"})
 
 
 @dataclass
-class _Aircraft:
+class _RecordedAircraft:
     """An object of the recording and its samples; a sample is the values of `_SLOTS` and of `_HISTORIES`."""
 
     properties: dict[str, str] = field(default_factory=dict[str, str])
@@ -43,7 +43,7 @@ def read_acmi(path: str, lines: Iterable[str], wanted: str | None = None) -> Rec
     Raises:
         InputError: it is no such recording, time runs backwards, or there is no such aircraft.
     """
-    reader = _Reader(path)
+    reader = _AcmiReader(path)
     for number, line in enumerate(_joined(lines), start=1):
         reader.take(number, line)
     return reader.recording(wanted)
@@ -54,12 +54,12 @@ def _joined(lines: Iterable[str]) -> Iterable[str]:
         yield line.rstrip("\r\n").lstrip("\ufeff")
 
 
-class _Reader:
+class _AcmiReader:
     def __init__(self, path: str) -> None:
         self._path = path
         self._time = 0.0
         self._samples = 0
-        self._objects: dict[str, _Aircraft] = {}
+        self._objects: dict[str, _RecordedAircraft] = {}
         self._global: dict[str, str] = {}
 
     def take(self, number: int, line: str) -> None:
@@ -87,7 +87,7 @@ class _Reader:
         if name == "0":
             self._global |= {key: value for key, _, value in entries}
             return
-        one = self._objects.setdefault(name, _Aircraft())
+        one = self._objects.setdefault(name, _RecordedAircraft())
         moved = False
         for key, _, value in entries:
             if key == "T":
@@ -100,7 +100,7 @@ class _Reader:
         if moved:
             self._sample(number, one)
 
-    def _sample(self, number: int, one: _Aircraft) -> None:
+    def _sample(self, number: int, one: _RecordedAircraft) -> None:
         self._samples += 1
         if self._samples > ROWS_MAX:
             refuse(self._path, number, f"holds more than {ROWS_MAX} samples; cut the log to the flight")
@@ -108,7 +108,7 @@ class _Reader:
         one.lines.append(number)
         one.rows.extend(one.now)
 
-    def _move(self, number: int, one: _Aircraft, value: str) -> None:
+    def _move(self, number: int, one: _RecordedAircraft, value: str) -> None:
         parts = value.split("|")
         slots = _OF_PLACE.get(len(parts))
         if slots is None:
@@ -160,7 +160,7 @@ class _Reader:
             return None
 
 
-def _names(name: str, one: _Aircraft) -> list[str]:
+def _names(name: str, one: _RecordedAircraft) -> list[str]:
     return [name, *(one.properties[key] for key in ("Name", "CallSign", "TrackingSimulator") if key in one.properties)]
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from airrace.logs.recording import (
     FIELDS,
     Clock,
+    ColumnLayout,
     Field,
-    Layout,
     Recording,
     clock_for,
     first_backwards,
@@ -46,7 +46,7 @@ class Column:
         return self.field.units[self.unit]
 
 
-def read_csv(path: str, lines: Iterable[str], layout: Layout) -> Recording:
+def read_csv(path: str, lines: Iterable[str], layout: ColumnLayout) -> Recording:
     """Return what a CSV file records.
 
     Lines that begin with `#` and empty ones are passed over; the first other one holds the headers. An empty cell is a
@@ -80,7 +80,7 @@ def _told(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
 class _Rows:
     """The samples of a file, read line by line into one plain array a column."""
 
-    def __init__(self, path: str, columns: Sequence[Column], layout: Layout) -> None:
+    def __init__(self, path: str, columns: Sequence[Column], layout: ColumnLayout) -> None:
         self._path, self._layout = path, layout
         self._time = next(one for one in columns if one.field.name == "time")
         self._others = [one for one in columns if one is not self._time]
@@ -163,7 +163,7 @@ def _since(time: Array) -> Array:
     return np.asarray(time - time[0], np.float64)
 
 
-def _columns(path: str, line: int, headers: Sequence[str], layout: Layout) -> list[Column]:
+def _columns(path: str, line: int, headers: Sequence[str], layout: ColumnLayout) -> list[Column]:
     """Return the columns that are read; those that nobody asks for are left out.
 
     Raises:
@@ -189,7 +189,7 @@ def _advice(name: str, header: str) -> str:
     return f"name it with --column '{name}={header}' or in a mapping"
 
 
-def _mapped(path: str, line: int, headers: Sequence[str], layout: Layout) -> list[Column]:
+def _mapped(path: str, line: int, headers: Sequence[str], layout: ColumnLayout) -> list[Column]:
     found: list[Column] = []
     for name, (header, unit) in layout.columns.items():
         if header not in headers:

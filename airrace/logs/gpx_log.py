@@ -10,7 +10,7 @@ from xml.parsers import expat
 import numpy as np
 
 from airrace.logs.csv_log import ROWS_MAX
-from airrace.logs.recording import Layout, Recording, first_backwards, instant, refuse
+from airrace.logs.recording import ColumnLayout, Recording, first_backwards, instant, refuse
 
 
 def xml_tree(path: str, content: bytes) -> Element:
@@ -48,7 +48,7 @@ def xml_tree(path: str, content: bytes) -> Element:
 _TOLD = {"time", "ele"}
 
 
-def read_gpx(path: str, content: bytes, layout: Layout) -> Recording:
+def read_gpx(path: str, content: bytes, layout: ColumnLayout) -> Recording:
     """Return the first track of a GPX file that has points with times.
 
     A document type is refused: GPX needs none, and entities could grow beyond all memory.
@@ -61,7 +61,7 @@ def read_gpx(path: str, content: bytes, layout: Layout) -> Recording:
     Raises:
         InputError: it is no GPX, points lack times or heights, or time runs backwards.
     """
-    reader = _Reader(path, layout)
+    reader = _GpxReader(path, layout)
     try:
         reader.parser.Parse(content, True)
     except expat.ExpatError as error:
@@ -69,10 +69,10 @@ def read_gpx(path: str, content: bytes, layout: Layout) -> Recording:
     return reader.recording()
 
 
-class _Reader:
+class _GpxReader:
     """The parser's callbacks; a point is taken when its element ends."""
 
-    def __init__(self, path: str, layout: Layout) -> None:
+    def __init__(self, path: str, layout: ColumnLayout) -> None:
         self._path, self._layout = path, layout
         self._rows = tuple(array("d") for _ in range(4))
         self._lines = array("q")

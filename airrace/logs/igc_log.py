@@ -28,13 +28,13 @@ def read_igc(path: str, lines: Iterable[str]) -> Recording:
     Raises:
         InputError: it holds no fixes, or one of them is damaged.
     """
-    reader = _Reader(path)
+    reader = _IgcReader(path)
     for number, line in enumerate(lines, start=1):
         reader.take(number, line.rstrip())
     return reader.recording()
 
 
-class _Reader:
+class _IgcReader:
     def __init__(self, path: str) -> None:
         self._path = path
         self._rows = tuple(array("d") for _ in range(5))

@@ -23,11 +23,11 @@ from airrace.logs.smoothing import (
     roll_rate,
     smoothed,
 )
-from airrace.logs.violations import NONE_KNOWN, Breach, Deviations, Penalties, breaches
+from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, breaches
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results import Crossing, Flight, History, Source, attitude
-from airrace.results.derivation import completed
+from airrace.results.derivation import complete_histories
 from airrace.results.flight import BODY_ATTITUDE, GLOSSARY, PATH_ATTITUDE, Basis, Histories
 from airrace.track.course import Passage
 from airrace.trajectory import Array
@@ -94,8 +94,8 @@ class Flown:
     """
 
     flight: Flight
-    breaches: tuple[Breach, ...]
-    known: Mapping[str, Deviations]
+    breaches: tuple[Violation, ...]
+    known: Mapping[str, StandardDeviations]
     recording: Recording
     offset: float
     remarks: tuple[str, ...]
@@ -218,7 +218,7 @@ def _histories(race: Race, part: Recording, path: Path, time: Array) -> Historie
         given |= _attitudes(PATH_ATTITUDE, path_frame) | _attitudes(BODY_ATTITUDE, attitude.quaternions(R_OB))
         rate = roll_rate(attitude.path_axes(path_frame), time)
         given["p_Kbar"] = History(DERIVED["p_Kbar"], rate, Basis.DERIVED)
-    return completed(race, {**given, **measured})
+    return complete_histories(race, {**given, **measured})
 
 
 def _attitudes(names: Sequence[str], rows: Sequence[Array]) -> dict[str, History]:
@@ -268,7 +268,7 @@ def _nearest(passage: Passage, flight: Flight, rows: NDArray[np.int64]) -> int:
     return int(best[np.argmax(flight["height"][rows][best])])
 
 
-def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> Mapping[str, Deviations]:
+def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> Mapping[str, StandardDeviations]:
     """Return how well every passing is known, by the names of the passages; see `INFLATION` and `BANK_AT_A_GATE`.
 
     A bank that was recorded is known as well as the lines between its samples tell it.
@@ -280,7 +280,7 @@ def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> 
     estimated = np.full(len(times), BANK_AT_A_GATE * noise**0.4)
     banks = between_samples(part, "phi", times) if _is_measured(flight, "phi") else estimated
     load = math.nan if _is_measured(flight, "n_z") else LOAD_FACTOR_AT_A_GATE * noise**0.25
-    found: dict[str, Deviations] = {}
+    found: dict[str, StandardDeviations] = {}
     for column, (_, crossing) in enumerate(made):
         north, east, up = places[:, column].tolist()
         across = max(north, east)
@@ -290,7 +290,7 @@ def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> 
         bank = float(banks[column])
         tip = 0.0 if math.isnan(bank) else 0.5 * flight.aircraft.airframe.b * math.sin(min(bank, 0.5 * math.pi))
         wing = math.hypot(across, tip)
-        found[crossing.name] = Deviations(across, wing, up, bank, path_angle, SPEED_OFF * worst**0.6, load)
+        found[crossing.name] = StandardDeviations(across, wing, up, bank, path_angle, SPEED_OFF * worst**0.6, load)
     return found
 
 

@@ -13,7 +13,7 @@ from airrace.logs.acmi_log import read_acmi
 from airrace.logs.csv_log import read_csv
 from airrace.logs.gpx_log import read_gpx
 from airrace.logs.igc_log import read_igc
-from airrace.logs.recording import Layout, Recording, refuse
+from airrace.logs.recording import ColumnLayout, Recording, refuse
 from airrace.standard_streams import STANDARD, name_of, read_bytes
 
 logger = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ SUFFIXES = (".csv", ".txt", ".tsv", ".gpx", ".igc", ".acmi", ".zip")
 """The names' ends by which a log is told from other files."""
 
 
-def read_log(path: Path, layout: Layout | None = None, *, aircraft: str | None = None) -> Recording:
+def read_log(path: Path, layout: ColumnLayout | None = None, *, aircraft: str | None = None) -> Recording:
     """Return the recording in a file: CSV, GPX, IGC, or ACMI as text or zipped; its first bytes say which.
 
     Args:
@@ -39,7 +39,7 @@ def read_log(path: Path, layout: Layout | None = None, *, aircraft: str | None =
     Raises:
         InputError: there is no such file, it is too large, or it is damaged; it names the line.
     """
-    known, name = layout or Layout(), name_of(path)
+    known, name = layout or ColumnLayout(), name_of(path)
     try:
         with _opened(path) as file:
             logger.info("%s is read", name)

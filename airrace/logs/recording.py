@@ -47,7 +47,7 @@ class Recording:
 
 
 @record
-class Layout:
+class ColumnLayout:
     """The meaning of a log where it does not say so itself.
 
     Attributes:

@@ -77,7 +77,7 @@ An optimum touches its limits at many gates, and of two standard deviations ever
 
 
 @record
-class Breach:
+class Violation:
     """A rule that a flight would break.
 
     Attributes:
@@ -107,7 +107,7 @@ class Breach:
 
 
 @record
-class Deviations:
+class StandardDeviations:
     """Standard deviations of what is known at a passing.
 
     Attributes:
@@ -128,12 +128,12 @@ class Deviations:
     load: float
 
 
-NOT_KNOWN = Deviations(*(math.nan,) * 7)
+NOT_KNOWN = StandardDeviations(*(math.nan,) * 7)
 
 
 def breaches(
-    flight: Flight, axes: Mapping[str, float], deviations: Mapping[str, Deviations], penalties: Penalties
-) -> tuple[Breach, ...]:
+    flight: Flight, axes: Mapping[str, float], deviations: Mapping[str, StandardDeviations], penalties: Penalties
+) -> tuple[Violation, ...]:
     """Return all rules that a flight would break, in the order of the course, then those of the flight as a whole.
 
     Args:
@@ -142,7 +142,7 @@ def breaches(
         deviations: how well every passing is known, likewise.
         penalties: of the season.
     """
-    found: list[Breach] = []
+    found: list[Violation] = []
     for crossing in flight.crossings:
         known = deviations.get(crossing.name, NOT_KNOWN)
         found += _Judge(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties).breaches()
@@ -153,12 +153,14 @@ def breaches(
 class _Judge:
     """The judge of one passing."""
 
-    def __init__(self, race: Race, crossing: Crossing, axis: float, known: Deviations, penalties: Penalties) -> None:
+    def __init__(
+        self, race: Race, crossing: Crossing, axis: float, known: StandardDeviations, penalties: Penalties
+    ) -> None:
         self._crossing, self._known, self._penalties = crossing, known, penalties
         self._element = by_the_rules(crossing.passage.element)
         self._span, self._axis = race.aircraft.airframe.b, axis
 
-    def breaches(self) -> Iterator[Breach]:
+    def breaches(self) -> Iterator[Violation]:
         """Yield what is broken."""
         passage = self._crossing.passage
         if not self._crossing.found:
@@ -183,7 +185,7 @@ class _Judge:
         named = {name: float(value) for name, value in vars(seen).items()}
         return named | {"x": place[0], "y": place[1], "z": place[2], "bank": bank}
 
-    def _beside(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Breach]:
+    def _beside(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
         """Yield a pylon that is touched, or a passing outside: of the centre, else of the worse of the wing tips."""
         outside = bounds.get("right", _between_pylons(self._element))
         if excess := _excess(values["right"], outside):
@@ -202,7 +204,7 @@ class _Judge:
             penalty = self._penalties.pylon if left <= 0.0 else 0.0
             yield self._breach("pylon", left, clearance, "m", penalty, self._known.tip)
 
-    def _heights(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Breach]:
+    def _heights(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
         if "height" in bounds:
             allowed = bounds["height"]
         else:
@@ -217,7 +219,7 @@ class _Judge:
                 rule, penalty = "manoeuvre", self._penalties.manoeuvre
             yield self._breach(rule, values["height"], values["height"] - excess, "m", penalty, self._known.up)
 
-    def _angles(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Breach]:
+    def _angles(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
         climb = math.degrees(math.asin(max(-1.0, min(1.0, values["climb_sine"]))))
         if excess := _excess(values["climb_sine"], bounds.get("climb_sine", Interval())):
             limit = math.degrees(math.asin(max(-1.0, min(1.0, values["climb_sine"] - excess))))
@@ -234,7 +236,7 @@ class _Judge:
             if abs(off) > most:
                 yield self._breach("course", off, math.copysign(most, off), "deg", None, math.degrees(self._known.path))
 
-    def _speed(self, passage: Passage) -> Iterator[Breach]:
+    def _speed(self, passage: Passage) -> Iterator[Violation]:
         speed = self._crossing.value("V_K")
         if excess := _excess(speed, passage.speed):
             limit, ends = speed - excess, self._penalties.start_speed_end
@@ -245,9 +247,9 @@ class _Judge:
 
     def _breach(
         self, rule: str, value: float, limit: float, unit: str, penalty: float | None, deviation: float = math.nan
-    ) -> Breach:
+    ) -> Violation:
         known = math.nan if penalty is None else penalty
-        return Breach(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, known)
+        return Violation(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, known)
 
 
 def by_the_rules(element: Element) -> Element:
@@ -275,7 +277,7 @@ def _tolerance_of_bank(element: Element) -> float | None:
     return math.degrees(element.tolerances.bank)
 
 
-def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Iterator[Breach]:
+def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Iterator[Violation]:
     """Yield the load factor where it is too large for too long, and where it ends the race."""
     if "n_z" not in flight:
         return
@@ -283,7 +285,7 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
     row = int(np.nanargmax(n_z))
     most, when = float(n_z[row]), float(time[row])
     if penalties.load_factor_end is not None and most > penalties.load_factor_end:
-        yield Breach("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
+        yield Violation("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
         return
     limit = penalties.load_factor_from or flight.course.rules.n_z.upper
     above = np.concatenate(([False], n_z > limit, [False]))
@@ -291,10 +293,10 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
     lasting = time[ends - 1] - time[begins] if len(begins) else np.zeros(0)
     if len(lasting) and lasting.max() >= penalties.load_factor_time:
         known = math.nan if penalties.load_factor is None else penalties.load_factor
-        yield Breach("", "load-factor", when, most, limit, deviation, "g", known)
+        yield Violation("", "load-factor", when, most, limit, deviation, "g", known)
 
 
-def _distances(flight: Flight, known: Deviations) -> Iterator[Breach]:
+def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]:
     """Yield what the flight came too near to: people, safety lines, borders, floor and ceiling."""
     for one in distances(flight):
         if one.kind == "pylon":
@@ -308,7 +310,7 @@ def _distances(flight: Flight, known: Deviations) -> Iterator[Breach]:
             row = least if rows is None else int(rows[least])
             rule, when, nearest = one.kind.replace(" ", "-"), float(flight.time[row]), float(values[least])
             off = known.up if rule in ("floor", "ceiling") else known.across
-            yield Breach("", rule, when, nearest, one.required, off, "m", math.nan)
+            yield Violation("", rule, when, nearest, one.required, off, "m", math.nan)
 
 
 def _rows(flight: Flight, leg: int) -> NDArray[np.int64]:

@@ -93,8 +93,8 @@ class FlightContents:
             "aircraft": {"name": self.aircraft, "span": self.span},
             "race_time": self.race_time if math.isfinite(self.race_time) else None,
             "passings": [{"name": name, "time": time} for name, time in self.passings],
-            "time": packed(self.time),
-            "histories": {name: packed(values) for name, values in self.histories.items()},
+            "time": pack(self.time),
+            "histories": {name: pack(values) for name, values in self.histories.items()},
         }
 
 
@@ -141,7 +141,7 @@ class Scale:
 
 
 @record
-class Difference:
+class TimeDifference:
     """The delay (s) with which a flight was where the first one was at the times `time` (s); each of shape (n,)."""
 
     flight: int
@@ -149,7 +149,7 @@ class Difference:
     difference: Array
 
     def as_object(self) -> dict[str, object]:
-        return {"flight": self.flight, "time": packed(self.time), "difference": packed(self.difference)}
+        return {"flight": self.flight, "time": pack(self.time), "difference": pack(self.difference)}
 
 
 @record
@@ -160,7 +160,7 @@ class Contents:
     flights: Sequence[FlightContents]
     strips: Sequence[Strip]
     colours: Sequence[Scale]
-    differences: Sequence[Difference] = field(default=())
+    differences: Sequence[TimeDifference] = field(default=())
 
     def as_json(self) -> str:
         """Return the object as text that may stand in a `script` element: it holds no `<`, so nothing can end the
@@ -181,13 +181,13 @@ class Contents:
         return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def packed(values: Array) -> str:
+def pack(values: Array) -> str:
     """Return numbers as 32-bit floats, least significant byte first, in base64."""
     return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def unpacked(text: str) -> Array:
-    """Return the numbers that `packed` has written."""
+def unpack(text: str) -> Array:
+    """Return the numbers that `pack` has written."""
     return np.frombuffer(base64.b64decode(text), dtype="<f4").astype(np.float64)
 
 

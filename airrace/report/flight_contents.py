@@ -7,7 +7,7 @@ import numpy as np
 
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.report.contents import Contents, Difference, FlightContents, Scale, Strip, course_contents
+from airrace.report.contents import Contents, FlightContents, Scale, Strip, TimeDifference, course_contents
 from airrace.report.page import Reading
 from airrace.results import Flight
 from airrace.results.comparison import SHARES, Comparison
@@ -126,7 +126,7 @@ def started(flight: Flight) -> float:
     return flight.crossings[0].time if found else float(flight.time[0])
 
 
-def difference_of(comparison: Comparison, number: int) -> Difference:
+def difference_of(comparison: Comparison, number: int) -> TimeDifference:
     """Return what the other flight has lost along the course, and when the reference was there.
 
     Args:
@@ -137,7 +137,7 @@ def difference_of(comparison: Comparison, number: int) -> Difference:
     times = [np.array([reference.crossings[0].time]), *(_times(reference, leg.reference) for leg in comparison.legs)]
     time, lost = np.concatenate(times), comparison.progress.difference
     known = np.isfinite(time)
-    return Difference(number, time[known] - started(reference), lost[known])
+    return TimeDifference(number, time[known] - started(reference), lost[known])
 
 
 def _times(flight: Flight, leg: Leg) -> Array:

@@ -8,10 +8,10 @@ import numpy as np
 from airrace.quantities import KNOT, Quantity
 from airrace.report.flight_contents import READINGS, contents_of, started
 from airrace.report.page import Page
-from airrace.report.sections import DASH, Cell, Head, Row, note, number, section, table
+from airrace.report.sections import DASH, Cell, Head, TableRow, note, number, section, table
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
-from airrace.results.comparison import Comparison, LegComparison, compared, conditions
+from airrace.results.comparison import Comparison, LegComparison, compare_flights, conditions
 from airrace.results.leg_facts import LegFacts, Range, leg_facts
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
@@ -54,7 +54,7 @@ def flights_section(flights: Sequence[Flight]) -> str:
         return ""
     first = flights[0]
     rows = [
-        Row((
+        TableRow((
             Cell(flight.label, flight=place),
             flight.aircraft.name,
             number(flight.race_time, 3),
@@ -69,14 +69,14 @@ def flights_section(flights: Sequence[Flight]) -> str:
 
 def legs_section(flight: Flight) -> str:
     """Return a table of what a flight does leg by leg, and of what it comes near to."""
-    rows = [Row(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
+    rows = [TableRow(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
     return section("Legs", table(LEGS, rows) + note(" ".join(filter(None, (_laps(flight), _near_misses(flight))))))
 
 
-def lost_section(comparison: Comparison) -> str:
+def comparison_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
     label = comparison.other.label
-    rows = [Row(_lost(leg, comparison)) for leg in comparison.by_loss]
+    rows = [TableRow(_lost(leg, comparison)) for leg in comparison.by_loss]
     others = [
         f"{what[:1].upper()}{what[1:]}: {its} against {mine}."
         for what, mine, its in conditions(comparison.reference, comparison.other)
@@ -150,7 +150,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         UsageError: a flight is of a course with other passings.
     """
     first = flights[0]
-    comparisons = [compared(first, other) for other in flights[1:]]
+    comparisons = [compare_flights(first, other) for other in flights[1:]]
     seen = map_model(first.race)
     return Page(
         title=first.course.name,
@@ -167,7 +167,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
 
 
 def _flight_sections(flights: Sequence[Flight], comparisons: Sequence[Comparison]) -> list[str]:
-    return [flights_section(flights), legs_section(flights[0]), *(lost_section(one) for one in comparisons)]
+    return [flights_section(flights), legs_section(flights[0]), *(comparison_section(one) for one in comparisons)]
 
 
 def _subtitle(flight: Flight) -> str:

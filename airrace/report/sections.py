@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from airrace.inputs import Inputs
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT
@@ -49,7 +49,7 @@ class Cell:
 
 
 @record
-class Row:
+class TableRow:
     """Cells of a row; `passing` is the number of the passing that begins what it tells of, None where there is none."""
 
     cells: Sequence[Cell | str]
@@ -68,7 +68,7 @@ def with_minus(text: str) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def table(heads: Sequence[Head], rows: Iterable[Row], caption: str = "") -> str:
+def table(heads: Sequence[Head], rows: Iterable[TableRow], caption: str = "") -> str:
     """Return a table that scrolls within its place where it is too wide."""
     head = "".join(f'<th scope="col"{_class(one)}>{escaped(one.title)}{_unit(one.unit)}</th>' for one in heads)
     body = "".join(_row(row, heads) for row in rows)
@@ -98,7 +98,7 @@ def folded(title: str, text: str) -> str:
     return f"<details><summary>{escaped(title)}</summary><pre>{escaped(text)}</pre></details>"
 
 
-def _row(row: Row, heads: Sequence[Head]) -> str:
+def _row(row: TableRow, heads: Sequence[Head]) -> str:
     passing = "" if row.passing is None else f' data-passing="{row.passing}"'
     cells = "".join(_cell(cell, head) for cell, head in zip(row.cells, heads, strict=True))
     return f"<tr{passing}>{cells}</tr>"
@@ -149,7 +149,7 @@ def certificate_section(certificate: Certificate | None) -> str:
     if certificate is None:
         return ""
     rows = [
-        Row((
+        TableRow((
             item.name,
             *_measured(item),
             Cell("yes" if item.holds else "no", bad=not item.holds),
@@ -173,7 +173,7 @@ def ways_section(result: StageResult) -> str:
     if not explored.ways:
         return ""
     rows = [
-        Row((way.text, number(way.race_time, 3), number(way.difference, 3, signed=True), way.priced))
+        TableRow((way.text, number(way.race_time, 3), number(way.difference, 3, signed=True), way.priced))
         for way in explored.ways
     ]
     told = (
@@ -189,7 +189,7 @@ def prices_section(prices: Mapping[str, Price] | None) -> str:
         return ""
     dear = [price for price in prices.values() if price.activity is not Activity.FREE][:PRICES_SHOWN]
     rows = [
-        Row((
+        TableRow((
             price.key,
             f"{price.value:.6g}",
             price.unit,
@@ -206,10 +206,10 @@ def prices_section(prices: Mapping[str, Price] | None) -> str:
 def inputs_section(inputs: Inputs, result: StageResult, versions: Mapping[str, str]) -> str:
     """Return what was asked for: course, aircraft, air, values set by hand, and the files' own texts."""
     solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
-    return given_section(inputs, [("stage", solved)], versions)
+    return data_section(inputs, [("stage", solved)], versions)
 
 
-def given_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions: Mapping[str, str]) -> str:
+def data_section(inputs: Inputs, further: Sequence[tuple[str, str]], versions: Mapping[str, str]) -> str:
     """Return what was asked for, with further facts between the values set by hand and what made it all."""
     race = inputs.race
     pairs = [
@@ -245,12 +245,12 @@ BREACHES = (
 )
 
 
-def breaches_section(breaches: Sequence[Breach], penalty: float) -> str:
+def breaches_section(breaches: Sequence[Violation], penalty: float) -> str:
     """Return a table of all rules that a flight would break."""
     if not breaches:
         return section("Rules", note("Every passing keeps the rules of the course."))
     rows = [
-        Row((
+        TableRow((
             one.passing or "flight",
             one.rule,
             Cell(number(one.time, 2), time=one.time if math.isfinite(one.time) else None),

@@ -259,7 +259,7 @@ class LegComparison:
 
 
 @record
-class Progress:
+class RelativeProgress:
     """The difference of time along the course.
 
     Attributes:
@@ -286,7 +286,7 @@ class Comparison:
     reference: Flight
     other: Flight
     legs: tuple[LegComparison, ...]
-    progress: Progress
+    progress: RelativeProgress
 
     @property
     def difference(self) -> float:
@@ -309,7 +309,7 @@ class Comparison:
         return tuple(zip(laps_of(self.reference), laps_of(self.other), strict=True))
 
 
-def compared(reference: Flight, other: Flight) -> Comparison:
+def compare_flights(reference: Flight, other: Flight) -> Comparison:
     """Hold one flight against another of the same passings.
 
     Aircraft, rules, wind and fidelity may differ, and so may the places of the gates.
@@ -357,7 +357,7 @@ def _shares(L: float, t: float, L_other: float, t_other: float) -> tuple[float, 
     return (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
 
 
-def _progress(reference: Flight, other: Flight, legs: Sequence[LegComparison]) -> Progress:
+def _progress(reference: Flight, other: Flight, legs: Sequence[LegComparison]) -> RelativeProgress:
     """Return the difference of time, leg by leg at the same shares of both ways."""
     starts = reference.crossings[0].time, other.crossings[0].time
     distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
@@ -371,7 +371,7 @@ def _progress(reference: Flight, other: Flight, legs: Sequence[LegComparison]) -
             mine, its = _time_at_shares(reference, leg.reference), _time_at_shares(other, leg.other)
             lost = (its - starts[1]) - (mine - starts[0])
         difference.append(lost[1:])
-    return Progress(np.concatenate(distance), np.concatenate(difference), np.array(passings))
+    return RelativeProgress(np.concatenate(distance), np.concatenate(difference), np.array(passings))
 
 
 def _time_at_shares(flight: Flight, leg: Leg) -> Array:

@@ -51,7 +51,7 @@ class Rule:
     applies: Callable[[Race], bool] = lambda _: True
 
 
-def completed(race: Race, given: Histories) -> Histories:
+def complete_histories(race: Race, given: Histories) -> Histories:
     """Return the histories of a flight with all that follows from them.
 
     Args:
@@ -92,7 +92,7 @@ def _column(race: Race, name: str) -> Callable[[PrimalDualPoint], Array]:
 
     def values(known: PrimalDualPoint) -> Array:
         given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
-        return completed(race, given)[name].values
+        return complete_histories(race, given)[name].values
 
     return values
 
@@ -221,7 +221,7 @@ def flight_of(race: Race, result: StageResult, source: Source, *, longest_step: 
     read = results_api.continuous(race, result, longest_step)
     given = {one.name: History(one, values, Basis.SOLVED) for one, values in read.solved.items()}
     given |= {one.name: History(one, values, Basis.DERIVED) for one, values in read.derived.items()}
-    histories = completed(race, given)
+    histories = complete_histories(race, given)
     crossings: list[Crossing] = []
     nodes = result.trajectory.first_node.tolist()
     for passage, node in zip(race.course.passages, nodes, strict=True):

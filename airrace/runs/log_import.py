@@ -8,7 +8,7 @@ from airrace.inputs import Inputs, load_inputs
 from airrace.inputs.log_layout import read_layout, with_columns, with_zone
 from airrace.logs.log_flight import flown_flight
 from airrace.logs.reading import read_log
-from airrace.logs.recording import Layout
+from airrace.logs.recording import ColumnLayout
 from airrace.runs.given import AircraftGiven, TrackGiven, Values, aircraft_of, document_or_path, value_texts
 from airrace.runs.log_view import LogView, new_flown_log
 from airrace.standard_streams import stem_of
@@ -50,7 +50,7 @@ def import_log(
         raise UsageError("a course is needed: a name, a file or an object")
     flown_by = document_or_path(aircraft_of(track, aircraft))
     inputs = load_inputs(named, aircraft=flown_by, overrides=value_texts(set))
-    layout, known_noise = (Layout(), None) if mapping is None else read_layout(Path(mapping))
+    layout, known_noise = (ColumnLayout(), None) if mapping is None else read_layout(Path(mapping))
     layout = with_columns(layout, columns)
     layout = layout if time_zone is None else with_zone(layout, time_zone)
     if noise is not None and not 0.0 < noise <= 100.0:
@@ -64,7 +64,7 @@ def flown_through(
     log: Path,
     inputs: Inputs,
     *,
-    layout: Layout | None = None,
+    layout: ColumnLayout | None = None,
     noise: float | None = None,
     run: int | None = None,
     name: str | None = None,

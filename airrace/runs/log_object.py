@@ -2,7 +2,7 @@
 
 import math
 
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 from airrace.results import Flight
 from airrace.runs.leg_object import legs_object
 from airrace.runs.log_view import LogView
@@ -44,7 +44,7 @@ def _passings(flight: Flight) -> list[dict[str, object]]:
     ]
 
 
-def _breach(one: Breach) -> dict[str, object]:
+def _breach(one: Violation) -> dict[str, object]:
     return {
         "passing": one.passing or None,
         "rule": one.rule,

@@ -18,7 +18,7 @@ from airrace.checkpoint import (
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.inputs import Inputs, inputs_from_documents
-from airrace.logs.violations import Breach
+from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Crossing, Flight, History, Source
 from airrace.runs.output import written_or_returned
@@ -45,7 +45,7 @@ class LogView:
     recorded: Recorded
 
     @property
-    def breaches(self) -> tuple[Breach, ...]:
+    def breaches(self) -> tuple[Violation, ...]:
         """The rules that the flight would break, in the order of the course."""
         return self.recorded.breaches
 

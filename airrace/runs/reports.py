@@ -8,7 +8,7 @@ from airrace.report.flight_page import flight_page
 from airrace.report.sections import (
     breaches_section,
     certificate_section,
-    given_section,
+    data_section,
     inputs_section,
     prices_section,
     recording_section,
@@ -55,7 +55,7 @@ def log_sections(flown: LogView) -> list[str]:
     return [
         breaches_section(flown.breaches, flown.penalty),
         recording_section([*told, ("start", f"{log.offset:.3f} s after the first sample")], flown.remarks),
-        given_section(flown.inputs, [], flown.recorded.versions),
+        data_section(flown.inputs, [], flown.recorded.versions),
     ]
 
 

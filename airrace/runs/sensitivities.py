@@ -10,7 +10,7 @@ from airrace.export.extras import extra
 from airrace.inputs import Inputs
 from airrace.procedure.result import StageResult
 from airrace.sensitivity.lagrangian import prices
-from airrace.sensitivity.sensitivity import Activity, Group, Price
+from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price
 from airrace.views.tables import html_table, text_table
 
 if TYPE_CHECKING:
@@ -83,10 +83,10 @@ def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices
         UsageError: there is no such group, or course or aircraft were built in Python.
         NotCertified: the stage is no optimum, certified or solved.
     """
-    known = {group.value: group for group in Group}
+    known = {group.value: group for group in ParameterGroup}
     if by is not None and by not in known:
         raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
-    groups = frozenset(Group) if by is None else frozenset([known[by]])
+    groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
     return Prices(prices(inputs, result, groups=groups))
 
 

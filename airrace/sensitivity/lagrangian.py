@@ -27,7 +27,7 @@ from airrace.procedure.perturbed import PerturbedProblem
 from airrace.procedure.result import Outcome, StageResult
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
-from airrace.sensitivity.sensitivity import Activity, Group, Price, group_of, unit_of, usual_step
+from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price, group_of, unit_of, usual_step
 from airrace.trajectory import Array
 
 SHARE = 1e-5
@@ -59,7 +59,7 @@ class Value:
 
 
 @dataclass
-class _Pull:
+class _Multipliers:
     """The multipliers of both limits of one quantity at one place, summed, lower end first, s per unit."""
 
     strong: Array = field(default_factory=lambda: np.zeros(2))
@@ -74,14 +74,14 @@ class _Ends:
     """The pulls on one quantity at one place, and how its limits there are read from a problem."""
 
     limits: Callable[[Problem], Interval]
-    pull: _Pull = field(default_factory=_Pull)
+    pull: _Multipliers = field(default_factory=_Multipliers)
 
 
 Owner = tuple[str, int, int]
 """The owner of an observation: a boundary ("boundary", its number, 0) or a watch ("watch", phase, its number there)."""
 
 
-class Worth:
+class LagrangianSensitivity:
     """The values of problems that differ from a solved one in numbers alone."""
 
     def __init__(self, problem: Problem, iterate: Iterate, lam: Array, nu: Array, kernels: Kernels) -> None:
@@ -133,7 +133,7 @@ class Worth:
                     weak -= float(ends.pull.weak[end]) * limit
         return Value(strong, weak)
 
-    def _at(self, key: object, limits: Callable[[Problem], Interval]) -> _Pull:
+    def _at(self, key: object, limits: Callable[[Problem], Interval]) -> _Multipliers:
         return self._ends.setdefault(key, _Ends(limits)).pull
 
     def _gather_rows(self, lam: Array, weak: Array) -> None:
@@ -327,7 +327,9 @@ SAME = 0.02
 """The share of the larger price by which the prices to both sides may differ and still count as one."""
 
 
-def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = frozenset(Group)) -> dict[str, Price]:
+def prices(
+    inputs: Inputs, result: StageResult, *, groups: frozenset[ParameterGroup] = frozenset(ParameterGroup)
+) -> dict[str, Price]:
     """Return the price of every number that `--set` reaches, from the stored multipliers, with nothing solved again.
 
     A price is the derivative of the stage's objective (race time and regularisation, whose weights are kept) on the
@@ -351,7 +353,7 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
         raise NotCertified(_uncertified(result))
     variation = Variation(inputs)
     varied = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
-    worth = _worth(varied, inputs, result)
+    worth = _lagrangian_sensitivity(varied, inputs, result)
 
     def value(key: str, number: float) -> Value | None:
         try:
@@ -359,7 +361,7 @@ def prices(inputs: Inputs, result: StageResult, *, groups: frozenset[Group] = fr
         except (InputError, OtherStructureError):
             return None
 
-    pricer = _Pricer(worth.value(varied.problem(inputs.race)), value)
+    pricer = _ParameterSensitivity(worth.value(varied.problem(inputs.race)), value)
     chosen = {key: number for key, number in variation.numbers.items() if group_of(key) in groups}
     priced = [price for key, number in chosen.items() if (price := pricer.price(key, number)) is not None]
     return {price.key: price for price in sorted(priced, key=lambda one: (-one.weight, one.key))}
@@ -372,7 +374,7 @@ def _uncertified(result: StageResult) -> str:
     return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has prices"
 
 
-def _worth(varied: PerturbedProblem, inputs: Inputs, result: StageResult) -> Worth:
+def _lagrangian_sensitivity(varied: PerturbedProblem, inputs: Inputs, result: StageResult) -> LagrangianSensitivity:
     problem, iterate = varied.problem(inputs.race), iterate_of(result.trajectory)
     layout, stage = Layout(problem), result.stage.value
     fits = result.constraint_multipliers.shape == (layout.constraints,)
@@ -382,7 +384,7 @@ def _worth(varied: PerturbedProblem, inputs: Inputs, result: StageResult) -> Wor
             f"but the race has {layout.constraints} constraints on this mesh"
         )
     kernels = build_kernels(problem.system, problem.scheme)
-    return Worth(problem, iterate, result.constraint_multipliers, result.bound_multipliers, kernels)
+    return LagrangianSensitivity(problem, iterate, result.constraint_multipliers, result.bound_multipliers, kernels)
 
 
 @record
@@ -398,7 +400,7 @@ class _Slopes:
 
 
 @record
-class _Pricer:
+class _ParameterSensitivity:
     """A pricer of numbers, one by one; `now` is the value of the race as flown, `value` that with a number changed."""
 
     now: Value

@@ -42,7 +42,7 @@ A step of 0 means one per cent of the value.
 """
 
 
-class Group(Enum):
+class ParameterGroup(Enum):
     """A group of numbers, by the part of the inputs to which they belong."""
 
     TRACK = "track"
@@ -76,7 +76,7 @@ class Price:
     """
 
     key: str
-    group: Group
+    group: ParameterGroup
     unit: str
     value: float
     upward: float
@@ -123,12 +123,12 @@ class Price:
         }
 
 
-def group_of(key: str) -> Group:
+def group_of(key: str) -> ParameterGroup:
     """Return the group of the number that a key names."""
     first = key.partition(".")[0]
-    if first in (Group.AIRCRAFT.value, Group.RULES.value, Group.ENVIRONMENT.value):
-        return Group(first)
-    return Group.ENVIRONMENT if key == "origin.elevation_m" else Group.TRACK
+    if first in (ParameterGroup.AIRCRAFT.value, ParameterGroup.RULES.value, ParameterGroup.ENVIRONMENT.value):
+        return ParameterGroup(first)
+    return ParameterGroup.ENVIRONMENT if key == "origin.elevation_m" else ParameterGroup.TRACK
 
 
 def unit_of(key: str) -> str:

@@ -19,7 +19,7 @@ from airrace.views.tables import html_table
 
 
 @record
-class Row:
+class CourseRow:
     """A passage in a table; SI and radians, None for what the element leaves free.
 
     `leg` is the straight distance from the passage before, `turn` the change of direction between the straight lines
@@ -86,7 +86,7 @@ def safety_lines(race: Race) -> list[SafetyLine]:
     return list({line.name: line for passage in race.course.passages for line in passage.safety_lines}.values())
 
 
-def rows(race: Race) -> list[Row]:
+def rows(race: Race) -> list[CourseRow]:
     """Return one row per passage, in the order flown."""
     passages = race.course.passages
     places = [passage.element.place for passage in passages]
@@ -99,11 +99,11 @@ def rows(race: Race) -> list[Row]:
     ]
 
 
-def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[float, float] | None) -> Row:
+def _row(passage: Passage, *, before: tuple[float, float] | None, after: tuple[float, float] | None) -> CourseRow:
     element = passage.element
     north, east = element.place or (None, None)
     course = element.course(passage.direction)
-    return Row(
+    return CourseRow(
         passage=passage,
         kind=element.type_name,
         north=north,

@@ -11,7 +11,7 @@ from airrace.results import Flight
 from airrace.trajectory import Array
 from airrace.views.course_figure import write_labels
 from airrace.views.drawing import COLOURS, GREY, RED, Axes, Figure, names_as_they_are, new_figure, save_figure
-from airrace.views.flown_line import draw_coloured, draw_map, flown_scenery
+from airrace.views.flown_line import draw_coloured, draw_map, flight_map
 
 WIDTH, HEIGHT = 15.0, 9.6  # inches
 LABELS_MAX = 60  # elements; of longer courses no names are written
@@ -63,7 +63,7 @@ def flight_figure(flight: Flight) -> Figure:
     left, right = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
     plan_place, profile_place = left.subgridspec(2, 1, height_ratios=(3.2, 1.0))
     plan, profile = figure.add_subplot(plan_place), figure.add_subplot(profile_place)
-    seen, frame = flown_scenery(flight)
+    seen, frame = flight_map(flight)
     line = draw_map(plan, flight, seen, frame, LOAD)
     plan.set(xlabel="east, m", ylabel="north, m")
     figure.colorbar(line, ax=plan, label="load, g", shrink=0.6, pad=0.01)

@@ -16,7 +16,7 @@ COLOURS = "viridis"
 PAD = 0.06  # of the extent, around what is drawn
 
 
-def flown_scenery(flight: Flight) -> tuple[MapModel, Box]:
+def flight_map(flight: Flight) -> tuple[MapModel, Box]:
     """Return the course from above with the line flown in the place of the planned ways, and the frame that holds
     both.
     """
@@ -37,7 +37,7 @@ def draw_map(axes: Axes, flight: Flight, seen: MapModel, frame: Box, colour: str
     Args:
         axes: to be drawn on.
         flight: whose line it is.
-        seen, frame: of `flown_scenery`.
+        seen, frame: of `flight_map`.
         colour: the history that colours the line.
 
     Returns:

@@ -9,7 +9,7 @@ from airrace.quantities import KNOT
 from airrace.results import Flight
 from airrace.results.leg_facts import LegFacts, leg_facts
 from airrace.views.drawing import BLACK, GREY, Axes, Figure, names_as_they_are, new_figure, save_figure
-from airrace.views.flown_line import draw_map, flown_scenery
+from airrace.views.flown_line import draw_map, flight_map
 from airrace.views.labels import Box
 from airrace.views.map_model import round_length
 
@@ -41,7 +41,7 @@ def kneeboard_figure(flight: Flight) -> Figure:
     table_height = min(0.6, 0.0185 * (rows + 2))
     plan = figure.add_axes((0.04, 0.05 + table_height, 0.92, 0.88 - table_height))
     plan.set_anchor("C")
-    seen, frame = flown_scenery(flight)
+    seen, frame = flight_map(flight)
     line = draw_map(plan, flight, seen, frame, "n_z")
     _draw_grid(plan, frame)
     bar = figure.colorbar(line, ax=plan, shrink=0.5, pad=0.01, aspect=30)

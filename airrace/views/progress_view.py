@@ -10,7 +10,7 @@ from airrace.errors import debugging
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.views.lines import PlainLines
-from airrace.views.streams import Watched
+from airrace.views.streams import SafeStream
 
 
 @contextmanager
@@ -30,11 +30,11 @@ def watching(title: str, stages: Sequence[Stage] = (), *, quiet: bool) -> Genera
         from airrace.views.live import LiveView
         from airrace.views.plain_console import PlainConsole
 
-        view = LiveView(title, PlainConsole(file=cast(TextIO, Watched(sys.stderr, commanded=True))), stages)
+        view = LiveView(title, PlainConsole(file=cast(TextIO, SafeStream(sys.stderr, commanded=True))), stages)
         with view.live, _logged_by(_Lines(view.live.console.print)):
             yield view
     else:
-        stream = cast(TextIO, Watched(sys.stderr))
+        stream = cast(TextIO, SafeStream(sys.stderr))
         with _logged_by(_Lines(lambda text: print(text, file=stream, flush=True))):
             yield PlainLines(stream, stages)
 

@@ -9,7 +9,7 @@ from typing import Any, TextIO, cast
 from airrace.views.plain_text import plain, styled
 
 
-class Watched(io.TextIOBase):
+class SafeStream(io.TextIOBase):
     """A stream that somebody may watch, or no longer: what cannot be written is lost, and nothing else is.
 
     Progress and messages go through it. A full disk behind `2>`, or a reader that has gone away, must not end a run.
@@ -21,7 +21,7 @@ class Watched(io.TextIOBase):
     """
 
     def __init__(self, stream: TextIO, *, commanded: bool = False) -> None:
-        self._stream: TextIO = stream._stream if isinstance(stream, Watched) else stream
+        self._stream: TextIO = stream._stream if isinstance(stream, SafeStream) else stream
         self._shown = str if commanded else plain
 
     def write(self, text: str) -> int:
@@ -59,7 +59,7 @@ class Watched(io.TextIOBase):
         return self._stream.buffer
 
 
-class Shown(io.TextIOBase):
+class PlainStream(io.TextIOBase):
     """A stream of a long text for people or programs, in which control characters are shown as in `styled`.
 
     Args:
@@ -90,8 +90,8 @@ def secure() -> None:
     sys.stdout = sys.stdout or _stream(1, "w")
     sys.stderr = sys.stderr or _stream(2, "w")
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="backslashreplace")
-    if not isinstance(sys.stderr, Watched):
-        sys.stderr = Watched(sys.stderr)
+    if not isinstance(sys.stderr, SafeStream):
+        sys.stderr = SafeStream(sys.stderr)
 
 
 def _stream(descriptor: int, mode: str) -> TextIO:

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from airrace.batch.executor import Ending, Executor, StageFinished
+from airrace.batch.executor import AttemptResult, Executor, StageFinished
 from airrace.batch.job import Job
 from airrace.batch.local import LocalExecutor
-from airrace.batch.plan import Plan, Result, Step
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
 from airrace.batch.planning import make_plan
-from airrace.batch.record import Choice, FileMark, Record, checkpoint_path, write_record
+from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
 from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.batch.supervision import Policy, supervise
 from airrace.inputs import Document
@@ -57,12 +57,12 @@ def job(name: str = "oval", **changed: object) -> Job:
     return Job(**values)  # type: ignore[arg-type]
 
 
-def step(one: Job, *, known: Result | None = None, reason: str = "new") -> Step:
-    return Step(one.name, one.course, one.track.path, one.aircraft.path, one.swept, one, reason, known)
+def step(one: Job, *, known: JobResult | None = None, reason: str = "new") -> PlannedJob:
+    return PlannedJob(one.name, one.course, one.track.path, one.aircraft.path, one.swept, one, reason, known)
 
 
-def plan_of(folder: Path, *jobs: Job) -> Plan:
-    return Plan(folder, tuple(step(one) for one in jobs))
+def plan_of(folder: Path, *jobs: Job) -> BatchPlan:
+    return BatchPlan(folder, tuple(step(one) for one in jobs))
 
 
 def planned(
@@ -73,13 +73,15 @@ def planned(
     until: str = "point-mass",
     choice: Choice = Choice.NONE,
     **manner: object,
-) -> Plan:
+) -> BatchPlan:
     """The plan of a call of the command."""
     how = Manner(sweeps=parse_sweeps(sweeps), **manner)  # type: ignore[arg-type]
     return make_plan(find_sources([*map(str, courses)], how), folder, until=until, versions=versions, choice=choice)
 
 
-def flown(plan: Plan, policy: Policy | None = None, executor: Executor | None = None, slots: int = 2) -> list[Result]:
+def flown(
+    plan: BatchPlan, policy: Policy | None = None, executor: Executor | None = None, slots: int = 2
+) -> list[JobResult]:
     """Fly a plan with stand-ins."""
     plan.folder.mkdir(parents=True, exist_ok=True)
     with executor or LocalExecutor(STAND_IN, slots) as flying:
@@ -98,7 +100,7 @@ def finished(folder: Path, one: Job, code: int = 0, message: str = "") -> None:
     path = checkpoint_path(folder, one.name)
     path.write_bytes(b"whatever was flown")
     run = {"race_time_s": 10.0, "stages": []}
-    write_record(folder, one.name, Record(one.fingerprint, True, code, message, 1.0, (), run, (), FileMark.of(path)))
+    write_record(folder, one.name, JobRecord(one.fingerprint, True, code, message, 1.0, (), run, (), FileMark.of(path)))
 
 
 @dataclass
@@ -107,27 +109,27 @@ class Watched:
 
     lines: list[str] = field(default_factory=list)
 
-    def begun(self, plan: Plan) -> None:
+    def begun(self, plan: BatchPlan) -> None:
         self.lines.append(f"begun {len(plan.steps)}")
 
-    def started(self, step: Step, attempt: int, where: str) -> None:
+    def started(self, step: PlannedJob, attempt: int, where: str) -> None:
         self.lines.append(f"{step.name} started {attempt}")
 
-    def stage_started(self, step: Step, stage: str) -> None:
+    def stage_started(self, step: PlannedJob, stage: str) -> None:
         self.lines.append(f"{step.name} {stage} started")
 
-    def stage_finished(self, step: Step, event: StageFinished) -> None:
+    def stage_finished(self, step: PlannedJob, event: StageFinished) -> None:
         self.lines.append(f"{step.name} {event.stage} {event.status}")
 
-    def retried(self, step: Step, reason: str) -> None:
+    def retried(self, step: PlannedJob, reason: str) -> None:
         self.lines.append(f"{step.name} again: {reason}")
 
-    def ended(self, step: Step, result: Result) -> None:
+    def ended(self, step: PlannedJob, result: JobResult) -> None:
         self.lines.append(f"{step.name} ended {result.code}")
 
     def idle(self) -> None: ...
 
 
-def ending(code: int = 0, race_time: float | None = 10.0, message: str = "") -> Ending:
+def ending(code: int = 0, race_time: float | None = 10.0, message: str = "") -> AttemptResult:
     """An answer."""
-    return Ending(code, message, 1.0, (), {"race_time_s": race_time, "stages": []})
+    return AttemptResult(code, message, 1.0, (), {"race_time_s": race_time, "stages": []})

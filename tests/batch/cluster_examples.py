@@ -12,8 +12,8 @@ from clusters import Cluster
 from waiting import wait_until
 
 from airrace.batch.cluster import ClusterExecutor
-from airrace.batch.executor import Ended, Ending, Event
-from airrace.batch.plan import Plan
+from airrace.batch.executor import AttemptResult, Ended, Event
+from airrace.batch.plan import BatchPlan
 
 VERSIONS = {"airrace": version("airrace"), "numpy": version("numpy")}
 STAND_IN = Path(__file__).with_name("cluster_stand_in.py")
@@ -30,7 +30,7 @@ def executor_of(cluster: Cluster, log: Log, slots: int | None = None, wait: floa
     return ClusterExecutor(cluster.address, ("-S", str(STAND_IN), str(log.path)), VERSIONS, slots, wait)
 
 
-def plan_with(folder: Path, notes: str) -> Plan:
+def plan_with(folder: Path, notes: str) -> BatchPlan:
     return planned(write_course(folder), folder=folder, sweeps=[f"notes={notes}"])
 
 
@@ -51,7 +51,7 @@ def await_slots(executor: ClusterExecutor, number: int) -> None:
     wait_until(lambda: executor.events(0.5) is not None and executor.slots == number)
 
 
-def endings(events: list[Event]) -> dict[str, Ending]:
+def endings(events: list[Event]) -> dict[str, AttemptResult]:
     """How jobs ended; none of them twice."""
     ended = [event for event in events if isinstance(event, Ended)]
     assert len({event.name for event in ended}) == len(ended)

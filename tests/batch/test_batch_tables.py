@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from airrace.batch.plan import Plan, Result, Step, Ways
-from airrace.batch.ranking import STATES, Row, ranked, wind_summaries
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, Ways
+from airrace.batch.ranking import STATES, RankingRow, ranking_of, wind_summaries
 from airrace.cli.batch_tables import NAME_MAX, folded, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.procedure.stage import STAGES
@@ -16,17 +16,17 @@ STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LONGEST = max((stage.value for stage in STAGES), key=len)
 
 
-def rows_of(*pairs: tuple[str, Result]) -> list[Row]:
-    steps = [Step(name, "x", "x.yaml", None, (), None) for name, _ in pairs]
-    return ranked(Plan(Path(), tuple(steps)), [result for _, result in pairs])
+def rows_of(*pairs: tuple[str, JobResult]) -> list[RankingRow]:
+    steps = [PlannedJob(name, "x", "x.yaml", None, (), None) for name, _ in pairs]
+    return ranking_of(BatchPlan(Path(), tuple(steps)), [result for _, result in pairs])
 
 
-PLAIN = rows_of(("half_cuban_eight", Result(0, "", 8.821, 28.0)), ("rovinj_2014", Result(0, "", 55.753, 31.0)))
+PLAIN = rows_of(("half_cuban_eight", JobResult(0, "", 8.821, 28.0)), ("rovinj_2014", JobResult(0, "", 55.753, 31.0)))
 WIDEST = rows_of(
     *(
         (
             f"half_cuban_eight,mass_kg=700,speed_kt={code},from_deg=320",
-            Result(
+            JobResult(
                 code,
                 "" if code == 0 else "point-mass: not certified: replay_error 2e-05 > 1e-06",
                 100.125 + code,
@@ -46,7 +46,7 @@ def on_a_terminal(columns: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
 
 
-def shown(rows: list[Row]) -> list[str]:
+def shown(rows: list[RankingRow]) -> list[str]:
     """The lines of the tables, on the terminal if there is one."""
     tables = ranking_tables(rows, terminal_columns())
     return [line for table in tables for line in STYLE.sub("", rendered(table)).splitlines()]
@@ -55,7 +55,7 @@ def shown(rows: list[Row]) -> list[str]:
 @pytest.mark.parametrize("rows", [PLAIN, WIDEST], ids=["plain", "widest"])
 @pytest.mark.parametrize("columns", [80, 90, 100, 120, 160, 250])
 def test_tables_fit_the_terminal_and_break_no_word(
-    rows: list[Row], columns: int, monkeypatch: pytest.MonkeyPatch
+    rows: list[RankingRow], columns: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     on_a_terminal(columns, monkeypatch)
     lines = shown(rows)
@@ -97,11 +97,15 @@ def test_a_wide_terminal_has_the_same_table_and_no_empty_column(monkeypatch: pyt
 def test_jobs_in_several_winds_fit_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     pairs = [("environment.wind.from_deg", "320"), ("rules.n_z_max", "10")]
     steps = [
-        Step(f"half_cuban_eight,n_z_max=10,speed_kt={speed},from_deg=320,mass_kg=700", "x", "x.yaml", None, swept, None)
+        PlannedJob(
+            f"half_cuban_eight,n_z_max=10,speed_kt={speed},from_deg=320,mass_kg=700", "x", "x.yaml", None, swept, None
+        )
         for speed in ("5", "10")
         for swept in [(("environment.wind.speed_kt", speed), *pairs)]
     ]
-    summaries = wind_summaries(ranked(Plan(Path(), tuple(steps)), [Result(0, "", 60.0), Result(0, "", 61.0)]))
+    summaries = wind_summaries(
+        ranking_of(BatchPlan(Path(), tuple(steps)), [JobResult(0, "", 60.0), JobResult(0, "", 61.0)])
+    )
     assert steps[1].name in rendered(wind_tables(summaries)[0])
     on_a_terminal(80, monkeypatch)
     for table in wind_tables(summaries, terminal_columns()):

@@ -9,7 +9,15 @@ import pytest
 from batch_examples import finished, job
 
 from airrace.batch.job import Fingerprint, Job
-from airrace.batch.record import Choice, Record, checkpoint_path, read_record, reason_to_fly, record_path, write_record
+from airrace.batch.record import (
+    Choice,
+    JobRecord,
+    checkpoint_path,
+    read_record,
+    reason_to_fly,
+    record_path,
+    write_record,
+)
 from airrace.errors import Finding
 from airrace.inputs import Document
 
@@ -77,7 +85,7 @@ def test_accidents_are_flown_again(code: int, message: str, told: str, tmp_path:
 
 
 def test_a_job_under_way_when_all_ended_is_flown_again(tmp_path: Path) -> None:
-    write_record(tmp_path, "oval", Record(job().fingerprint, ended=False))
+    write_record(tmp_path, "oval", JobRecord(job().fingerprint, ended=False))
     assert reason(job(), tmp_path) == "it was not finished"
 
 
@@ -140,6 +148,6 @@ def test_any_truncation_of_a_record_is_noticed(tmp_path: Path) -> None:
 def test_a_record_says_after_a_round_trip_what_it_said(tmp_path: Path) -> None:
     findings = (Finding("a.yaml", 3, 4, "rules.n_z_max", "must be a number, not the text `ä`"),)
     run = {"race_time_s": 55.25, "stages": []}
-    record = Record(job().fingerprint, True, 3, "bad", 1.5, ("crashed",), run, findings, None)
+    record = JobRecord(job().fingerprint, True, 3, "bad", 1.5, ("crashed",), run, findings, None)
     write_record(tmp_path, "oval", record)
     assert read_record(tmp_path, "oval") == record

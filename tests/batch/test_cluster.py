@@ -16,7 +16,7 @@ from clusters import Cluster
 from stand_in_job import CHECKPOINT
 from waiting import alive, wait_until
 
-from airrace.batch.executor import Fault, Order, StageFinished, Started
+from airrace.batch.executor import Attempt, FailureKind, StageFinished, Started
 from airrace.batch.supervision import Policy
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -49,7 +49,7 @@ def test_checkpoints_travel_both_ways(cluster: Cluster, tmp_path: Path, log: Log
 def test_a_flight_is_told_in_order_and_where_it_is(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     path = tmp_path / "oval.h5"
     with executor_of(cluster, log) as executor:
-        executor.submit(Order(job(), 1, path, None))
+        executor.submit(Attempt(job(), 1, path, None))
         events = heard(executor, endings)
     assert [type(event).__name__ for event in events] == ["Started", "StageStarted", "StageFinished", "Ended"]
     assert isinstance(events[0], Started)
@@ -62,7 +62,7 @@ def test_a_stage_that_is_not_the_last_comes_back_while_the_job_is_under_way(
 ) -> None:
     path = tmp_path / "oval.h5"
     with executor_of(cluster, log) as executor:
-        executor.submit(Order(job(overrides=("notes=stage-then-hang",), until="six-dof"), 1, path, None))
+        executor.submit(Attempt(job(overrides=("notes=stage-then-hang",), until="six-dof"), 1, path, None))
         events = heard(executor, lambda events: any(isinstance(event, StageFinished) for event in events))
         assert not endings(events)
         assert path.read_bytes() == CHECKPOINT
@@ -80,13 +80,13 @@ def test_jobs_that_are_stopped_say_so_and_leave_no_process(cluster: Cluster, tmp
     with executor_of(cluster, log) as executor:
         await_slots(executor, 3)
         for name in ("a", "b", "c", "queued"):
-            executor.submit(Order(job(name, overrides=("notes=hang-once",)), 1, tmp_path / f"{name}.h5", None))
+            executor.submit(Attempt(job(name, overrides=("notes=hang-once",)), 1, tmp_path / f"{name}.h5", None))
         events = heard(executor, lambda events: sum(isinstance(event, Started) for event in events) == 3)
         wait_until(lambda: len(log.lines) == 3)
         executor.stop()
         ended = endings([*events, *executor.events(0.0)])
     assert {name: (one.code, one.fault) for name, one in ended.items()} == dict.fromkeys(
-        ("a", "b", "c", "queued"), (130, Fault.STOPPED)
+        ("a", "b", "c", "queued"), (130, FailureKind.STOPPED)
     )
     assert not any(map(alive, log.processes()))
     time.sleep(0.5)

@@ -15,7 +15,7 @@ from cluster_log import Log
 from clusters import Cluster
 from waiting import PATIENCE, wait_until, wait_until_gone
 
-from airrace.batch.executor import Fault, Order
+from airrace.batch.executor import Attempt, FailureKind
 from airrace.batch.supervision import Policy, supervise
 
 GONE = re.compile(r"its worker( 127\.0\.0\.1:\d+)? is gone")
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="lo
 
 def test_nothing_flies_on_when_the_executor_is_left(cluster: Cluster, tmp_path: Path, log: Log) -> None:
     with executor_of(cluster, log) as executor:
-        executor.submit(Order(job(overrides=("notes=deaf",)), 1, tmp_path / "oval.h5", None))
+        executor.submit(Attempt(job(overrides=("notes=deaf",)), 1, tmp_path / "oval.h5", None))
         wait_until(lambda: log.lines)
     wait_until_gone(*log.processes())
 
@@ -92,12 +92,12 @@ def test_a_task_that_dask_begins_again_by_itself_is_not_flown(tmp_path: Path, lo
         workers = {worker.pid: worker for worker in (cluster.worker(), cluster.worker())}
         with executor_of(cluster, log) as executor:
             await_slots(executor, 2)
-            executor.submit(Order(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
+            executor.submit(Attempt(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             wait_until(lambda: log.lines)
             workers[log.workers("oval")[0]].kill()
             time.sleep(3.0)  # nobody looks after it, so dask moves it to the other worker
             ended = endings(heard(executor, endings))
-    assert ended["oval"].fault is Fault.LOST
+    assert ended["oval"].fault is FailureKind.LOST
     assert log.of("oval") == ["new"]
 
 
@@ -107,12 +107,12 @@ def test_a_job_ends_with_its_worker_though_no_other_could_take_it(tmp_path: Path
         worker = cluster.worker()
         with executor_of(cluster, log) as executor:
             await_slots(executor, 1)
-            executor.submit(Order(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
+            executor.submit(Attempt(job(overrides=("notes=hang",)), 1, tmp_path / "oval.h5", None))
             events = heard(executor, lambda events: log.lines and events)
             worker.kill()
             ended = endings([*events, *heard(executor, endings)])
             assert executor.slots == 0
-    assert ended["oval"].fault is Fault.LOST
+    assert ended["oval"].fault is FailureKind.LOST
     assert ended["oval"].message.startswith("its worker 127.0.0.1:")
     wait_until_gone(*log.processes())
 

@@ -9,9 +9,9 @@ import pytest
 from batch_examples import STAND_IN, flown, job, planned, starts, write_course
 from waiting import text_of, wait_until, wait_until_gone
 
-from airrace.batch.executor import Ended, Ending, Fault, Order
+from airrace.batch.executor import Attempt, AttemptResult, Ended, FailureKind
 from airrace.batch.local import LocalExecutor
-from airrace.batch.plan import Plan
+from airrace.batch.plan import BatchPlan
 from airrace.batch.process import JOB_COMMAND
 from airrace.batch.record import Choice, read_record
 from airrace.batch.supervision import Policy
@@ -21,49 +21,53 @@ from airrace.runs.exit_codes import ExitCode
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 
 
-def fly(folder: Path, notes: str, timeout: float | None = None) -> Ending:
+def fly(folder: Path, notes: str, timeout: float | None = None) -> AttemptResult:
     """One attempt at a job that behaves in a certain way."""
-    order = Order(job(overrides=(f"notes={notes}",)), 1, folder / "oval.h5", timeout)
+    order = Attempt(job(overrides=(f"notes={notes}",)), 1, folder / "oval.h5", timeout)
     with LocalExecutor(STAND_IN, 1) as executor:
         executor.submit(order)
         return wait_for_end(executor)
 
 
-def wait_for_end(executor: LocalExecutor) -> Ending:
+def wait_for_end(executor: LocalExecutor) -> AttemptResult:
     return wait_until(lambda: [event.ending for event in executor.events(1.0) if isinstance(event, Ended)])[0]
 
 
 def test_an_answer_comes_with_its_run(tmp_path: Path) -> None:
     ended = fly(tmp_path, "fine")
-    assert (ended.code, ended.fault, ended.message) == (0, Fault.NONE, "")
+    assert (ended.code, ended.fault, ended.message) == (0, FailureKind.NONE, "")
     assert ended.run is not None
     assert ended.run["race_time_s"] == 10.0
 
 
 def test_an_infeasible_course_is_an_answer(tmp_path: Path) -> None:
     ended = fly(tmp_path, "infeasible")
-    assert (ended.code, ended.fault) == (4, Fault.NONE)
+    assert (ended.code, ended.fault) == (4, FailureKind.NONE)
 
 
 def test_a_crash_is_told_with_its_signal(tmp_path: Path) -> None:
     ended = fly(tmp_path, "crash")
-    assert (ended.code, ended.fault, ended.message) == (8, Fault.CRASHED, "its process crashed (SIGABRT)")
+    assert (ended.code, ended.fault, ended.message) == (8, FailureKind.CRASHED, "its process crashed (SIGABRT)")
 
 
 def test_a_process_that_ends_without_an_answer_is_told_with_its_last_words(tmp_path: Path) -> None:
     ended = fly(tmp_path, "exit")
-    assert (ended.code, ended.fault) == (8, Fault.CRASHED)
+    assert (ended.code, ended.fault) == (8, FailureKind.CRASHED)
     assert ended.message == "its process crashed (exit code 3): the last words"
 
 
 def test_a_process_that_talks_nonsense_has_not_answered(tmp_path: Path) -> None:
     ended = fly(tmp_path, "astray")
-    assert (ended.code, ended.fault, ended.message) == (8, Fault.CRASHED, "its process crashed (exit code 0)")
+    assert (ended.code, ended.fault, ended.message) == (8, FailureKind.CRASHED, "its process crashed (exit code 0)")
 
 
 def test_a_killed_process_is_suspected_to_have_used_up_the_memory(tmp_path: Path) -> None:
     ended = fly(tmp_path, "killed")
-    assert (ended.code, ended.fault, ended.message) == (8, Fault.KILLED, "its process was killed (out of memory?)")
+    assert (ended.code, ended.fault, ended.message) == (
+        8,
+        FailureKind.KILLED,
+        "its process was killed (out of memory?)",
+    )
 
 
 def test_a_killed_solver_is_suspected_likewise(tmp_path: Path) -> None:
@@ -72,21 +76,21 @@ def test_a_killed_solver_is_suspected_likewise(tmp_path: Path) -> None:
 
 def test_a_hang_is_stopped_when_its_time_is_up(tmp_path: Path) -> None:
     ended = fly(tmp_path, "hang", timeout=0.5)
-    assert (ended.code, ended.fault, ended.message) == (6, Fault.TIMED_OUT, "stopped after 0.5 s (--timeout)")
+    assert (ended.code, ended.fault, ended.message) == (6, FailureKind.TIMED_OUT, "stopped after 0.5 s (--timeout)")
 
 
 @linux_only
 def test_a_process_that_does_not_listen_is_killed_with_its_family(tmp_path: Path) -> None:
     ended = fly(tmp_path, "deaf", timeout=5.0)
-    assert ended.fault is Fault.TIMED_OUT
+    assert ended.fault is FailureKind.TIMED_OUT
     wait_until_gone(int((tmp_path / "oval.child").read_text()))
 
 
 def test_a_command_that_cannot_be_started_is_an_ending(tmp_path: Path) -> None:
     with LocalExecutor(["/nowhere/python"], 1) as executor:
-        executor.submit(Order(job(), 1, tmp_path / "oval.h5", None))
+        executor.submit(Attempt(job(), 1, tmp_path / "oval.h5", None))
         ended = wait_for_end(executor)
-    assert (ended.code, ended.fault) == (8, Fault.CRASHED)
+    assert (ended.code, ended.fault) == (8, FailureKind.CRASHED)
     assert "could not be started" in ended.message
 
 
@@ -94,7 +98,7 @@ def test_a_command_that_cannot_be_started_is_an_ending(tmp_path: Path) -> None:
 def test_nothing_is_left_running_when_the_executor_is_left(tmp_path: Path) -> None:
     with LocalExecutor(STAND_IN, 2) as executor:
         for name in ("a", "b"):
-            executor.submit(Order(job(name, overrides=("notes=deaf",)), 1, tmp_path / f"{name}.h5", None))
+            executor.submit(Attempt(job(name, overrides=("notes=deaf",)), 1, tmp_path / f"{name}.h5", None))
         family = [int(text_of(tmp_path / f"{name}.child")) for name in ("a", "b")]
         family += [int(text_of(tmp_path / f"{name}.starts").split()[0]) for name in ("a", "b")]
     wait_until_gone(*family)
@@ -114,13 +118,13 @@ def test_job_ends_when_nobody_is_left_to_hear_its_answer(tmp_path: Path) -> None
 def test_jobs_that_are_stopped_say_so(tmp_path: Path) -> None:
     with LocalExecutor(STAND_IN, 2) as executor:
         for name in ("a", "b"):
-            executor.submit(Order(job(name, overrides=("notes=hang",)), 1, tmp_path / f"{name}.h5", None))
+            executor.submit(Attempt(job(name, overrides=("notes=hang",)), 1, tmp_path / f"{name}.h5", None))
             text_of(tmp_path / f"{name}.starts")
         executor.stop()
         endings = {event.name: event.ending for event in executor.events(0.0) if isinstance(event, Ended)}
     assert {name: (one.code, one.fault) for name, one in endings.items()} == {
-        "a": (130, Fault.STOPPED),
-        "b": (130, Fault.STOPPED),
+        "a": (130, FailureKind.STOPPED),
+        "b": (130, FailureKind.STOPPED),
     }
 
 
@@ -133,7 +137,7 @@ def test_a_retry_goes_on_from_the_jobs_own_checkpoint(tmp_path: Path) -> None:
 
 
 def test_a_second_call_goes_on_where_the_first_ran_out_of_time_and_a_third_has_nothing_to_do(tmp_path: Path) -> None:
-    def plan() -> Plan:
+    def plan() -> BatchPlan:
         return planned(write_course(tmp_path), folder=tmp_path, overrides=("notes=hang-once",))
 
     assert flown(plan(), Policy(timeout=5.0))[0].code == 6
@@ -174,7 +178,7 @@ def test_three_hundred_jobs_of_which_some_are_killed_are_all_accounted_for_and_n
     class Killing(LocalExecutor):
         begun = 0
 
-        def submit(self, order: Order) -> None:
+        def submit(self, order: Attempt) -> None:
             super().submit(order)
             self.begun += 1
             sizes.append(resident())

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
 from airrace.batch import github
-from airrace.batch.plan import Plan, Result, Step, Ways, invalid, ways_of
-from airrace.batch.ranking import Row, counts, ranked, wind_summaries, wind_words
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, Ways, invalid, ways_of
+from airrace.batch.ranking import RankingRow, counts, ranking_of, wind_summaries, wind_words
 from airrace.batch.reports import csv_text, fit, junit_text, markdown_text
 from airrace.batch.supervision import Policy
 from airrace.cli.batch_tables import ranking_tables
@@ -23,23 +23,23 @@ from airrace.errors import Finding
 FINDING = Finding("tracks/bad, a.yaml", 7, 3, "rules.n_z_mx", "unknown key `n_z_mx`;\ndid you mean `n_z_max`? 100 %")
 
 
-def a_step(name: str, course: str = "", **swept: str) -> Step:
+def a_step(name: str, course: str = "", **swept: str) -> PlannedJob:
     pairs = tuple((key.replace("__", "."), value) for key, value in swept.items())
     flown = course or "course"
-    return Step(name, flown, f"tracks/{flown}.yaml", "configs/edge540.yaml", pairs, None)
+    return PlannedJob(name, flown, f"tracks/{flown}.yaml", "configs/edge540.yaml", pairs, None)
 
 
-def rows_of(*pairs: tuple[Step, Result]) -> list[Row]:
-    return ranked(Plan(Path("out"), tuple(step for step, _ in pairs)), [result for _, result in pairs])
+def rows_of(*pairs: tuple[PlannedJob, JobResult]) -> list[RankingRow]:
+    return ranking_of(BatchPlan(Path("out"), tuple(step for step, _ in pairs)), [result for _, result in pairs])
 
 
 ROWS = rows_of(
-    (a_step("slow"), Result(0, "", 62.5, 12.0)),
+    (a_step("slow"), JobResult(0, "", 62.5, 12.0)),
     (a_step("bad"), invalid((FINDING,))),
-    (a_step("loose"), Result(5, "point-mass: not certified: replay", 50.0, 9.0)),
-    (a_step("fast"), Result(0, "", 60.25, 11.0, ("its process was killed",))),
-    (a_step("never"), Result(130, "interrupted before it was begun")),
-    (a_step("no <way>"), Result(4, "gate a | b cannot be reached", None, 3.0)),
+    (a_step("loose"), JobResult(5, "point-mass: not certified: replay", 50.0, 9.0)),
+    (a_step("fast"), JobResult(0, "", 60.25, 11.0, ("its process was killed",))),
+    (a_step("never"), JobResult(130, "interrupted before it was begun")),
+    (a_step("no <way>"), JobResult(4, "gate a | b cannot be reached", None, 3.0)),
 )
 
 
@@ -53,9 +53,9 @@ def test_differences_are_to_the_fastest_certified_flight() -> None:
 
 def test_courses_are_ranked_apart_from_each_other() -> None:
     rows = rows_of(
-        (a_step("b2", "b"), Result(0, "", 21.0)),
-        (a_step("a1", "a"), Result(0, "", 10.0)),
-        (a_step("b1", "b"), Result(0, "", 20.0)),
+        (a_step("b2", "b"), JobResult(0, "", 21.0)),
+        (a_step("a1", "a"), JobResult(0, "", 10.0)),
+        (a_step("b1", "b"), JobResult(0, "", 20.0)),
     )
     assert [row.step.name for row in rows] == ["b1", "b2", "a1"]
     assert [row.behind for row in rows] == [0.0, 1.0, 0.0]
@@ -63,12 +63,12 @@ def test_courses_are_ranked_apart_from_each_other() -> None:
 
 
 def test_what_five_milliseconds_tell_apart_is_a_tie() -> None:
-    rows = rows_of(*((a_step(name, "a"), Result(0, "", time)) for name, time in (("x", 10.0), ("y", 10.004))))
+    rows = rows_of(*((a_step(name, "a"), JobResult(0, "", time)) for name, time in (("x", 10.0), ("y", 10.004))))
     assert [row.behind_words for row in rows] == ["best", "tie"]
 
 
 def test_stage_and_laps_stand_beside_the_race_time() -> None:
-    rows = rows_of((a_step("a"), Result(0, "", 20.0, stage="point-mass", laps=(10.5, 9.5))))
+    rows = rows_of((a_step("a"), JobResult(0, "", 20.0, stage="point-mass", laps=(10.5, 9.5))))
     assert rendered(*ranking_tables(rows)).splitlines()[-1].split()[:6] == [
         *("a", "certified", "point-mass", "20.000", "best", "9.500")
     ]
@@ -93,15 +93,15 @@ def test_the_csv_holds_every_job_with_every_number_as_it_is() -> None:
 
 def test_the_csv_has_a_column_for_every_swept_key() -> None:
     rows = rows_of(
-        (a_step("x", environment__wind__speed_kt="5"), Result(0, "", 10.0)), (a_step("y"), Result(0, "", 11.0))
+        (a_step("x", environment__wind__speed_kt="5"), JobResult(0, "", 10.0)), (a_step("y"), JobResult(0, "", 11.0))
     )
     table = list(csv.DictReader(io.StringIO(csv_text(rows, Path("out")))))
     assert [line["environment.wind.speed_kt"] for line in table] == ["5", ""]
 
 
 EXPLORED = rows_of(
-    (a_step("plain"), Result(0, "", 61.0)),
-    (a_step("bent"), Result(0, "", 60.0, ways=Ways("a | b: to the left", 7, "a -> b: over the top", 0.125))),
+    (a_step("plain"), JobResult(0, "", 61.0)),
+    (a_step("bent"), JobResult(0, "", 60.0, ways=Ways("a | b: to the left", 7, "a -> b: over the top", 0.125))),
 )
 
 
@@ -131,7 +131,7 @@ def test_the_ways_of_a_run_are_those_of_the_stage_that_explored() -> None:
 
 
 @pytest.fixture(scope="module")
-def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Row]]:
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[RankingRow]]:
     """A batch in which everything happens that can happen."""
     folder = tmp_path_factory.mktemp("mixed")
     course, broken = write_course(folder), write_course(folder, "broken")
@@ -139,11 +139,11 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Row]]:
     manners = ["fine", "crash", "infeasible", "not-certified", "hang"]
     plan = planned(course, broken, folder=folder, sweeps=[f"notes={','.join(manners)}"])
     results = flown(plan, Policy(timeout=1.5), slots=3)
-    plan = Plan(folder, (*plan.steps, a_step("never")), plan.findings)
-    return folder, ranked(plan, [*results, Result(130, "interrupted before it was begun")])
+    plan = BatchPlan(folder, (*plan.steps, a_step("never")), plan.findings)
+    return folder, ranking_of(plan, [*results, JobResult(130, "interrupted before it was begun")])
 
 
-def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[Row]], tmp_path: Path) -> None:
+def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[RankingRow]], tmp_path: Path) -> None:
     folder, rows = mixed
     text = junit_text(rows, folder)
     path = tmp_path / "out.xml"
@@ -165,7 +165,7 @@ def test_junitparser_reads_back_what_was_written(mixed: tuple[Path, list[Row]], 
     assert tree(tmp_path / "again.xml") == tree(path)
 
 
-def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[Row]]) -> None:
+def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[RankingRow]]) -> None:
     suites = suites_of(mixed)
     fine = next(suite for name, suite in suites.items() if name.endswith("notes=fine"))
     assert [case.name for case in fine] == ["point-mass", "point-mass.kkt_error", "point-mass.path_angle", "run"]
@@ -178,7 +178,7 @@ def test_every_item_of_a_certificate_is_a_test_case(mixed: tuple[Path, list[Row]
 
 
 def test_accidents_and_invalid_inputs_are_errors_and_what_was_not_begun_is_skipped(
-    mixed: tuple[Path, list[Row]],
+    mixed: tuple[Path, list[RankingRow]],
 ) -> None:
     found = {name: [type(one) for case in suite for one in case.result] for name, suite in suites_of(mixed).items()}
     assert found["oval,notes=crash"] == [Error]
@@ -189,7 +189,7 @@ def test_accidents_and_invalid_inputs_are_errors_and_what_was_not_begun_is_skipp
     assert suites_of(mixed)["oval,notes=crash"].errors == 1
 
 
-def suites_of(mixed: tuple[Path, list[Row]]) -> dict[str, TestSuite]:
+def suites_of(mixed: tuple[Path, list[RankingRow]]) -> dict[str, TestSuite]:
     folder, rows = mixed
     return {suite.name: suite for suite in JUnitXml.fromstring(junit_text(rows, folder).encode())}
 
@@ -204,7 +204,7 @@ def tree(path: Path) -> list[tuple[str, dict[str, str], str]]:
 
 @given(st.text(st.characters(exclude_categories=["Cs"])), st.text(st.characters(exclude_categories=["Cs"])))
 def test_any_message_survives_junit(message: str, name: str) -> None:
-    rows = rows_of((a_step(name or "x"), Result(8, message, None, 1.0)))
+    rows = rows_of((a_step(name or "x"), JobResult(8, message, None, 1.0)))
     (suite,) = JUnitXml.fromstring(junit_text(rows, Path("/nonexistent")).encode())
     (case,) = suite
     (error,) = case.result
@@ -251,12 +251,12 @@ def test_markdown_cells_hold_what_would_break_them() -> None:
     assert {line.replace("\\|", "").count("|") for line in table} == {7}
 
 
-def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[Row]:
+def windy(time: dict[tuple[int, int], float], unit: str = "speed_kt") -> list[RankingRow]:
     pairs = []
     for (speed, degrees), seconds in time.items():
         swept = (("environment.wind." + unit, str(speed)), ("environment.wind.from_deg", str(degrees)))
-        step = Step(f"x,{speed},{degrees}", "x", "x.yaml", None, swept, None)
-        pairs.append((step, Result(0, "", seconds)))
+        step = PlannedJob(f"x,{speed},{degrees}", "x", "x.yaml", None, swept, None)
+        pairs.append((step, JobResult(0, "", seconds)))
     return rows_of(*pairs)
 
 
@@ -284,17 +284,17 @@ def test_one_speed_has_no_slope_and_one_flight_no_summary() -> None:
 
 
 def test_only_certified_flights_count_and_other_sweeps_are_told_apart() -> None:
-    def row(speed: str, limit: str, result: Result) -> tuple[Step, Result]:
+    def row(speed: str, limit: str, result: JobResult) -> tuple[PlannedJob, JobResult]:
         swept = (("environment.wind.speed_kt", speed), ("rules.n_z_max", limit))
-        return Step(f"x,{speed},{limit}", "x", "x.yaml", None, swept, None), result
+        return PlannedJob(f"x,{speed},{limit}", "x", "x.yaml", None, swept, None), result
 
     rows = rows_of(
-        row("0", "9", Result(0, "", 60.0)),
-        row("5", "9", Result(0, "", 61.0)),
-        row("0", "10", Result(0, "", 50.0)),
-        row("5", "10", Result(5, "not certified", 40.0)),
-        row("10", "10", Result(0, "", 52.0)),
-        row("null", "10", Result(0, "", 50.0)),
+        row("0", "9", JobResult(0, "", 60.0)),
+        row("5", "9", JobResult(0, "", 61.0)),
+        row("0", "10", JobResult(0, "", 50.0)),
+        row("5", "10", JobResult(5, "not certified", 40.0)),
+        row("10", "10", JobResult(0, "", 52.0)),
+        row("null", "10", JobResult(0, "", 50.0)),
     )
     summaries = {summary.title: summary for summary in wind_summaries(rows)}
     assert set(summaries) == {"x, rules.n_z_max=9", "x, rules.n_z_max=10"}

@@ -9,28 +9,28 @@ import pytest
 from batch_examples import Watched, ending, flown, job, plan_of, step
 
 from airrace.batch import supervision
-from airrace.batch.executor import Ended, Ending, Event, Fault, Order, Started
-from airrace.batch.plan import Plan, Result
+from airrace.batch.executor import Attempt, AttemptResult, Ended, Event, FailureKind, Started
+from airrace.batch.plan import BatchPlan, JobResult
 from airrace.batch.record import read_record
 from airrace.batch.supervision import Policy, supervise
 from airrace.errors import StorageError
 
-CRASH = Ending(8, "its process crashed (SIGSEGV)", 0.5, fault=Fault.CRASHED)
-LOST = Ending(8, "its worker is gone", 0.5, fault=Fault.LOST)
+CRASH = AttemptResult(8, "its process crashed (SIGSEGV)", 0.5, fault=FailureKind.CRASHED)
+LOST = AttemptResult(8, "its worker is gone", 0.5, fault=FailureKind.LOST)
 
 
 class Scripted:
     """Ends every job as its script says, one event at a time."""
 
-    def __init__(self, script: dict[str, list[Ending]], slots: int = 2) -> None:
+    def __init__(self, script: dict[str, list[AttemptResult]], slots: int = 2) -> None:
         self.script = script
         self.slots = slots
-        self.orders: list[Order] = []
+        self.orders: list[Attempt] = []
         self.most = 0
         self._pending: list[Event] = []
         self._running: list[str] = []
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: Attempt) -> None:
         self.orders.append(order)
         self._running.append(order.job.name)
         self.most = max(self.most, len(self._running))
@@ -41,14 +41,14 @@ class Scripted:
             name = self._running.pop(0)
             answer = self.script.get(name, [ending()]).pop(0)
             order = next(one for one in self.orders if one.job.name == name)
-            if answer.fault is Fault.NONE:
+            if answer.fault is FailureKind.NONE:
                 order.checkpoint.write_bytes(b"flown")
             self._pending.append(Ended(name, answer))
         events, self._pending = self._pending, []
         return events
 
     def stop(self) -> None:
-        stopped = Ending(130, "interrupted", 0.5, fault=Fault.STOPPED)
+        stopped = AttemptResult(130, "interrupted", 0.5, fault=FailureKind.STOPPED)
         self._pending += [Ended(name, stopped) for name in self._running]
         self._running = []
 
@@ -93,10 +93,10 @@ def test_an_accident_is_tried_again_as_often_as_is_allowed(retries: int, tmp_pat
         ending(5, 10.0, "not certified"),
         ending(3, None, "not valid"),
         ending(1, None, "a bug"),
-        Ending(6, "stopped after 1 s", 1.0, fault=Fault.TIMED_OUT),
+        AttemptResult(6, "stopped after 1 s", 1.0, fault=FailureKind.TIMED_OUT),
     ],
 )
-def test_an_honest_answer_is_not_asked_for_again(answer: Ending, tmp_path: Path) -> None:
+def test_an_honest_answer_is_not_asked_for_again(answer: AttemptResult, tmp_path: Path) -> None:
     executor = Scripted({"oval": [answer]})
     (result,) = flown(plan_of(tmp_path, job()), executor=executor)
     assert result.code == answer.code
@@ -126,7 +126,7 @@ def test_jobs_under_way_and_jobs_not_begun_are_interrupted_and_finished_ones_kep
 
 def test_what_is_kept_is_not_flown(tmp_path: Path) -> None:
     executor = Scripted({})
-    plan = Plan(tmp_path, (step(job("old"), known=Result(0, race_time=9.0), reason=""), step(job("new"))))
+    plan = BatchPlan(tmp_path, (step(job("old"), known=JobResult(0, race_time=9.0), reason=""), step(job("new"))))
     results = flown(plan, executor=executor)
     assert [order.job.name for order in executor.orders] == ["new"]
     assert results[0].race_time == 9.0

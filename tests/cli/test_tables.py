@@ -18,7 +18,7 @@ from airrace.inputs.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stage, StageProvenance
 from airrace.procedure.stage import STAGES
-from airrace.sensitivity.sensitivity import Activity, Group, Price
+from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price
 
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -125,7 +125,7 @@ def test_every_shipped_course_is_shown_in_eighty_columns(name: str, monkeypatch:
 
 def test_long_keys_take_two_lines_where_the_terminal_is_narrow() -> None:
     key = "aircraft.point_mass.roll_acceleration_max_rad_s2"
-    price = Price(key, Group.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
+    price = Price(key, ParameterGroup.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
     narrow = prices_text(stage_result(Stage.POINT_MASS), [price], 80)
     assert max(map(len, narrow.splitlines())) <= 80
     assert "aircraft.point_mass.\n  roll_acceleration_max_rad_s2" in re.sub(

@@ -10,7 +10,7 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.environment.atmosphere import AtmosphereParameters, density
 from airrace.jsbsim.accelerations import at_geopotential_height, differences, random_states
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, NAME, Planet, write_model
-from airrace.jsbsim.simulation import flown_by_jsbsim, loaded
+from airrace.jsbsim.simulation import loaded, simulate
 
 pytest.importorskip("jsbsim")
 
@@ -29,7 +29,7 @@ every_air = pytest.mark.parametrize("air", [STANDARD, HOT_AND_HIGH], ids=["stand
 def test_over_flat_ground_in_the_same_air_accelerations_are_the_same(
     tmp_path: Path, aircraft: InnerLoopParameters[float], air: AtmosphereParameters[float]
 ) -> None:
-    flown = flown_by_jsbsim(tmp_path, aircraft, air, FLAT, own_density=False)
+    flown = simulate(tmp_path, aircraft, air, FLAT, own_density=False)
     force, angular = differences(flown, aircraft, STATES, STATES).worst
     assert force < 1e-9
     assert angular < 1e-6  # gravity over a large sphere, through the rate of alpha
@@ -40,7 +40,7 @@ def test_over_flat_ground_in_the_same_air_accelerations_are_the_same(
 def test_in_the_atmosphere_and_over_the_earth_of_jsbsim_accelerations_agree(
     tmp_path: Path, aircraft: InnerLoopParameters[float], planet: Planet
 ) -> None:
-    flown = flown_by_jsbsim(tmp_path, aircraft, STANDARD, planet)
+    flown = simulate(tmp_path, aircraft, STANDARD, planet)
     ours = [at_geopotential_height(state, STANDARD) for state in STATES]
     force, angular = differences(flown, aircraft, STATES, ours).worst
     assert force < G
@@ -51,7 +51,7 @@ def test_in_the_atmosphere_and_over_the_earth_of_jsbsim_accelerations_agree(
 def test_the_densities_are_the_same_at_the_geopotential_height(
     tmp_path: Path, air: AtmosphereParameters[float]
 ) -> None:
-    flown = flown_by_jsbsim(tmp_path, EDGE, air, FLAT)
+    flown = simulate(tmp_path, EDGE, air, FLAT)
     for state in STATES:
         flown.start(state)
         lowered = at_geopotential_height(state, air)

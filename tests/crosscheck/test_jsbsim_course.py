@@ -20,7 +20,7 @@ from airrace.environment.weather import Weather
 from airrace.frames import quaternion
 from airrace.jsbsim.accelerations import STILL
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
-from airrace.jsbsim.simulation import flown_by_jsbsim, fly_course
+from airrace.jsbsim.simulation import fly_course, simulate
 from airrace.trajectory import Array, Trajectory
 
 pytest.importorskip("jsbsim")
@@ -89,7 +89,7 @@ def test_jsbsim_stays_with_the_flight_for_a_second(
     tmp_path: Path, aircraft: InnerLoopParameters[float], planet: Planet
 ) -> None:
     trajectory, at = flight(aircraft, HOT_AND_HIGH)
-    flown = flown_by_jsbsim(tmp_path, aircraft, HOT_AND_HIGH, planet)
+    flown = simulate(tmp_path, aircraft, HOT_AND_HIGH, planet)
     misses = fly_course(flown, trajectory, at, aircraft.tau_T)
     assert [miss.start for miss in misses] == pytest.approx([0.0, 1.0, 2.0])
     assert [miss.end for miss in misses] == pytest.approx([1.0, 2.0, 2.5])
@@ -101,13 +101,13 @@ def test_jsbsim_stays_with_the_flight_for_a_second(
 def test_an_aircraft_that_answers_its_controls_more_weakly_leaves_the_flight(tmp_path: Path, name: str) -> None:
     trajectory, at = flight(PC9, STANDARD)
     weaker = dataclasses.replace(PC9, **{name: 0.8 * getattr(PC9, name)})
-    misses = fly_course(flown_by_jsbsim(tmp_path, weaker, STANDARD, FLAT), trajectory, at, PC9.tau_T)
+    misses = fly_course(simulate(tmp_path, weaker, STANDARD, FLAT), trajectory, at, PC9.tau_T)
     assert max(miss.angle for miss in misses) > math.radians(0.2)
 
 
 def test_a_lever_that_does_not_lag_leaves_the_flight(tmp_path: Path) -> None:
     trajectory, at = flight(PC9, STANDARD)
-    flown = flown_by_jsbsim(tmp_path, PC9, STANDARD, FLAT)
+    flown = simulate(tmp_path, PC9, STANDARD, FLAT)
     assert max(miss.distance for miss in fly_course(flown, trajectory, at, tau_T=1e-3)) > 0.1
 
 

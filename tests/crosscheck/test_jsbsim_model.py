@@ -10,9 +10,9 @@ from craft import EDGE, PC9, STANDARD
 
 from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.environment.atmosphere import AtmosphereParameters
-from airrace.jsbsim.accelerations import mirrored, own_accelerations, random_states
+from airrace.jsbsim.accelerations import mirror, own_accelerations, random_states
 from airrace.jsbsim.aircraft_xml import FLAT
-from airrace.jsbsim.simulation import flown_by_jsbsim
+from airrace.jsbsim.simulation import simulate
 
 pytest.importorskip("jsbsim")
 
@@ -23,18 +23,18 @@ VACUUM = AtmosphereParameters(T_0=288.15, p_0=1e-9, elevation=0.0)
 
 @pytest.mark.parametrize("aircraft", [EDGE, PC9], ids=["edge540", "pc9"])
 def test_a_mirrored_aircraft_is_accelerated_in_the_mirror(tmp_path: Path, aircraft: InnerLoopParameters[float]) -> None:
-    flown = flown_by_jsbsim(tmp_path, aircraft, STANDARD, FLAT)
+    flown = simulate(tmp_path, aircraft, STANDARD, FLAT)
     for state in STATES:
         flown.start(state)
         seen = flown.accelerations()
-        flown.start(mirrored(state))
+        flown.start(mirror(state))
         reflected = flown.accelerations()
         assert reflected.specific_force == pytest.approx(POLAR * seen.specific_force, rel=1e-9, abs=1e-9)
         assert reflected.angular == pytest.approx(AXIAL * seen.angular, rel=1e-9, abs=1e-7)
 
 
 def test_without_lift_sideslip_and_thrust_there_is_nothing_but_drag(tmp_path: Path) -> None:
-    flown = flown_by_jsbsim(tmp_path, EDGE, STANDARD, FLAT)
+    flown = simulate(tmp_path, EDGE, STANDARD, FLAT)
     still = dict.fromkeys(("alpha_K", "beta_K", "p_K", "q_K", "r_K", "eta", "xi", "zeta", "delta_T", "z"), 0.0)
     for state in STATES:
         flown.start(dataclasses.replace(state, **still))
@@ -43,7 +43,7 @@ def test_without_lift_sideslip_and_thrust_there_is_nothing_but_drag(tmp_path: Pa
 
 
 def test_in_a_vacuum_the_body_keeps_its_energy_and_its_angular_momentum(tmp_path: Path) -> None:
-    flown = flown_by_jsbsim(tmp_path, PC9, VACUUM, FLAT, own_density=False)
+    flown = simulate(tmp_path, PC9, VACUUM, FLAT, own_density=False)
     inertia = np.diag([PC9.I_x, PC9.I_y, PC9.I_z])
     inertia[0, 2] = inertia[2, 0] = -PC9.I_xz
     for state in STATES:
@@ -55,7 +55,7 @@ def test_in_a_vacuum_the_body_keeps_its_energy_and_its_angular_momentum(tmp_path
 
 
 def test_lift_ends_at_the_stall(tmp_path: Path) -> None:
-    flown = flown_by_jsbsim(tmp_path, EDGE, STANDARD, FLAT)
+    flown = simulate(tmp_path, EDGE, STANDARD, FLAT)
     at_rest = dict.fromkeys(("beta_K", "p_K", "q_K", "r_K", "eta", "xi", "zeta", "delta_T", "z"), 0.0)
     for alpha in (-1.0, 1.0):
         state = dataclasses.replace(STATES[0], alpha_K=alpha, **at_rest)
@@ -68,7 +68,7 @@ def test_lift_ends_at_the_stall(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("climb", [math.pi / 2, -math.pi / 2], ids=["up", "down"])
 def test_the_vertical_is_an_attitude_like_any_other(tmp_path: Path, climb: float) -> None:
-    flown = flown_by_jsbsim(tmp_path, PC9, STANDARD, FLAT, own_density=False)
+    flown = simulate(tmp_path, PC9, STANDARD, FLAT, own_density=False)
     q = (math.cos(climb / 2), 0.0, math.sin(climb / 2), 0.0)
     state = dataclasses.replace(
         STATES[0], alpha_K=0.0, beta_K=0.0, **dict(zip(("q0", "q1", "q2", "q3"), q, strict=True))

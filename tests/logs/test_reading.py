@@ -15,19 +15,19 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs.log_layout import read_layout, with_columns
 from airrace.logs.passings import in_frame, in_order
 from airrace.logs.reading import read_log
-from airrace.logs.recording import Layout, Recording
+from airrace.logs.recording import ColumnLayout, Recording
 from airrace.quantities import KNOT
 
 SEEN = fixes(5.0)
 
 
-def read(folder: Path, text: str, name: str = "log.csv", layout: Layout | None = None) -> Recording:
+def read(folder: Path, text: str, name: str = "log.csv", layout: ColumnLayout | None = None) -> Recording:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return read_log(path, layout)
 
 
-def refused(folder: Path, text: str | bytes, name: str = "log.csv", layout: Layout | None = None) -> str:
+def refused(folder: Path, text: str | bytes, name: str = "log.csv", layout: ColumnLayout | None = None) -> str:
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError) as caught:
@@ -128,7 +128,7 @@ def test_a_zone_moves_times_that_name_none(tmp_path: Path) -> None:
     naive = read(tmp_path, text)
     assert naive.begins == datetime(2014, 4, 13, 12, tzinfo=UTC)
     assert naive.remarks == ("times name no zone and are taken as UTC",)
-    zoned = read(tmp_path, text, layout=Layout(zone=timezone(timedelta(hours=2))))
+    zoned = read(tmp_path, text, layout=ColumnLayout(zone=timezone(timedelta(hours=2))))
     assert zoned.begins == datetime(2014, 4, 13, 10, tzinfo=UTC)
 
 
@@ -217,7 +217,7 @@ def test_too_many_samples_are_refused(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_a_column_that_is_not_there_is_said(tmp_path: Path) -> None:
-    layout = with_columns(Layout(), ["time=time", "north=x", "east=why", "height=height"])
+    layout = with_columns(ColumnLayout(), ["time=time", "north=x", "east=why", "height=height"])
     assert refused(tmp_path, HEAD, layout=layout).startswith(
         "log.csv:1:1: has no column `why` for east; its columns are"
     )
@@ -233,7 +233,7 @@ def test_a_column_that_is_not_there_is_said(tmp_path: Path) -> None:
 )
 def test_columns_that_are_not_understood_are_said(column: str, said: str) -> None:
     with pytest.raises(UsageError, match="--column") as caught:
-        with_columns(Layout(), [column])
+        with_columns(ColumnLayout(), [column])
     assert said in str(caught.value)
 
 

@@ -163,7 +163,7 @@ def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
     """`n_z = 1 / cos(mu)`, `tan(mu) = V^2 / (g r)`, for a turn to the right."""
     from airrace.environment.atmosphere import g0
     from airrace.logs.smoothing import derived_histories
-    from airrace.results.derivation import completed
+    from airrace.results.derivation import complete_histories
 
     speed, bank = 80.0, math.radians(70.0)
     radius = speed**2 / (g0 * math.tan(bank))
@@ -171,7 +171,7 @@ def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
     position = np.stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), np.full_like(angle, 30.0)])
     velocity = speed * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
     acceleration = speed**2 / radius * np.stack([-np.sin(angle), np.cos(angle), np.zeros_like(angle)])
-    histories = completed(race(), derived_histories(race(), position, velocity, acceleration))
+    histories = complete_histories(race(), derived_histories(race(), position, velocity, acceleration))
     assert histories["n_z"].values == pytest.approx(1.0 / math.cos(bank))
     assert histories["mu"].values == pytest.approx(bank)
     assert histories["gamma"].values == pytest.approx(0.0, abs=1e-12)

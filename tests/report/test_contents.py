@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from pages_told import HOSTILE, circle, dense, everything_flown, renamed
 
 from airrace.quantities import KNOT
-from airrace.report.contents import FORMAT, POSE, Contents, packed, unpacked
+from airrace.report.contents import FORMAT, POSE, Contents, pack, unpack
 from airrace.report.flight_contents import STRIPS, contents_of, short_labels
 from airrace.results import Flight
-from airrace.results.comparison import compared
+from airrace.results.comparison import compare_flights
 from airrace.views.map_model import map_model
 
 
@@ -27,13 +27,13 @@ def told(*flights: Flight) -> Any:
 
 
 def text_of(*flights: Flight) -> str:
-    comparisons = [compared(flights[0], other) for other in flights[1:]]
+    comparisons = [compare_flights(flights[0], other) for other in flights[1:]]
     return contents_of(flights, comparisons, map_model(flights[0].race)).as_json()
 
 
 @given(st.lists(st.floats(width=32)))
 def test_numbers_survive_to_the_last_bit_of_32(values: list[float]) -> None:
-    assert np.array_equal(unpacked(packed(np.array(values))), np.array(values, np.float32), equal_nan=True)
+    assert np.array_equal(unpack(pack(np.array(values))), np.array(values, np.float32), equal_nan=True)
 
 
 def test_the_format_is_as_its_documentation_has_it() -> None:
@@ -50,18 +50,18 @@ def test_the_format_is_as_its_documentation_has_it() -> None:
 @pytest.mark.parametrize("seconds", [20.0, 31.0])
 def test_every_history_has_a_value_per_time_and_the_pose_is_there(seconds: float) -> None:
     (flight,) = told(circle(seconds))["flights"]
-    count = len(unpacked(flight["time"]))
+    count = len(unpack(flight["time"]))
     assert count == 401
     assert set(POSE) <= set(flight["histories"])
-    assert {len(unpacked(text)) for text in flight["histories"].values()} == {count}
+    assert {len(unpack(text)) for text in flight["histories"].values()} == {count}
 
 
 def test_the_pose_is_that_of_the_flight() -> None:
     flown = half_cuban().flight()
     (flight,) = told(flown)["flights"]
     for name, history in {"north": "x", "east": "y", "height": "height", "q0": "b0", "q3": "b3"}.items():
-        np.testing.assert_allclose(unpacked(flight["histories"][name]), flown[history], atol=1e-4)
-    np.testing.assert_allclose(unpacked(flight["histories"]["V_K"]) * KNOT, flown["V_K"], rtol=1e-6)
+        np.testing.assert_allclose(unpack(flight["histories"][name]), flown[history], atol=1e-4)
+    np.testing.assert_allclose(unpack(flight["histories"]["V_K"]) * KNOT, flown["V_K"], rtol=1e-6)
 
 
 def test_limits_are_drawn_in_the_unit_of_their_strip() -> None:
@@ -88,7 +88,7 @@ def test_the_clock_starts_at_the_first_passing() -> None:
     )
     assert told(shifted)["flights"] == told(late)["flights"]
     (difference,) = told(late, shifted)["differences"]
-    np.testing.assert_allclose(unpacked(difference["difference"]), 0.0, atol=1e-9)
+    np.testing.assert_allclose(unpack(difference["difference"]), 0.0, atol=1e-9)
 
 
 def test_a_flight_that_misses_its_last_passing_has_no_race_time() -> None:

@@ -9,15 +9,15 @@ from pages_told import circle
 
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs
-from airrace.report.contents import Difference
+from airrace.report.contents import TimeDifference
 from airrace.report.flight_contents import difference_of
 from airrace.report.flight_page import flight_page
 from airrace.results import Flight
-from airrace.results.comparison import compared
+from airrace.results.comparison import compare_flights
 
 
-def behind(first: Flight, other: Flight) -> Difference:
-    return difference_of(compared(first, other), 1)
+def behind(first: Flight, other: Flight) -> TimeDifference:
+    return difference_of(compare_flights(first, other), 1)
 
 
 def test_a_flight_is_not_behind_itself() -> None:

@@ -12,8 +12,8 @@ from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, 
 
 from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page
-from airrace.report.sections import Cell, Head, Row, number, table
-from airrace.results.comparison import compared
+from airrace.report.sections import Cell, Head, TableRow, number, table
+from airrace.results.comparison import compare_flights
 from airrace.results.leg_facts import leg_facts
 from airrace.runs.reports import opened_report, report_page, stage_sections
 
@@ -138,14 +138,14 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
         "0.0",
         "\N{EN DASH}",
     )
-    shown = table([Head("a", "m"), Head("b", text=True)], [Row(["<1>", Cell("&", bad=True)])], "caption <")
+    shown = table([Head("a", "m"), Head("b", text=True)], [TableRow(["<1>", Cell("&", bad=True)])], "caption <")
     assert "&lt;1&gt;" in shown
     assert '<td class="text no">&amp;</td>' in shown
     assert "caption &lt;" in shown
 
 
 def test_the_legs_of_a_comparison_come_with_what_differs() -> None:
-    comparison = compared(half_cuban().flight(), windy().flight(label="windy"))
+    comparison = compare_flights(half_cuban().flight(), windy().flight(label="windy"))
     page = flight_page([comparison.reference, comparison.other]).as_html()
     cells = read(page).texts["td"]
     for leg in comparison.legs:

@@ -15,7 +15,7 @@ from airrace.inputs import load_inputs
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.results import Basis, Crossing, Flight, History, Source
-from airrace.results.derivation import completed
+from airrace.results.derivation import complete_histories
 from airrace.runs.run import Run
 from airrace.trajectory import Array
 
@@ -67,7 +67,7 @@ def circling(
         **{(f"q{index}", "1"): row for index, row in enumerate(q)},
     }
     given = {name: History(Quantity(name, unit), values, Basis.SOLVED) for (name, unit), values in columns.items()}
-    histories = completed(race, given)
+    histories = complete_histories(race, given)
     count = len(race.course.passages)
     crossings: list[Crossing] = []
     for number, passage in enumerate(race.course.passages):

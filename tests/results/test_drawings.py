@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.results import Crossing
-from airrace.results.comparison import compared
+from airrace.results.comparison import compare_flights
 from airrace.views.comparison_figure import comparison_figure
 from airrace.views.flight_figure import STRIPS, draw_flight, flight_figure
 from airrace.views.kneeboard import HEIGHT, WIDTH, draw_kneeboard, kneeboard_figure
@@ -79,7 +79,11 @@ def test_a_missed_gate_is_a_dash_in_the_kneeboard() -> None:
 def test_names_that_look_like_formulas_are_written_as_they_are() -> None:
     flight = circling(rovinj(), label="a $\\frac{$ b")
     flight = replace(flight, race=replace(flight.race, course=replace(flight.course, name="$x^2$ {{ $\\nothing$")))
-    for figure in (flight_figure(flight), kneeboard_figure(flight), comparison_figure([compared(flight, flight)])):
+    for figure in (
+        flight_figure(flight),
+        kneeboard_figure(flight),
+        comparison_figure([compare_flights(flight, flight)]),
+    ):
         figure.savefig(io.BytesIO(), format="png", dpi=30)
 
 

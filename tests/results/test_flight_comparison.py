@@ -16,7 +16,7 @@ from airrace.cli.main import app
 from airrace.errors import UsageError
 from airrace.procedure.result import State
 from airrace.report.flight_page import flight_page
-from airrace.results.comparison import Comparison, compared, conditions
+from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.flight import Crossing, Flight, Source
 from airrace.runs.comparison import compared_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
@@ -26,7 +26,7 @@ KNOT = 1852.0 / 3600.0
 
 
 def optima() -> Comparison:
-    return compared(half_cuban().flight(label="still"), windy().flight(label="windy"))
+    return compare_flights(half_cuban().flight(label="still"), windy().flight(label="windy"))
 
 
 def without_passing(flight: Flight, number: int) -> Flight:
@@ -37,7 +37,7 @@ def without_passing(flight: Flight, number: int) -> Flight:
 
 def test_a_flight_compared_with_itself_differs_nowhere() -> None:
     flight = half_cuban().flight()
-    comparison = compared(flight, flight)
+    comparison = compare_flights(flight, flight)
     assert comparison.tie
     assert comparison.difference == 0.0
     assert not np.any(comparison.progress.difference)
@@ -64,7 +64,7 @@ def test_the_difference_at_every_passing_is_the_difference_of_the_clocks() -> No
 
 def test_flights_that_change_places_change_the_sign() -> None:
     here = optima()
-    there = compared(here.other, here.reference)
+    there = compare_flights(here.other, here.reference)
     assert there.difference == -here.difference
     np.testing.assert_allclose(there.progress.difference, -here.progress.difference, atol=1e-12)
     for one, other in zip(here.legs, there.legs, strict=True):
@@ -81,7 +81,7 @@ def test_a_wider_circle_at_the_same_speed_is_lost_by_the_way_alone() -> None:
     """Both turn once around at 80 m/s; the larger bank takes the smaller circle."""
     race = rovinj()
     turns = [circling(race, bank=bank, seconds=seconds) for bank, seconds in ((1.0, 20.0), (0.8, 25.0))]
-    for leg in compared(*turns).legs:
+    for leg in compare_flights(*turns).legs:
         assert leg.by_speed == pytest.approx(0.0, abs=1e-5)
         assert leg.by_way == pytest.approx(leg.difference, abs=1e-5)
 
@@ -91,7 +91,7 @@ def test_a_slower_flight_of_the_same_way_is_lost_by_the_speed_alone() -> None:
     race = rovinj()
     bank = float(np.arctan(np.tan(1.0) * (75.0 / 80.0) ** 2))
     fast, slow = circling(race, bank=1.0), circling(race, speed=75.0, bank=bank, seconds=20.0 * 80.0 / 75.0)
-    for leg in compared(fast, slow).legs:
+    for leg in compare_flights(fast, slow).legs:
         assert leg.by_way == pytest.approx(0.0, abs=1e-4)
         assert leg.by_speed == pytest.approx(leg.difference, abs=1e-4)
         (speed,) = [one for one in leg.differences if one.name == "speed_in"]
@@ -106,13 +106,13 @@ def test_legs_are_sorted_by_what_is_lost() -> None:
 
 def test_five_milliseconds_are_a_tie() -> None:
     race = rovinj()
-    assert compared(circling(race, seconds=20.0), circling(race, seconds=20.004)).tie
-    assert not compared(circling(race, seconds=20.0), circling(race, seconds=20.006)).tie
+    assert compare_flights(circling(race, seconds=20.0), circling(race, seconds=20.004)).tie
+    assert not compare_flights(circling(race, seconds=20.0), circling(race, seconds=20.006)).tie
 
 
 def test_a_missed_gate_leaves_the_rest_of_the_clock_as_it_is() -> None:
     whole = circling(rovinj(), seconds=21.0)
-    comparison = compared(circling(rovinj()), without_passing(whole, 3))
+    comparison = compare_flights(circling(rovinj()), without_passing(whole, 3))
     assert np.isnan(comparison.legs[2].difference)
     assert comparison.difference == pytest.approx(1.0)
     assert comparison.progress.difference[-1] == pytest.approx(1.0)
@@ -122,12 +122,12 @@ def test_a_missed_gate_leaves_the_rest_of_the_clock_as_it_is() -> None:
 
 def test_flights_of_other_passings_are_refused() -> None:
     with pytest.raises(UsageError, match=re.escape("passing 0 is 0:entry (manoeuvre) in the one and 0:g0 (gate)")):
-        compared(circling(rovinj()), half_cuban().flight())
+        compare_flights(circling(rovinj()), half_cuban().flight())
     flight = circling(rovinj())
     course = replace(flight.course, passages=flight.course.passages[:-1])
     shorter = replace(flight, race=replace(flight.race, course=course))
     with pytest.raises(UsageError, match="the one has 16 passings, the other 17"):
-        compared(flight, shorter)
+        compare_flights(flight, shorter)
 
 
 def test_conditions_that_differ_are_told() -> None:
@@ -157,7 +157,7 @@ def test_conditions_that_differ_are_told() -> None:
 def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: State | None, words: str) -> None:
     reference = circling(rovinj())
     other = replace(reference, source=Source("x", state=state))
-    verdict, *_ = comparison_texts(compared(reference, other), every=False)
+    verdict, *_ = comparison_texts(compare_flights(reference, other), every=False)
     assert [line.strip() for line in verdict.splitlines()[1:]] == ([words] if words else [])
     good = state not in (State.GUESS, State.NOT_CERTIFIED)
     assert flight_page([other]).good == good

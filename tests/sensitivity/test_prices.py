@@ -15,7 +15,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome
 from airrace.procedure.solver_session import SolverSession
 from airrace.sensitivity.lagrangian import prices
-from airrace.sensitivity.sensitivity import Activity, Group
+from airrace.sensitivity.sensitivity import Activity, ParameterGroup
 
 GATES = ("first", "side", "last")
 EXACT = 2e-6  # s per unit: what an optimum solved to 1e-7 leaves of laws that hold exactly
@@ -101,7 +101,7 @@ def test_every_number_of_the_documents_has_a_price() -> None:
 
 
 def test_only_the_groups_that_are_asked_for_are_priced() -> None:
-    found = prices(inputs(), optimum(), groups=frozenset([Group.RULES]))
+    found = prices(inputs(), optimum(), groups=frozenset([ParameterGroup.RULES]))
     assert found
     assert found == {key: one for key, one in priced().items() if key.startswith("rules.")}
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from airrace.sensitivity.sensitivity import Activity, Group, Price
+from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "study_prices.py"
 
@@ -19,7 +19,7 @@ def study() -> dict[str, Any]:  # Any: whatever a script defines
 
 def told(upward: float, downward: float, activity: Activity) -> Price:
     """A price in s per metre."""
-    return Price("gates.g1.width_m", Group.TRACK, "m", 13.0, upward, downward, 1.0, activity)
+    return Price("gates.g1.width_m", ParameterGroup.TRACK, "m", 13.0, upward, downward, 1.0, activity)
 
 
 def test_a_price_is_confirmed_by_the_central_difference(study: dict[str, Any]) -> None:

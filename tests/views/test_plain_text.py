@@ -16,7 +16,7 @@ from rich.text import Text
 
 from airrace.views.plain_console import PlainConsole
 from airrace.views.plain_text import escaped, plain, styled
-from airrace.views.streams import Watched
+from airrace.views.streams import SafeStream
 
 ROOT = Path(__file__).parents[2]
 TITLE = "\x1b]0;pwned\a"
@@ -82,8 +82,8 @@ def test_a_table_on_a_terminal_keeps_its_own_colours_alone() -> None:
 
 def test_a_watched_stream_shows_what_a_live_view_would_send() -> None:
     shown, sent = io.StringIO(), io.StringIO()
-    Watched(shown).write("\x1b[2J")
-    Watched(Watched(sent), commanded=True).write("\x1b[2J")
+    SafeStream(shown).write("\x1b[2J")
+    SafeStream(SafeStream(sent), commanded=True).write("\x1b[2J")
     assert (shown.getvalue(), sent.getvalue()) == ("␛[2J", "\x1b[2J")
 
 
