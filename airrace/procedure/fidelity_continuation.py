@@ -18,7 +18,7 @@ from airrace.planning.route_decisions import TWIN
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import Doubt, fly_homotopy
+from airrace.procedure.homotopy import InfeasibilityTest, fly_homotopy
 from airrace.procedure.infeasibility.analysis import diagnose_infeasibility
 from airrace.procedure.infeasibility.diagnosis import blamed
 from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility, contradiction
@@ -65,7 +65,7 @@ def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
     return list(STAGES[first : STAGES.index(until) + 1])
 
 
-class Ladder:
+class FidelityContinuation:
     """The stages of one race, climbed one after the other; `done` holds those that are finished.
 
     Args:
@@ -284,7 +284,7 @@ class Ladder:
             self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), session, doubt)
         return self._pieces
 
-    def _doubt(self, session: SolverSession, *, plain: bool) -> Doubt:
+    def _doubt(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
         """Return the question whether a phase contradicts itself, whose answer is kept."""
 
         def infeasible_apart(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
