@@ -31,7 +31,7 @@ from airrace.checkpoint import store
 from airrace.control import simulation, trim
 from airrace.optimal_control import replay
 from airrace.optimal_control.solvers.process.service import SolverService
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.stage import Stage
 
 DERIVATIVES, ALGEBRA, TOGETHER = "derivatives", "linear algebra", "putting together"
@@ -151,11 +151,11 @@ def watch(clocks: Clocks) -> None:
     for part, functions in FUNCTIONS.items():
         for function in functions:
             replace_everywhere(function, timed(clocks, part, function))
-    Ladder.flight = timed(clocks, MODELS, Ladder.flight)
-    Ladder.make_ready = timed(clocks, MODELS, Ladder.make_ready)
-    climb, solve = Ladder.climb, SolverService.solve
+    FidelityContinuation.flight = timed(clocks, MODELS, FidelityContinuation.flight)
+    FidelityContinuation.make_ready = timed(clocks, MODELS, FidelityContinuation.make_ready)
+    climb, solve = FidelityContinuation.climb, SolverService.solve
 
-    def climbed(ladder: Ladder, stage: Stage, *arguments: Any) -> Any:
+    def climbed(ladder: FidelityContinuation, stage: Stage, *arguments: Any) -> Any:
         clocks.enter(stage.value)
         try:
             return climb(ladder, stage, *arguments)
@@ -174,7 +174,7 @@ def watch(clocks: Clocks) -> None:
         clocks.solved(time.perf_counter() - begun, solution.seconds, solution.derivative_seconds)
         return solution
 
-    Ladder.climb, SolverService.solve = climbed, waited
+    FidelityContinuation.climb, SolverService.solve = climbed, waited
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.planning.race import Race
 from airrace.procedure.certification import Evidence, examine
-from airrace.procedure.fidelity_continuation import Ladder, wanted_stages
+from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
@@ -227,7 +227,7 @@ def compared(name: str, race: Race, settings: Settings, stage: Stage) -> Compari
     """
     settings = dataclasses.replace(settings, guess=GuessKind.PLAN, search=SearchEffort.OFF)
     with SolverService(threads=1) as service:
-        ladder, session = Ladder(race, settings, ()), RecordingBench(service, settings, Silent())
+        ladder, session = FidelityContinuation(race, settings, ()), RecordingBench(service, settings, Silent())
         for one in wanted_stages(settings, stage):
             session.begin()
             session.solves.clear()

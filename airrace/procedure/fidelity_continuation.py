@@ -18,7 +18,7 @@ from airrace.planning.route_decisions import TWIN
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import Doubt, fly_homotopy
+from airrace.procedure.homotopy import InfeasibilityTest, fly_homotopy
 from airrace.procedure.infeasibility.analysis import diagnose_infeasibility
 from airrace.procedure.infeasibility.diagnosis import blamed
 from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility, contradiction
@@ -49,7 +49,7 @@ Flights that were solved on one mesh each, and whose race times differ by less, 
 chosen. Each mesh may err by about that limit.
 """
 
-UNPROVED = "its race time could not be proved on a second mesh"
+UNPROVED = "its race time could not be confirmed on a second mesh"
 
 LOST = 0.1
 """The time by which an optimum may be slower than the rough one that it started from, s.
@@ -65,7 +65,7 @@ def wanted_stages(settings: Settings, until: Stage) -> list[Stage]:
     return list(STAGES[first : STAGES.index(until) + 1])
 
 
-class Ladder:
+class FidelityContinuation:
     """The stages of one race, climbed one after the other; `done` holds those that are finished.
 
     Args:
@@ -284,7 +284,7 @@ class Ladder:
             self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), session, doubt)
         return self._pieces
 
-    def _doubt(self, session: SolverSession, *, plain: bool) -> Doubt:
+    def _doubt(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
         """Return the question whether a phase contradicts itself, whose answer is kept."""
 
         def infeasible_apart(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
@@ -363,7 +363,7 @@ def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> No
         logger.warning("the flight may hold a needless loop: %s", loop)
     if result.holds and not _kept(result, best):
         logger.warning(
-            "the best way round took %.2f s when flown roughly but could not be proved; the %s flight, another one, "
+            "the best route took %.2f s when flown roughly but failed the final check; the %s flight, another one, "
             "takes %.2f s",
             *(best.ways[0].race_time, result.state.value, result.trajectory.race_time),
         )

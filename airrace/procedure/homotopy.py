@@ -42,11 +42,13 @@ STEP_BARRIER = 1e-2
 DOUBTS_MAX = 2
 """The number of phases that cannot be added of which it is asked whether they can be flown at all."""
 
-Doubt = Callable[[Problem, int, Sequence[Iterate]], bool]
+InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], bool]
 """Tells of a race, a phase of it and some guesses of the race whether there is no flight around that phase."""
 
 
-def fly_homotopy(flight: Flight, session: SolverSession, infeasible_apart: Doubt | None = None) -> StageResult:
+def fly_homotopy(
+    flight: Flight, session: SolverSession, infeasible_apart: InfeasibilityTest | None = None
+) -> StageResult:
     """Fly all phases one after the other; a phase that cannot be flown is left as planned.
 
     Args:
@@ -61,7 +63,7 @@ def fly_homotopy(flight: Flight, session: SolverSession, infeasible_apart: Doubt
 class _Homotopy:
     """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
-    def __init__(self, flight: Flight, session: SolverSession, infeasible_apart: Doubt | None) -> None:
+    def __init__(self, flight: Flight, session: SolverSession, infeasible_apart: InfeasibilityTest | None) -> None:
         self.flight = flight
         self.session = session
         self.infeasible_apart = infeasible_apart

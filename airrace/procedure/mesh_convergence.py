@@ -33,7 +33,7 @@ def proved(flight: Flight, optimum: StageResult, session: SolverSession) -> Stag
     Args:
         flight: the model of the stage, planned as the optimum goes round.
         optimum: the stage as it was solved.
-        bench: what solves. Its attempts are added to those of the stage.
+        session: what solves. Its attempts are added to those of the stage.
     """
     limits = session.settings.certificate
     mesh, iterate, kept = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory), coarser_nodes(optimum)

@@ -23,8 +23,7 @@ from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.certification import certify, examine
 from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.matches_model import ensure_matches_model
-from airrace.procedure.models import iterate_of
+from airrace.procedure.models import ensure_matches_model, iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Attempt, GateSplit, StageResult
 from airrace.procedure.settings import Settings

@@ -5,7 +5,7 @@ Whatever shows, compares or writes runs imports this module and not `run.py`, so
 
 from airrace.procedure.continuous import continuous
 from airrace.procedure.derived import derived_quantities
-from airrace.procedure.matches_model import ensure_matches_model
+from airrace.procedure.models import ensure_matches_model
 from airrace.procedure.stored import sampler
 
 __all__ = ["continuous", "derived_quantities", "ensure_matches_model", "sampler"]

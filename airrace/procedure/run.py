@@ -16,7 +16,7 @@ from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.budget import Budget
 from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.fidelity_continuation import Ladder, wanted_stages
+from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.recomputation import recertify, remeasured
 from airrace.procedure.restart import SourceRun, is_better, restarted, starting_points, superseded, told
@@ -73,7 +73,7 @@ def optimize(
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     another = SourceRun(start_name, start)
     optima = another.optima(STAGES[: STAGES.index(until) + 1])
-    ladder = Ladder(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS, last=until)
+    ladder = FidelityContinuation(race, settings, finished, optima[0].stage if optima else Stage.POINT_MASS, last=until)
     if any(fidelity_of(stage).inner_controller for stage in wanted_stages(settings, until)):
         for remark in handling.remarks(race.aircraft):
             logger.warning("%s: %s", race.aircraft.name, remark)
@@ -124,7 +124,7 @@ class _Found:
 
 
 def _from_another(
-    another: SourceRun, stages: Sequence[Stage], race: Race, ladder: Ladder, session: SolverSession
+    another: SourceRun, stages: Sequence[Stage], race: Race, ladder: FidelityContinuation, session: SolverSession
 ) -> _Found:
     """Start from another run, and look for a faster way round beside it."""
     highest, *_ = starting_points(another, stages, race.course)
@@ -140,7 +140,7 @@ def _from_another(
 
 
 def _climbed(
-    ladder: Ladder, wanted: Sequence[Stage], until: Stage, found: _Found, session: SolverSession
+    ladder: FidelityContinuation, wanted: Sequence[Stage], until: Stage, found: _Found, session: SolverSession
 ) -> Iterator[StageResult]:
     """Climb the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
     remark, spare = found.remark, found.spare
@@ -167,13 +167,13 @@ def _climbed(
             return
 
 
-def _prepare(ladder: Ladder, stage: Stage, service: SolverService) -> None:
+def _prepare(ladder: FidelityContinuation, stage: Stage, service: SolverService) -> None:
     """Get a stage ready that is flown next."""
     service.announce(*_flown(ladder, stage))
     ladder.make_ready(stage)
 
 
-def _flown(ladder: Ladder, stage: Stage) -> tuple[System, RungeKutta]:
+def _flown(ladder: FidelityContinuation, stage: Stage) -> tuple[System, RungeKutta]:
     """Return what a stage flies, and the scheme that integrates it."""
     return ladder.flight(stage).model.system, fidelity_of(stage).scheme
 

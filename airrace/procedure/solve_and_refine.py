@@ -14,7 +14,7 @@ from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import carried
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.solver import Multipliers, Solution
-from airrace.procedure.budget import SPENT
+from airrace.procedure.budget import BUDGET_EXHAUSTED
 from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.infeasibility.diagnosis import diagnose
@@ -271,7 +271,7 @@ def finished(
 
 def _unsolved(session: SolverSession, failures: Sequence[Failure], *, diagnosing: bool) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
-    returned = [one for one in failures if one.solution is not None and one.solution.status != SPENT]
+    returned = [one for one in failures if one.solution is not None and one.solution.status != BUDGET_EXHAUSTED]
     claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
     outcome, message = _explained(session, failure, diagnosing=diagnosing)
@@ -296,7 +296,7 @@ def _explained(session: SolverSession, failure: Failure, *, diagnosing: bool) ->
     start, solution = failure.start, failure.solution
     if solution is None:
         return Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
-    spent = f"; {SPENT}" if session.budget.exhausted else ""
+    spent = f"; {BUDGET_EXHAUSTED}" if session.budget.exhausted else ""
     gave_up = f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
     advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
     if solution.infeasible and diagnosing:

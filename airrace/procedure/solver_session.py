@@ -12,7 +12,7 @@ from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import SOLVERS, Multipliers, Solution, SolverOptions
 from airrace.procedure.background_search import BackgroundSearch, Found
-from airrace.procedure.budget import SPENT, Budget
+from airrace.procedure.budget import BUDGET_EXHAUSTED, Budget
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
@@ -152,7 +152,7 @@ class SolverSession:
         solution: Solution | None = None
         for solver, known, allowed in _tries(solvers, options, multipliers):
             try_solve = self.attempt(problem, guess, purpose, solver, allowed, known)
-            if try_solve is not None and (solution is None or try_solve.status != SPENT):
+            if try_solve is not None and (solution is None or try_solve.status != BUDGET_EXHAUSTED):
                 solution = try_solve
             if try_solve is not None and try_solve.success:
                 return try_solve
@@ -172,7 +172,7 @@ class SolverSession:
         """Solve once, on record; return None if the solver did not come back.
 
         Within the budget, unless it is a small solve that explains why there is no flight: of a budget that is spent
-        the solution says nothing but that (`SPENT`).
+        the solution says nothing but that (`BUDGET_EXHAUSTED`).
 
         What a certificate asks for is measured here, whatever a solver says: fatrop measures on scales of its own, and
         may stop at an optimum without claiming it.
@@ -183,7 +183,7 @@ class SolverSession:
             options.iterations_max if beyond_budget else self.budget.iterations(problem, solver, options.iterations_max)
         )
         if most == 0:
-            return Solution.unsolved(problem, guess, solver, SPENT)
+            return Solution.unsolved(problem, guess, solver, BUDGET_EXHAUSTED)
         started = time.perf_counter()
         try:
             solution = self.service.solve(

@@ -7,6 +7,7 @@ import numpy as np
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import crossing_observation
 from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.roll_counter import RollReset
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.replay import interval_durations
@@ -20,12 +21,18 @@ from airrace.procedure.fidelity import Fidelity
 from airrace.procedure.formulation import race_problem
 from airrace.procedure.models import stage_model
 from airrace.procedure.path_constraints import leg_watches
-from airrace.procedure.regularisation import regularised
 from airrace.procedure.result import GateSplit, Stage
 from airrace.procedure.settings import Settings
+from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.system import Observation
 from airrace.trajectory import Array, Trajectory
+
+RESET_WEIGHT = 1e-7
+"""The weight of the squared, scaled controls that wind back the counter of rolls, 1/s.
+
+They matter only where a roll begins; this is enough to make them unique, and too little to be seen in a race time.
+"""
 
 
 @record
@@ -158,3 +165,16 @@ def history(flight: Flight, flown: Trajectory, name: str) -> Array:
     control = np.hstack([flown.control, flown.control[:, -1:]])
     values = at_points(system.path_values, flown.state, control, flight.model.parameter_values)
     return values[names.index(name)]
+
+
+def regularised(model: FlightModel, weight: float) -> dict[str, float]:
+    """Return the weights of the squared, scaled controls by name: a rate counts `weight` where it is brisk."""
+    controls = model.system.controls
+    weights = {one.name: weight * (one.scale / _brisk(model, one)) ** 2 for one in controls if one.rate_of}
+    resets = {name: RESET_WEIGHT for name in RollReset.names() if any(one.name == name for one in controls)}
+    return weights | resets
+
+
+def _brisk(model: FlightModel, rate: Quantity) -> float:
+    """Return a brisk rate: the model's own measure, else half of the fastest."""
+    return model.brisk.get(rate.name, 0.5 * max(-rate.lower, rate.upper))

@@ -3,7 +3,7 @@
 The object, with the format's name first:
 
     format          "airrace-report/1"
-    course          elements, crowd, lines, airspace, frame: see `airrace.report.course_contents`
+    course          elements, crowd, lines, airspace, frame: see `course_contents`
     flights         the flights, the first of which the page is about; the others are its ghosts
       label           what tells it from the others
       aircraft        {name, span}: span of its wing, m

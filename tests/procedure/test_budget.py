@@ -7,7 +7,7 @@ from races import SIXTEEN, SMALL, planned, prepared, settings
 from test_solving import asked, session, small
 
 from airrace.procedure import budget
-from airrace.procedure.budget import FEWEST_INTERVALS, PER_INTERVAL, SPENT, Budget
+from airrace.procedure.budget import BUDGET_EXHAUSTED, FEWEST_INTERVALS, PER_INTERVAL, Budget
 from airrace.procedure.guess import first_mesh
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
@@ -52,7 +52,7 @@ def test_a_solver_may_take_what_is_left_and_none_is_asked_after_that() -> None:
     again = used.solve(problem, made, "all phases", barrier=0.1)
     assert solution is not None
     assert again is not None
-    assert (solution.status, again.status, again.success) == ("stuck", SPENT, False)
+    assert (solution.status, again.status, again.success) == ("stuck", BUDGET_EXHAUSTED, False)
     assert len(asked(used)) == len(used.attempts) == 2
     used.attempt(problem, made, "why", "fatrop", asked(used)[0][1], beyond_budget=True)
     assert len(asked(used)) == 3
@@ -65,7 +65,7 @@ def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_t
     result = solve_with_refinement(used, starts)
     assert result.outcome is Outcome.NOT_CONVERGED
     assert result.message.startswith("not converged: fatrop gave up (stuck), most violated: nothing; ")
-    assert SPENT in result.message
+    assert BUDGET_EXHAUSTED in result.message
     assert len(result.attempts) == 1
 
 
@@ -79,7 +79,7 @@ def test_a_budget_ends_a_run_after_the_same_work_with_any_number_of_threads(monk
     monkeypatch.setattr(budget, "PER_INTERVAL", 5)
     one, two = flown(1), flown(2)
     assert one.outcome is Outcome.NOT_CONVERGED
-    assert SPENT in one.message
+    assert BUDGET_EXHAUSTED in one.message
     assert [(a.purpose, a.solver, a.status, a.iterations) for a in one.attempts] == [
         (a.purpose, a.solver, a.status, a.iterations) for a in two.attempts
     ]

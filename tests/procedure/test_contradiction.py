@@ -8,7 +8,7 @@ from races import SIXTEEN, SMALL, planned, prepared, settings
 from test_solving import STALLED, Canned, asked, session
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import DOUBTS_MAX, fly_homotopy
 from airrace.procedure.infeasibility.local_infeasibility import contradiction
@@ -90,7 +90,7 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
 ) -> None:
     chosen = settings(kind, search=search)
     used = SolverSession(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
-    ladder = Ladder(SMALL, chosen, ())
+    ladder = FidelityContinuation(SMALL, chosen, ())
     if kind is GuessKind.HOMOTOPY:
         assert ladder.climb(Stage.HOMOTOPY, used).outcome is Outcome.SOLVED
         used.begin()

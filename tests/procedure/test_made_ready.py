@@ -7,7 +7,7 @@ from airrace.control.inner_controller import InnerLoopInverse
 from airrace.control.simulation import TrackingSimulator, pilot
 from airrace.dynamics.flight_model import FlightModel
 from airrace.procedure import fidelity_continuation as module
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.settings import GuessKind
 from airrace.procedure.stage import Stage
 
@@ -31,7 +31,7 @@ def test_models_that_are_simulated_are_put_under_their_controllers_once(
         return pilot(model, inverse)
 
     monkeypatch.setattr(module, "pilot", watched)
-    ladder = Ladder(SMALL, settings(GuessKind.PLAN), ())
+    ladder = FidelityContinuation(SMALL, settings(GuessKind.PLAN), ())
     for _ in range(2):
         ladder.make_ready(stage)
     assert len(made) == simulations

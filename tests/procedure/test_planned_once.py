@@ -8,7 +8,7 @@ from races import SMALL, settings
 
 from airrace.planning import plan as planning
 from airrace.planning.race import Race
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.progress import Silent
 from airrace.procedure.results_api import derived_quantities, sampler
 from airrace.procedure.run import optimize
@@ -39,7 +39,7 @@ def fresh() -> Race:
 
 def test_all_stages_fly_one_plan(searches: list[int]) -> None:
     race = fresh()
-    ladder = Ladder(race, PLAN, ())
+    ladder = FidelityContinuation(race, PLAN, ())
     plans = {id(ladder.flight(stage).plan) for stage in STAGES}
     assert plans == {id(race.plan)}
     assert len(searches) == 1

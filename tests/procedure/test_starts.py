@@ -12,7 +12,7 @@ from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, I
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure import solve_and_refine
 from airrace.procedure.certification import Evidence
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, StageResult
@@ -41,7 +41,7 @@ def canned(*verdicts: str) -> SolverSession:
 @pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
 def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
     finished, used = climbed(SMALL)[:kept], canned("stuck")
-    ladder = Ladder(SMALL, PLAN, finished)
+    ladder = FidelityContinuation(SMALL, PLAN, finished)
     result = ladder.climb(OPTIMA[kept], used)
     assert (result.stage, result.outcome) == (OPTIMA[kept], Outcome.NOT_CONVERGED)
     assert not result.certified

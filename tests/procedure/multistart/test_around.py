@@ -10,7 +10,7 @@ from explored_races import OFF, QUICK, WOUND, optimum
 from races import blown, prepared
 from ways_bench import open_session
 
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_draught, solve_coarse
 from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.solver_pool import SolverPool
@@ -104,9 +104,9 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
     """Another way seems faster when flown roughly; from scratch it leads to nothing faster, or to nothing at all."""
     good = started(optimum(WOUND), QUICK)
     promise = "left -> right, flat, saves about 0.03 s"
-    monkeypatch.setattr(Ladder, "find_faster_route", lambda *_: lambda _: promise)
+    monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
     for scratch in (slower(good), dataclasses.replace(good, outcome=Outcome.NOT_CERTIFIED)):
-        monkeypatch.setattr(Ladder, "climb", lambda *_, found=scratch: found)
+        monkeypatch.setattr(FidelityContinuation, "climb", lambda *_, found=scratch: found)
         result = started(optimum(WOUND), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
         assert result.message.endswith("so the start is from scratch, which led to nothing faster")
@@ -115,14 +115,16 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
 def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
     good = started(optimum(WOUND), QUICK)
-    monkeypatch.setattr(Ladder, "find_faster_route", lambda *_: lambda _: "a way round that saves about 0.03 s")
+    monkeypatch.setattr(
+        FidelityContinuation, "find_faster_route", lambda *_: lambda _: "a way round that saves about 0.03 s"
+    )
     scratch = {
         Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),
         Stage.TRANSFER_FUNCTION: dataclasses.replace(
             good, stage=Stage.TRANSFER_FUNCTION, outcome=Outcome.NOT_CERTIFIED, message="no"
         ),
     }
-    monkeypatch.setattr(Ladder, "climb", lambda _, stage, session: scratch[stage])
+    monkeypatch.setattr(FidelityContinuation, "climb", lambda _, stage, session: scratch[stage])
     run = optimize(
         *(WINDY, QUICK),
         until=Stage.TRANSFER_FUNCTION,

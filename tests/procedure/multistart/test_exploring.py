@@ -14,7 +14,7 @@ from ways_bench import open_session
 
 from airrace.planning.race import Race
 from airrace.procedure import fidelity_continuation
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.budget import QUICK as QUICK_EFFORT
 from airrace.procedure.multistart.budget import THOROUGH, Radius, SearchBudget
 from airrace.procedure.multistart.multistart import Exploration, explore
@@ -126,7 +126,7 @@ def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.Log
 
     monkeypatch.setattr(fidelity_continuation, "explore", looped)
     with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
-        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
     assert result.search.loops == (loop,)
     assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
 

@@ -16,7 +16,7 @@ from ways_bench import open_session, planned_sketch
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import fidelity_continuation
-from airrace.procedure.fidelity_continuation import Ladder
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.multistart import Exploration
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, State, Way
@@ -85,7 +85,7 @@ def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatc
     answers = Answers(taking(9.0), taking(8.9), making=False)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
     with open_session(BOTH) as session:
-        result = Ladder(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, session)
+        result = FidelityContinuation(HALF_CUBAN, BOTH, (below,)).climb(Stage.TRANSFER_FUNCTION, session)
     assert len(answers.asked) == 2
     assert seconds(result) == pytest.approx(8.9)
     assert [seconds(alternative) for alternative in result.alternatives] == [pytest.approx(9.0)]
@@ -132,7 +132,7 @@ def first_stage(
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: search))
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     with open_session(chosen) as session:
-        result = Ladder(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
     assert answers.verdicts == []
     return result, answers.asked, list(starts)
 
@@ -163,7 +163,7 @@ def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPa
     )
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, told.__getitem__))
     with open_session(QUICK) as session:
-        result = Ladder(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
     assert result.search.ways[0].text == "second"
 
 
@@ -211,7 +211,7 @@ def close_together(
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
     monkeypatch.setattr(fidelity_continuation, "proved", answered)
     with open_session(two) as session:
-        result = Ladder(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)
+        result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)
     return result, asked
 
 
@@ -239,7 +239,7 @@ def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.
     assert result.alternatives == ()
     neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
     assert (seconds(neither), neither.state) == (pytest.approx(9.0), State.SOLVED)
-    assert neither.message == "its race time could not be proved on a second mesh: it failed"
+    assert neither.message == "its race time could not be confirmed on a second mesh: it failed"
 
 
 def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
