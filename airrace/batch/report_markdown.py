@@ -36,7 +36,7 @@ def _ways(rows: Sequence[Row]) -> Iterator[str]:
     if not told:
         return
     yield ""
-    yield "| job | way round | ways tried | next best way | behind s |"
+    yield "| job | route | routes tried | next best route | behind s |"
     yield "|---|---|---:|---|---:|"
     for row, ways in told[:ROWS_MAX]:
         behind = "" if ways.behind is None else f"{ways.behind:+.3f}"

@@ -115,7 +115,7 @@ def _result(place: Place, stage: Stage) -> StageResult:
 
 
 def _remedies(place: Place) -> tuple[SuggestedChange, ...]:
-    return rows_of(SuggestedChange, place.table("suggested_changes"), f"{place.path}/remedies")
+    return rows_of(SuggestedChange, place.table("suggested_changes"), f"{place.path}/suggested_changes")
 
 
 def _one_row(place: Place, name: str, record: type[R]) -> R:

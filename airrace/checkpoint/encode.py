@@ -16,9 +16,9 @@
     mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, facts    tables, SI and radians
-    search/ways, loops, summary         tables: other ways round that were tried
-    suggested changes                            table: what would resolve conflicts of limits; only where there are any
-    alternatives/N/                     flights on other ways round, but for the hashes like the stage itself
+    search/ways, loops, summary         tables: other routes that were tried
+    suggested_changes                   table: what would resolve conflicts of limits; only where there are any
+    alternatives/N/                     flights on other routes, but for the hashes like the stage itself
 """
 
 import re

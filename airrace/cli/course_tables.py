@@ -9,8 +9,8 @@ from rich.table import Table
 
 from airrace.cli.tables import plain_table
 from airrace.inputs.units import KNOT
+from airrace.planning.lint import Remark
 from airrace.planning.race import Race
-from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges

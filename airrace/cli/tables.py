@@ -25,7 +25,7 @@ PAGE = 80
 """The columns of a page: of tables that are wrapped to it where nobody's terminal sets a limit."""
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
-ONE_MESH = "checked on one mesh; the race time is not proved on a second one"
+ONE_MESH = "checked on one mesh; no second mesh has confirmed the race time"
 
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
 

@@ -13,7 +13,7 @@ SHOWN = 12
 def ways_table(explored: SearchReport) -> Table:
     """Return a table of the best way and those that came next, with what they cost."""
     starts = f"{explored.led} of {explored.led + explored.elsewhere + explored.lost} flights led to the best"
-    title = f"ways round: {len(explored.ways)} tried in {explored.seconds:.1f} s, {starts}"
+    title = f"routes: {len(explored.ways)} tried in {explored.seconds:.1f} s, {starts}"
     table = Table(
         title=Text(title), title_justify="left", box=box.SIMPLE, pad_edge=False, collapse_padding=True, show_edge=False
     )

@@ -92,7 +92,7 @@ def _write_comments(result: StageResult, provenance: Provenance | None, stream: 
         entries["race time"] = f"{result.trajectory.race_time:.6f} s"
     else:
         entries["flight"] = f"none was found ({result.outcome.value}); this is where the solver gave up"
-    solved = " (solved and checked on one mesh, the race time not proved on a second one)"
+    solved = " (solved and checked on one mesh, the race time not confirmed on a second one)"
     entries["certified"] = "yes" if result.certified else f"no{solved if result.holds else ''}"
     if provenance is not None:
         names = {"track": provenance.track, "aircraft": provenance.aircraft}

@@ -1,36 +1,38 @@
 """All inputs of a run, read, checked and understood; what is wrong is reported all at once."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.errors import Finding, InputError
-from airrace.inputs.aircraft import build_aircraft
+from airrace.inputs.aircraft import build_aircraft, weight_not_carried
 from airrace.inputs.aircraft_schema import AIRCRAFT_SCHEMA, AircraftEntry
-from airrace.inputs.consistency import check_together
 from airrace.inputs.course import build_course
 from airrace.inputs.document import Document, read_document
+from airrace.inputs.features import base_name
 from airrace.inputs.nodes import JSON, Entry, MappingNode, Place, Reporter, ScalarNode, dotted
-from airrace.inputs.objects import Scene, aircraft_of, is_of_objects, scene_of
+from airrace.inputs.objects import Scene, aircraft_of, is_of_objects, resolved_inputs, scene_of
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
-from airrace.inputs.penalties import penalties_of
 from airrace.inputs.places import Places
+from airrace.inputs.presets import preset_names, read_preset
 from airrace.inputs.references import check_references
-from airrace.inputs.resolved import resolved_inputs
+from airrace.inputs.rules_schema import PenaltiesEntry, RulesEntry
 from airrace.inputs.schema import Schema
 from airrace.inputs.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
 from airrace.inputs.shipped import AIRCRAFT, TRACKS, Collection
 from airrace.inputs.shorthands import expanded
+from airrace.inputs.surroundings import build_air
 from airrace.inputs.track_schema import TRACK_SCHEMA, track_language
 from airrace.inputs.validation import validate
-from airrace.inputs.weather import build_air
 from airrace.inputs.yaml_reader import read_yaml
-from airrace.logs.penalties import NONE_KNOWN, Penalties
+from airrace.logs.penalties import ENDS_RACE, NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
+from airrace.quantities import KNOT
 from airrace.records import record
 
 FINDINGS_MAX = 100
@@ -316,3 +318,56 @@ def _referenced_aircraft(folder: Path, opened: _Opened | None, findings: list[Fi
         opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
         return None
     return AIRCRAFT.read(named, findings, folder)
+
+
+def check_together(race: Race, track: Reporter) -> None:
+    """Report in the track what this aircraft cannot do."""
+    rules, aircraft = race.course.rules, race.aircraft
+    start_speed, slowest = race.course.passages[0].speed.upper, aircraft.envelope.V.lower
+    if start_speed <= slowest:
+        track.value(
+            ("rules", "start_speed_max_kt"),
+            f"must be above {slowest / KNOT:.4g} kt, the least speed of {aircraft.name}; is {start_speed / KNOT:.4g}",
+        )
+    shortfall = "" if math.isinf(rules.C_L.upper) else weight_not_carried(aircraft, rules.C_L.upper)
+    if shortfall:
+        track.value(("rules", "C_L_max"), shortfall)
+    gates = {passage.element.name: passage.element for passage in race.course.passages}
+    remarked: set[str] = set()
+    for gate in gates.values():
+        name, misfit = base_name(gate.name), gate.misfit(aircraft.airframe.b, aircraft.name)
+        if misfit is not None and name not in remarked:
+            key, text = misfit
+            track.value(("gates", name, key), text)
+            remarked.add(name)
+
+
+def penalties_of(rules: RulesEntry) -> Penalties:
+    """Return the penalties of the preset that the rules of a course name; none are known where they name none."""
+    if rules.preset is None or rules.preset not in preset_names():
+        return NONE_KNOWN
+    preset = read_preset(rules.preset)
+    return _penalties(preset.penalties, preset.source)
+
+
+def _penalties(entry: PenaltiesEntry, source: str) -> Penalties:
+    return Penalties(
+        pylon=_seconds(entry.pylon_s),
+        missed=_seconds(entry.missed_s),
+        too_high=_seconds(entry.too_high_s),
+        too_low=_seconds(entry.too_low_s),
+        bank=_seconds(entry.bank_s),
+        climb=_seconds(entry.climb_s),
+        manoeuvre=_seconds(entry.manoeuvre_s),
+        start_speed=_seconds(entry.start_speed_s),
+        start_speed_end=None if entry.start_speed_dnf_kt is None else entry.start_speed_dnf_kt * KNOT,
+        load_factor=_seconds(entry.load_factor_s),
+        load_factor_from=entry.load_factor_g,
+        load_factor_time=entry.load_factor_time_s,
+        load_factor_end=entry.load_factor_dnf_g,
+        source=source,
+    )
+
+
+def _seconds(value: float | Literal["dnf"] | None) -> float | None:
+    return ENDS_RACE if value == "dnf" else value

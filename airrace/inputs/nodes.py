@@ -1,10 +1,10 @@
 """The tree of a YAML text between reader and schemas, in which every key and value keeps its place."""
 
+import difflib
 from collections.abc import Collection, Mapping
 from dataclasses import field
 
 from airrace.errors import Finding
-from airrace.inputs.spelling import Speller
 from airrace.records import record
 
 ScalarValue = str | int | float | bool | None
@@ -73,6 +73,36 @@ Node = ScalarNode | SequenceNode | MappingNode
 def dotted(path: KeyPath) -> str:
     """Return a path of keys as messages name it, e.g. `gates.g4.heading_deg`; items of lists count from 0."""
     return ".".join(str(part) for part in path)
+
+
+NAMES_TOLD = 20
+"""The largest number of names that are listed where none is similar."""
+COMPARISONS_MAX = 50_000
+"""The largest number of comparisons of names for one document, about a second's work."""
+
+
+class Speller:
+    """A search for the name that was meant; on a document with thousands of names it gives up after a while."""
+
+    def __init__(self) -> None:
+        self._comparisons = 0
+
+    def suggestion(self, word: str, known: Collection[str]) -> str:
+        """Return `; did you mean ...?`, or the choices where nothing is similar; empty once it has given up."""
+        self._comparisons += len(known)
+        if self._comparisons > COMPARISONS_MAX:
+            return ""
+        similar = difflib.get_close_matches(word[:100], known, n=1)
+        return f"; did you mean `{similar[0]}`?" if similar else choices(known)
+
+
+def choices(known: Collection[str]) -> str:
+    """Return `; known here: a, b`; empty where nothing is known."""
+    if not known:
+        return ""
+    told = list(known)[:NAMES_TOLD]
+    more = f" and {len(known) - len(told)} more" if len(known) > len(told) else ""
+    return f"; known here: {', '.join(told)}{more}"
 
 
 @record

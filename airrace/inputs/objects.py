@@ -18,7 +18,8 @@ from airrace.environment.air import Air
 from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
 from airrace.inputs.nodes import JSON
-from airrace.inputs.resolved import field_names
+from airrace.planning.race import Race
+from airrace.procedure.settings import Settings
 from airrace.records import record
 from airrace.track.course import Course
 
@@ -188,3 +189,42 @@ def _heirs(kind: type) -> list[type]:
 @cache
 def _hints(kind: type) -> dict[str, Any]:
     return get_type_hints(kind)
+
+
+def resolved_inputs(race: Race, settings: Settings) -> dict[str, JSON]:
+    """Return `course`, `aircraft`, `air` and `settings` with all defaults filled in; SI and radians.
+
+    `settings.mesh_check` is left out: a stage stands whichever stages have a mesh check, and its certificate says what
+    was measured of it.
+    """
+    return {
+        "course": _resolved(race.course),
+        "aircraft": _resolved(race.aircraft),
+        "air": _resolved(race.air),
+        "settings": {
+            name: _resolved(getattr(settings, name)) for name in field_names(Settings) if name != "mesh_check"
+        },
+    }
+
+
+def _resolved(value: object) -> JSON:
+    """Return a value for reading alone: unlike in `_plain`, objects go without their class."""
+    match value:
+        case float():
+            return value if math.isfinite(value) else None  # JSON knows no infinity; null stands for no limit
+        case Enum():
+            return _resolved(value.value)
+        case None | bool() | int() | str():
+            return value
+        case tuple():
+            return [_resolved(item) for item in cast(tuple[object, ...], value)]
+        case _ if dataclasses.is_dataclass(type(value)):
+            return {name: _resolved(getattr(value, name)) for name in field_names(type(value))}
+        case _:
+            raise TypeError(f"{type(value).__name__} has no plain form")
+
+
+@cache
+def field_names(kind: type) -> tuple[str, ...]:
+    """Return the fields of a dataclass; cached, since a long course asks for the same few thousands of times."""
+    return tuple(field.name for field in dataclasses.fields(kind))

@@ -6,9 +6,8 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
 from airrace.inputs.kinds.defaults import GateDefaultsEntry
-from airrace.inputs.place_schema import Height
+from airrace.inputs.place_schema import Distance, Height
 from airrace.inputs.schema import Schema
-from airrace.inputs.surroundings_schema import Distance
 
 RULES_SCHEMA = "airrace/rules/1"
 

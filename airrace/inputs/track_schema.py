@@ -13,10 +13,9 @@ from pydantic import Field, create_model
 from airrace.inputs.kinds.all_kinds import kinds
 from airrace.inputs.kinds.defaults import GateDefaultsEntry
 from airrace.inputs.kinds.entry import KindEntry
-from airrace.inputs.place_schema import Azimuth, OriginEntry, PlacedEntry
+from airrace.inputs.place_schema import Azimuth, Corners, CrowdEntry, OriginEntry, PlacedEntry, SafetyLineEntry
 from airrace.inputs.rules_schema import RulesEntry
 from airrace.inputs.schema import Annotation, Schema
-from airrace.inputs.surroundings_schema import Corners, CrowdEntry, SafetyLineEntry
 
 TRACK_SCHEMA = "airrace/track/1"
 

@@ -5,10 +5,9 @@ from functools import cached_property
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.aircraft import build_aircraft
 from airrace.inputs.aircraft_schema import AircraftEntry
-from airrace.inputs.consistency import check_together
 from airrace.inputs.course import build_course
 from airrace.inputs.document import Document
-from airrace.inputs.inputs import Inputs
+from airrace.inputs.inputs import Inputs, check_together
 from airrace.inputs.nodes import MappingNode, Reporter, ScalarNode
 from airrace.inputs.numbers import filled_in, numbers
 from airrace.inputs.objects import is_of_objects
@@ -16,9 +15,9 @@ from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides,
 from airrace.inputs.places import Places
 from airrace.inputs.schema import Schema
 from airrace.inputs.shorthands import expanded
+from airrace.inputs.surroundings import build_air
 from airrace.inputs.track_schema import track_language
 from airrace.inputs.validation import validate
-from airrace.inputs.weather import build_air
 from airrace.inputs.yaml_reader import read_yaml
 from airrace.planning.race import Race
 

@@ -49,7 +49,7 @@ Flights that were solved on one mesh each, and whose race times differ by less, 
 chosen. Each mesh may err by about that limit.
 """
 
-UNPROVED = "its race time could not be proved on a second mesh"
+UNPROVED = "its race time could not be confirmed on a second mesh"
 
 LOST = 0.1
 """The time by which an optimum may be slower than the rough one that it started from, s.
@@ -363,7 +363,7 @@ def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> No
         logger.warning("the flight may hold a needless loop: %s", loop)
     if result.holds and not _kept(result, best):
         logger.warning(
-            "the best way round took %.2f s when flown roughly but could not be proved; the %s flight, another one, "
+            "the best route took %.2f s when flown roughly but failed the final check; the %s flight, another one, "
             "takes %.2f s",
             *(best.ways[0].race_time, result.state.value, result.trajectory.race_time),
         )

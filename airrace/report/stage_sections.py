@@ -20,7 +20,7 @@ CERTIFICATE = (
     Head("holds", text=True),
     Head("worst at", text=True),
 )
-WAYS = (Head("way round", text=True), Head("race time", "s"), Head("difference", "s"), Head("priced", text=True))
+WAYS = (Head("route", text=True), Head("race time", "s"), Head("difference", "s"), Head("priced", text=True))
 PRICES = (
     Head("number", text=True),
     Head("value"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from airrace.planning.clearances import crowd_overflown, ground_distance
 from airrace.planning.legs import PLANNED_MAX
-from airrace.planning.review import Kind, Remark
+from airrace.planning.lint import Kind, Remark
 from airrace.results.clearance import Clearance, Distance, least, least_of_all, pylons, surroundings
 from airrace.results.flight import Flight
 from airrace.results.legs import Leg, legs_of

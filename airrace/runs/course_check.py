@@ -7,8 +7,8 @@ from pathlib import Path
 
 from airrace.inputs import Document, Inputs, load_inputs
 from airrace.inputs.unused import unused_gates
+from airrace.planning.lint import Kind, Remark, in_order, review
 from airrace.planning.race import Race
-from airrace.planning.review import Kind, Remark, in_order, review
 from airrace.results import Flight
 from airrace.results.clearance import Clearance
 from airrace.results.plan_review import plan_clearances, remarks_on_line

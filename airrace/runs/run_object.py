@@ -141,7 +141,7 @@ def lap_times(splits: Sequence[GateSplit]) -> list[float]:
 
 def unproved(result: StageResult) -> str:
     """Return the sentence on a stage that was solved on one mesh where a certified one was wanted."""
-    return result.message or "it is solved, but its race time was not proved on a second mesh"
+    return result.message or "it is solved, but its race time was not confirmed on a second mesh"
 
 
 def mesh_object(result: StageResult) -> dict[str, object] | None:

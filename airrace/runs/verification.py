@@ -13,7 +13,7 @@ from airrace.runs.run import Run
 from airrace.runs.run_object import certificate_object
 from airrace.runs.stored_inputs import made_with
 
-ONE_MESH = "solved on one mesh, without a proof of its race time on a second one"
+ONE_MESH = "solved on one mesh, its race time not confirmed on a second one"
 GUESS = "a guess, of which nothing but its gate splits can be verified"
 
 

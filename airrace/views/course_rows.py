@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 from airrace.frames import angle_between
+from airrace.planning.lint import Remark
 from airrace.planning.race import Race
-from airrace.planning.review import Remark
 from airrace.quantities import Interval
 from airrace.records import record
 from airrace.track.course import Passage

@@ -117,7 +117,7 @@ def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
     assert [line["next_way_behind_s"] for line in table] == ["0.125", ""]
     text = markdown_text(EXPLORED, ())
     assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
-    assert "ways tried" not in markdown_text(ROWS, ())
+    assert "routes tried" not in markdown_text(ROWS, ())
     shown = rendered(*ranking_tables(EXPLORED)).splitlines()
     assert shown[-2].split()[:5] == ["bent", "certified", "-", "60.000", "best"]
     assert shown[-2].split()[5:] == ["7", "+0.125", "0.0"]

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text
 from airrace.cli.main import app
-from airrace.planning.review import Kind, Remark, in_order, review
+from airrace.planning.lint import Kind, Remark, in_order, review
 from airrace.results.plan_review import remarks_on_line
 from airrace.results.planned import planned_flight
 

@@ -98,7 +98,7 @@ def test_a_ladder_says_which_stages_were_solved_on_one_mesh() -> None:
         ["point-mass", "solved"],
         ["transfer-function", "certified"],
     ]
-    assert "solved: checked on one mesh; the race time is not proved on a second one" in shown
+    assert "solved: checked on one mesh; no second mesh has confirmed the race time" in shown
     assert "one mesh" not in rendered(stages_table([stage_result(Stage.POINT_MASS), last]))
     assert below.certificate is not None
     assert "certified" not in rendered(certificate_table(below.certificate))

@@ -153,7 +153,7 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
     shown = Ran("show", "rovinj_2014.h5")
     assert (flown.code, shown.code) == (0, 0)
     for told in (flown.out, shown.out):
-        assert "ways round: 3 tried in 4.5 s, 3 of 5 flights led to the best" in told
+        assert "routes: 3 tried in 4.5 s, 3 of 5 flights led to the best" in told
         assert "over the top to the right" in told
         assert "+0.125" in told
 
@@ -205,7 +205,7 @@ def test_ways_are_told_of_the_stage_that_explored_when_others_are_flown_after_it
     flown, shown = Ran("optimize", TRACK), Ran("show", "rovinj_2014.h5")
     assert (flown.code, shown.code) == (0, 0)
     for told in (flown.out, shown.out):
-        assert told.count("ways round: 3 tried in 4.5 s") == 1
+        assert told.count("routes: 3 tried in 4.5 s") == 1
     assert f"a needless loop: {LOOP}" in shown.out
 
 

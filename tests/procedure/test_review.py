@@ -13,10 +13,9 @@ from transformations import mirrored
 from airrace.environment.air import Air, StaticWind
 from airrace.inputs import load_inputs
 from airrace.planning.legs import PLANNED_MAX, legs, tightest
+from airrace.planning.lint import Kind, Remark, exchanged_axes, in_order, review
 from airrace.planning.planning_model import top_speed
 from airrace.planning.race import Race
-from airrace.planning.review import Kind, Remark, in_order, review
-from airrace.planning.swapped_inputs import exchanged_axes
 from airrace.quantities import Interval
 from airrace.results.plan_review import remarks_on_line
 from airrace.results.planned import planned_flight

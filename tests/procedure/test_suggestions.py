@@ -13,7 +13,16 @@ from airrace.planning.race import Race
 from airrace.procedure.infeasibility.elastic_solver import ElasticSolver, Relaxed
 from airrace.procedure.infeasibility.parameters import relaxables
 from airrace.procedure.infeasibility.relaxed_routes import CLEAR, Relaxation, torn
-from airrace.procedure.infeasibility.suggestions import EFFORT_MAX, MARGINS, NOTHING, TOLD_MAX, Flown, Option, Trials
+from airrace.procedure.infeasibility.suggestions import (
+    EFFORT_MAX,
+    MARGINS,
+    NOTHING,
+    OF_AIRCRAFT,
+    OF_RULES,
+    Flown,
+    Option,
+    Trials,
+)
 
 KNOWN = {one.key: one for one in relaxables(SMALL)}
 NOBODY = cast(ElasticSolver, None)  # no trial of these tests asks what relaxed it
@@ -56,9 +65,9 @@ AIRCRAFT = ["aircraft.airframe.mass_kg", "aircraft.propulsion.power_max_kW", "ai
 
 
 def test_the_aircraft_is_told_beside_however_many_rules_and_gates() -> None:
-    assert len(RULES) > TOLD_MAX[False]
+    assert len(RULES) > OF_RULES.suggested_max
     keys = [key for key, _ in told(options(*RULES, *AIRCRAFT))[0]]
-    assert keys == [*RULES[: TOLD_MAX[False]], *AIRCRAFT[: TOLD_MAX[True]]]
+    assert keys == [*RULES[: OF_RULES.suggested_max], *AIRCRAFT[: OF_AIRCRAFT.suggested_max]]
 
 
 def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_never() -> None:

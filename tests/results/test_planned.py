@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.inputs import load_inputs
+from airrace.planning.lint import Kind
 from airrace.planning.race import Race
-from airrace.planning.review import Kind
 from airrace.procedure.guess import leg_seconds
 from airrace.results import Flight, legs_of
 from airrace.results.near_misses import BESIDE, TOLERANCE, UNASKED, near_misses

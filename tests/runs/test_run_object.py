@@ -103,7 +103,7 @@ def test_a_stage_solved_on_one_mesh_is_no_failure_but_never_a_certified_end() ->
     assert not is_certified([certified, solved])
     code, sentence = verdict([solved])
     assert code == 5
-    assert sentence == "point-mass: it is solved, but its race time was not proved on a second mesh"
+    assert sentence == "point-mass: it is solved, but its race time was not confirmed on a second mesh"
 
 
 def test_the_object_tells_what_was_proved_of_a_stage() -> None:

@@ -106,7 +106,7 @@ def test_verification_says_what_was_verified_and_asks_all_of_the_last_stage(
     monkeypatch.setattr(procedure, "remeasured", remeasured)
     below, last = run.verify()
     assert (below.verified, last.verified) == (True, True)
-    assert below.finding == "verified as solved on one mesh, without a proof of its race time on a second one"
+    assert below.finding == "verified as solved on one mesh, its race time not confirmed on a second one"
     assert last.finding == "verified"
     (alone,) = replace(run, checkpoint=run.checkpoint.with_stage(SOLVED)).verify()
     assert not alone.verified

@@ -7,9 +7,8 @@ from airrace.extensions import load_extensions
 from airrace.inputs.features import Feature
 from airrace.inputs.kinds.defaults import GateDefaultsEntry
 from airrace.inputs.kinds.entry import KindEntry
-from airrace.inputs.kinds.gates import KnifeEdgeGateEntry, LevelGateEntry, QuadEntry
+from airrace.inputs.kinds.gates import KnifeEdgeGateEntry, LevelGateEntry, PylonEntry, QuadEntry
 from airrace.inputs.kinds.manoeuvres import HighTurnEntry, ManoeuvreEntry, VerticalRollEntry
-from airrace.inputs.kinds.pylon import PylonEntry
 from airrace.inputs.places import Places
 
 _kinds: list[type[KindEntry]] = [

@@ -38,7 +38,7 @@ Certifying whatever flies took minutes on courses in a narrow corridor: 1646 int
 """
 NO_FLIGHT = "no flight was found: "
 """The words with which the explanation begins."""
-OTHER_WAYS = "other ways round were not tried (--search quick tries them)"
+OTHER_WAYS = "other routes were not tried (--search quick tries them)"
 
 
 def diagnose_infeasibility(

@@ -16,14 +16,12 @@ from airrace.procedure.infeasibility.elastic_solver import ElasticSolver, Relaxe
 from airrace.procedure.infeasibility.parameters import relaxables
 from airrace.procedure.infeasibility.relaxable import RelaxableParameter
 from airrace.procedure.infeasibility.relaxed_routes import Relaxation, relaxation
-from airrace.procedure.infeasibility.suggestions import TOLD_MAX, Fly, Option, Trials
+from airrace.procedure.infeasibility.suggestions import BUDGETS, Fly, Option, Trials
 from airrace.procedure.result import StageResult, SuggestedChange
 from airrace.records import record
 
 CONFLICTS_MAX = 4
 """The largest number of conflicts that are looked for."""
-ALONE_MAX = {False: 5, True: 3}
-"""The largest number of parameters that are relaxed alone for one conflict: of rules and gates, of the aircraft."""
 MAX_PLAN_PENALTY = 12.0
 """The factor on the least estimate of parameters of a kind (usual steps) above which a parameter is not relaxed alone.
 
@@ -118,10 +116,10 @@ class Search:
             key=lambda one: (one[0], one[1].key),
         )
         options: list[Option] = []
-        for of_aircraft, most in ALONE_MAX.items():
-            of_a_kind = [one for one in possible if one[1].of_aircraft is of_aircraft][:most]
+        for budget in BUDGETS:
+            of_a_kind = [one for one in possible if one[1].of_aircraft is budget.of_aircraft][: budget.alone_max]
             cheap = [one for one in of_a_kind if one[0] <= MAX_PLAN_PENALTY * of_a_kind[0][0]]
-            options += itertools.islice(self._helping(race, cheap, relaxer, together), TOLD_MAX[of_aircraft])
+            options += itertools.islice(self._helping(race, cheap, relaxer, together), budget.suggested_max)
             if self.found is not None:
                 break
         return sorted(

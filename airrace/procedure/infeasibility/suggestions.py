@@ -13,8 +13,26 @@ from airrace.procedure.infeasibility.relaxable import RelaxableParameter
 from airrace.procedure.result import StageResult, SuggestedChange
 from airrace.records import record
 
-TOLD_MAX = {False: 3, True: 2}
-"""The largest number of suggestions that are told of one conflict: those of rules and gates, those of the aircraft."""
+
+@record
+class KindBudget:
+    """The largest numbers of parameters of one kind that are considered for one conflict.
+
+    Attributes:
+        of_aircraft: the kind: whether they are the aircraft's, or those of rules and gates.
+        alone_max: parameters that are relaxed alone.
+        suggested_max: suggestions.
+    """
+
+    of_aircraft: bool
+    alone_max: int
+    suggested_max: int
+
+
+OF_RULES = KindBudget(of_aircraft=False, alone_max=5, suggested_max=3)
+OF_AIRCRAFT = KindBudget(of_aircraft=True, alone_max=3, suggested_max=2)
+BUDGETS = (OF_RULES, OF_AIRCRAFT)
+"""In the order in which they are tried and suggested."""
 EFFORT_MAX = 4.0
 """The effort of the trials of a conflict (see `Flown`) after which none is repeated with a larger margin.
 
@@ -118,7 +136,7 @@ class Trials:
         that flew is told, for it is the likeliest to be certified in the end.
         """
         found: list[Tried] = []
-        tried = [one for of_aircraft in TOLD_MAX for one in self._with_least_margin(options, of_aircraft=of_aircraft)]
+        tried = [one for budget in BUDGETS for one in self._with_least_margin(options, budget)]
         effort = sum(one.flown.effort for one in tried)
         certified = any(one.flown.certified for one in tried)
         for one in tried:
@@ -134,11 +152,11 @@ class Trials:
                 found.append(last)
         return sorted(found, key=lambda one: not one.flown.certified)
 
-    def _with_least_margin(self, options: Iterable[Option], *, of_aircraft: bool) -> Iterator[Tried]:
+    def _with_least_margin(self, options: Iterable[Option], budget: KindBudget) -> Iterator[Tried]:
         """Yield the options of one kind as they were tried, until enough of them flew."""
         flown = 0
         for option in options:
-            if option.relaxable.of_aircraft is of_aircraft and flown < TOLD_MAX[of_aircraft]:
+            if option.relaxable.of_aircraft is budget.of_aircraft and flown < budget.suggested_max:
                 tried = self._trial(option, MARGINS[0])
                 flown += tried.flown.race_time is not None
                 yield tried

@@ -179,7 +179,7 @@ def try_solve(
     except SolverEnded:
         raise
     except SolverCrash as error:
-        logger.warning("a way round that was tried is left out: %s", str(error).splitlines()[-1])
+        logger.warning("a route that was tried is left out: %s", str(error).splitlines()[-1])
         return None
 
 

@@ -104,7 +104,7 @@ class Search:
         if self._flights:
             best, changed = self._best, set(range(len(self._course.passages) - 1))
             for number in range(self._effort.rounds):
-                self._watch(f"other ways round, {number + 1}: {best.race_time:.2f} s so far")
+                self._watch(f"other routes, {number + 1}: {best.race_time:.2f} s so far")
                 better = self._improved(best, changed, first=number == 0)
                 if better is None:
                     break

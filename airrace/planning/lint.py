@@ -4,20 +4,149 @@ It yields remarks, not errors: the course stays valid. What the planned line com
 `airrace.results.plan_review`.
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from enum import Enum
 
+import numpy as np
+
+from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics import handling
+from airrace.environment.atmosphere import g0
 from airrace.frames import angle_between
-from airrace.planning.extremes import climb_beyond_energy, narrow_heights, one_behind_the_other
 from airrace.planning.legs import LEAST_LOAD_FACTOR, Leg, legs, place, tightest
-from airrace.planning.planning_model import top_speed
+from airrace.planning.plan import ONE_PLACE
+from airrace.planning.planning_model import AIR_DENSITY, top_speed
 from airrace.planning.race import Race
-from airrace.planning.swapped_inputs import exchanged_axes, idle_pylons
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.track.course import Course, Direction, Passage
+
+FEWEST = 4
+"""The smallest number of headings that tell whether positions fit them."""
+BETTER = 0.25
+"""The gain by which headings must fit better with north and east exchanged, as a mean cosine. Those of the shipped
+courses fit worse by 0.31 at least."""
+CLEAR = 20.0
+"""The distance from a pylon at which the straight line between its neighbours passes on the side asked for, m. On the
+shipped courses it is 17 m at most, and most lines pass on the other side."""
+
+
+def exchanged_axes(passages: Sequence[Passage]) -> bool:
+    """Return whether the gates' headings fit the course much better with north and east exchanged."""
+    as_given: list[float] = []
+    exchanged: list[float] = []
+    for before, after in itertools.pairwise(passages):
+        start, end = place(before), place(after)
+        if start is None or end is None or math.dist(start[:2], end[:2]) < 1.0:
+            continue
+        north, east = end[0] - start[0], end[1] - start[1]
+        for passage in (before, after):
+            heading = passage.element.course(passage.direction) if passage.element.directed else None
+            if heading is not None:
+                as_given.append(math.cos(angle_between(heading, math.atan2(east, north))))
+                exchanged.append(math.cos(angle_between(heading, math.atan2(north, east))))
+    if len(as_given) < FEWEST:
+        return False
+    return (sum(exchanged) - sum(as_given)) / len(as_given) > BETTER
+
+
+def idle_pylons(passages: Sequence[Passage]) -> Iterator[tuple[Passage, Passage, Passage, float]]:
+    """Yield the elements to be passed on one side that nobody has to fly round, pylons for one, once each.
+
+    Yields:
+        The passages before, at and after such an element, and by how much the straight line between its neighbours
+        passes it on the side that is asked for, m.
+    """
+    seen: set[str] = set()
+    for before, passage, after in zip(passages, passages[1:], passages[2:], strict=False):
+        element, start, end = passage.element, place(before), place(after)
+        side, at = element.passing_side, element.place
+        if side is None or at is None or start is None or end is None or element.name in seen:
+            continue
+        seen.add(element.name)
+        north, east = end[0] - start[0], end[1] - start[1]
+        length = math.hypot(north, east)
+        if length < 1.0:
+            continue
+        along = ((at[0] - start[0]) * north + (at[1] - start[1]) * east) / length**2
+        aside = (start[0] + along * north - at[0], start[1] + along * east - at[1])
+        margin = aside[0] * math.cos(side) + aside[1] * math.sin(side)
+        if 0.0 < along < 1.0 and margin > CLEAR:
+            yield before, passage, after, margin
+
+
+NEAR = 0.1
+"""The time of flight at the least speed below which two elements may be meant as one, s."""
+SAME_DIRECTION = math.radians(30.0)
+"""The largest angle between the axes of two elements that may be meant as one, rad; those of a quad stand across."""
+LEAST_BAND = 5.0
+"""The least room between floor and ceiling that needs no remark, m: the legal heights of a gate span 10 m."""
+SHARE_OF_SPEED = 0.5
+"""The part of its kinetic energy that an aircraft can give for height (1): what is left has to carry it."""
+
+
+def one_behind_the_other(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
+    """Yield a remark on two elements so close together that one of them may be meant."""
+    if _feature(leg.before.element.name) == _feature(leg.after.element.name) or _stand_across(leg):
+        return  # passed twice on purpose, as a quad is
+    if leg.length < ONE_PLACE:
+        yield (
+            f"`{leg.after.name}` stands in the same place as `{leg.before.name}`: only a circle or a loop leads from "
+            "the one to the other; are they one gate?"
+        )
+    elif leg.length < NEAR * aircraft.envelope.V.lower:
+        yield (
+            f"`{leg.after.name}` stands {leg.length:.3g} m from `{leg.before.name}`: that is flown in "
+            f"{leg.length / aircraft.envelope.V.lower:.2g} s at the slowest; are they one gate?"
+        )
+
+
+def _feature(name: str) -> str:
+    """Return the name of the whole of which an element may be a part: `q` of `q/1`."""
+    return name.partition("/")[0]
+
+
+def _stand_across(leg: Leg) -> bool:
+    """Return whether the two elements are passed in different directions."""
+    before, after = leg.before.element.axis, leg.after.element.axis
+    return before is not None and after is not None and abs(math.sin(after - before)) > math.sin(SAME_DIRECTION)
+
+
+def narrow_heights(allowed: Interval) -> Iterator[str]:
+    """Yield a remark on floor and ceiling between which there is hardly any room."""
+    room = allowed.upper - allowed.lower
+    if room < LEAST_BAND:
+        yield (
+            f"there are {room:.3g} m between the floor at {allowed.lower:g} m and the ceiling at {allowed.upper:g} m; "
+            "hardly anyone keeps a height so closely"
+        )
+
+
+def climb_beyond_energy(leg: Leg, aircraft: Aircraft) -> Iterator[str]:
+    """Yield a remark on a height that neither the engine gains on the way nor the speed is worth."""
+    up = leg.after.element.heights.lower - leg.before.element.heights.upper
+    V = top_speed(aircraft)
+    if not V or not math.isfinite(up):
+        return
+    engine, speed = climb_rate(aircraft) * leg.length / V, V**2 / (2.0 * g0)
+    if up > engine + SHARE_OF_SPEED * speed:
+        yield (
+            f"from `{leg.before.name}` to `{leg.after.name}` {up:.0f} m are to be climbed: on the way {aircraft.name} "
+            f"gains {engine:.0f} m by its engine, and all of its speed is worth {speed:.0f} m"
+        )
+
+
+def climb_rate(aircraft: Aircraft) -> float:
+    """Return the best rate of climb at full power, m/s (ISA, sea level); 0 for an aircraft that cannot fly level."""
+    propulsion, drag, m, S = aircraft.propulsion, aircraft.drag, aircraft.airframe.m, aircraft.airframe.S
+    V = np.linspace(max(aircraft.envelope.V.lower, 1.0), aircraft.envelope.V.upper, 50)
+    pressure = 0.5 * AIR_DENSITY * V**2
+    C_D = drag.C_D0 + drag.k * (m * g0 / (pressure * S) - drag.C_L_minD) ** 2
+    spare = propulsion.eta_p * propulsion.P_max - pressure * S * C_D * V
+    return max(0.0, float(spare.max()) / (m * g0))
+
 
 WIND_MAX = 30.0 * KNOT  # race rules 2014-2019: no race in more wind
 LOOP = math.pi  # a way that turns by this much more than straight lines do goes round a loop
