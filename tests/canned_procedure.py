@@ -15,9 +15,9 @@ import numpy as np
 from airrace.errors import InputError, SolverCrash
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.planning.race import Race
-from airrace.procedure.continuous import Continuous
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageProvenance, StageResult, Timings
+from airrace.procedure.results_api import Continuous
 from airrace.procedure.settings import Settings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
