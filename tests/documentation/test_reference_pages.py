@@ -60,7 +60,7 @@ def test_the_layout_of_the_checkpoint_is_documented_in_full(flown: Path) -> None
     paths, columns, attributes = stored(flown)
     documented = {path: kind for path, kind, *_ in rows(CHECKPOINT, "path", "kind", "shape", "content")}
     settings = {"/inputs/settings/path": "text", "/inputs/settings/text": "text"}  # this run had no file of settings
-    conflicts = {"/stages/STAGE/remedies": "table"}  # this run has a flight
+    conflicts = {"/stages/STAGE/suggested_changes": "table"}  # this run has a flight
     assert documented == paths | settings | conflicts
     assert {tuple(row[:3]) for row in rows(CHECKPOINT, "table", "column", "kind", "content")} == columns
     assert {name: kind for name, kind, _ in rows(CHECKPOINT, "attribute", "kind", "content")} == attributes
