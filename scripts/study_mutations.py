@@ -39,7 +39,7 @@ NUMBERS = (
 )
 VALUES = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e29, 1e31, 1e200, 1e-300)
 BATCH = "schema: airrace/batch/1\ncourses: [a.yaml]\nsweep:\n  rules.n_z_max: [10, 11]\nuntil: point-mass\n"
-SETTINGS = "schema: airrace/settings/1\nexplore: off\nguess: plan\n"
+SETTINGS = "schema: airrace/settings/1\nsearch: off\nguess: plan\n"
 
 
 def characters(rng: random.Random, text: str) -> str:

@@ -74,8 +74,8 @@ def test_uniform_meshes_have_equal_intervals_of_the_length_asked_for(course: Any
 
 
 def test_meshes_converge_to_the_race_time_compared_with(course: Any) -> None:
-    assert course.bisect_all[-1].nodes - 1 == 4 * (course.answer.nodes - 1)
-    assert course.error(course.bisect_all[-1]) == 0.0
+    assert course.halved[-1].nodes - 1 == 4 * (course.answer.nodes - 1)
+    assert course.error(course.halved[-1]) == 0.0
     assert course.uncertainty < course.error(course.answer) < course.error(course.refined[0])
     assert course.error(course.uniform[-1]) < 0.01 * course.error(course.uniform[0])
 

@@ -15,7 +15,7 @@ from airrace.sensitivity.sensitivity import Price
 
 ROOT = Path(__file__).parents[2]
 AIRCRAFT = Document("edge540.yaml", (ROOT / "configs" / "edge540.yaml").read_text(encoding="utf-8"))
-FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nexplore: "off"\n')
+FROM_PLAN = Document("settings.yaml", 'schema: airrace/settings/1\nguess: plan\nsearch: "off"\n')
 COURSE = """
 schema: airrace/track/1
 name: three gates and a pylon
