@@ -5,7 +5,7 @@
 
 For every track and both guesses: the median wall time of `airrace optimize` as a share of the race time, the shares of
 derivatives, solver and everything else, the peak memory of all processes. Last, the wall time over the number of laps
-and the exponent of its growth. Other ways round are not explored, unless `--search` asks for it.
+and the exponent of its growth. Other routes are not explored, unless `--search` asks for it.
 """
 
 import argparse

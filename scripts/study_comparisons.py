@@ -15,7 +15,7 @@ OTHER_SIDE = {"left": "right", "right": "left"}
 
 
 def best_way(record: Record) -> str:
-    """The fastest of the ways that were tried, in words; empty where a record holds none."""
+    """The fastest of the routes that were tried, in words; empty where a record holds none."""
     timed = [one for one in record.get("ways") or [] if one.get("race_time_s") is not None]
     return str(min(timed, key=lambda one: one["race_time_s"]).get("way", "")) if timed else ""
 

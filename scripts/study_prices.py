@@ -1,7 +1,7 @@
 """Hold prices against re-optimised differences.
 
 Every number that is not free is moved by a twentieth of its usual step to either side, fifty times as far as for its
-price, and the race is solved again from the stored optimum, on the same mesh, the same way round. The differences of
+price, and the race is solved again from the stored optimum, on the same mesh, the same route. The differences of
 the objective are what the prices say, or they are listed.
 
     python scripts/study_prices.py tracks/rovinj_2014.yaml tracks/abu_dhabi_2016.yaml --stage point-mass
@@ -145,7 +145,7 @@ def flown(source: Path, stage: Stage, threads: int) -> tuple[str, Inputs, StageR
 
 
 def study(source: Path, stage: Stage, *, every: int, threads: int) -> tuple[str, list[Comparison]]:
-    """All comparisons of one course: of every n-th number that is not free, the dearest first."""
+    """All comparisons of one course: of every n-th number that is not free, the largest first."""
     name, inputs, result = flown(source, stage, threads)
     active = [price for price in prices(inputs, result).values() if price.activity is not Activity.FREE]
     solver = inputs.settings.solver

@@ -1,4 +1,4 @@
-"""Is the fastest way round found? Five studies of point-mass races, each with tables in Markdown and claims to hold.
+"""Is the fastest route found? Five studies of point-mass races, each with tables in Markdown and claims to hold.
 
     python scripts/study_ways.py [--limits] [COURSE ...] [--generated 0-9] [--points 5] [--only n_z_max=7,8,9]
     python scripts/study_ways.py --case
@@ -8,7 +8,7 @@
     python scripts/study_ways.py --found [COURSE ...] --threads 2
 
 - `--limits` sweeps limits from tight to loose: a looser one must not make a race slower by more than 5 ms.
-- `--case` is Abu Dhabi 2016 with tight gates, where a wrong way round costs 16 s and more.
+- `--case` is Abu Dhabi 2016 with tight gates, where a wrong route costs 16 s and more.
 - `--symmetry`: mirrored, rotated and moved courses take the same time within 5 ms.
 - `--random N` holds exploring against the best of N random starts, the ten best of them refined and proved.
 - `--seeds N` flies generated courses without exploring and with it: none may become slower.

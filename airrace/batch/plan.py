@@ -1,4 +1,4 @@
-"""The way round in which a job was flown, and the one that came next."""
+"""The route on which a job was flown, and the one that came next."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from airrace.runs.exit_codes import ExitCode
 
 @record
 class Ways:
-    """The ways round that a job has tried, in short.
+    """The routes that a job has tried, in short.
 
     Attributes:
         flown: the way that was proved, in words.
@@ -52,7 +52,7 @@ class JobResult:
         wall: the wall time of the attempt that ended it, s.
         retries: why earlier attempts did not end it.
         findings: what is wrong with the inputs.
-        ways: which way round was flown; None where no other was tried.
+        ways: which route was flown; None where no other was tried.
         stage: the last one that is finished; empty where none is.
         laps: lap times of that stage, s; empty for a race of one lap.
     """

@@ -61,7 +61,7 @@ ROWS_MAX = 500
 
 
 def markdown_text(rows: Sequence[RankingRow], summaries: Sequence[WindSummary]) -> str:
-    """Return the report: a heading, the table, the ways round, what is wrong, and the winds."""
+    """Return the report: a heading, the table, the routes, what is wrong, and the winds."""
     return "\n".join([*_ranking(rows), *_ways(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
 
 

@@ -115,8 +115,8 @@ def answer_with(
     code = worst(codes)
     if code is not ExitCode.DONE:
         told = ", ".join(f"{number} {state}" for state, number in counts(rows).items())
-        suggested_change = "; the same command goes on" if code is ExitCode.INTERRUPTED else ""
-        answer.fail(code, f"not all jobs are certified: {told}{suggested_change}", answer.findings)
+        hint = "; the same command goes on" if code is ExitCode.INTERRUPTED else ""
+        answer.fail(code, f"not all jobs are certified: {told}{hint}", answer.findings)
     if github.runs_here():
         for line in github.annotations(rows, plan.findings):
             print(line, file=sys.stderr)

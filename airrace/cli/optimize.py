@@ -86,7 +86,7 @@ def optimize(
         if path == STANDARD:
             raise UsageError(NO_PIPE)
         read = [track, aircraft, settings, start, sign]
-        ensure_free(path, force=force, suggested_change=f"continue it with `airrace resume {path}` or ", sources=read)
+        ensure_free(path, force=force, hint=f"continue it with `airrace resume {path}` or ", sources=read)
         entries = [
             *(overrides or ()),
             *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),

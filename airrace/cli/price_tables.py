@@ -17,7 +17,7 @@ LEAST_MS = 0.0005
 
 
 def prices_csv(prices: Sequence[Price]) -> str:
-    """Return the prices as CSV, one row per number, the dearest first.
+    """Return the prices as CSV, one row per number, the largest first.
 
     An entry is empty where the inputs allow no value to that side.
     """
@@ -39,7 +39,7 @@ def prices_text(result: StageResult, prices: Sequence[Price], columns: int | Non
 
     Args:
         result: the stage.
-        prices: the dearest first.
+        prices: the largest first.
         columns: the width of the terminal, None without one; where it is narrow, long keys take two lines.
     """
     longest = max((len(price.key) for price in prices), default=0)

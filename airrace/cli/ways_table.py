@@ -1,4 +1,4 @@
-"""A table of the ways round that were tried."""
+"""A table of the routes that were tried."""
 
 from rich import box
 from rich.table import Table

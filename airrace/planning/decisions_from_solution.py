@@ -1,6 +1,6 @@
 """The plan of a flight that exists already: its choices are read off its states at the passages.
 
-A stored optimum belongs to one way round: along which axis a passage is crossed, to which side a roll goes. The flight
+A stored optimum belongs to one route: along which axis a passage is crossed, to which side a roll goes. The flight
 itself says so, so nothing about it has to be stored, and nothing that is stored about it can be wrong.
 """
 

@@ -1,6 +1,6 @@
 """Choices: what a plan is told to keep to, where it would otherwise decide for itself.
 
-Which way round a race is flown is decided in a few places: along which axis a passage is crossed and with which course,
+Which route a race takes is decided in a few places: along which axis a passage is crossed and with which course,
 to which side the path turns between two passages, to which side a roll or a knife edge goes.
 """
 

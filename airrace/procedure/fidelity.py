@@ -1,4 +1,4 @@
-"""A fidelity: everything that belongs to one stage of the ladder alone."""
+"""A fidelity: everything that belongs to one stage alone."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -140,11 +140,11 @@ class FidelityContinuation:
         return result
 
     def explores(self, stage: Stage) -> bool:
-        """Tell whether other ways round are tried in a stage."""
+        """Tell whether other routes are tried in a stage."""
         return stage is Stage.POINT_MASS and self._settings.search is not SearchEffort.OFF
 
     def proves(self, stage: Stage) -> bool:
-        """Tell whether a stage is proved on a second mesh."""
+        """Tell whether a stage is checked on a second mesh."""
         return proves(self._settings, stage, self._last)
 
     def complete(self, stage: Stage, session: SolverSession) -> StageResult:
@@ -199,7 +199,7 @@ class FidelityContinuation:
         ]
 
     def find_faster_route(self, optimum: StageResult) -> Callable[[SolverPool], str]:
-        """Return the search for a way round that is faster than that of another run's optimum.
+        """Return the search for a route that is faster than that of another run's optimum.
 
         It finds words; none where there is no such way, or where none is looked for. What is searched does not depend
         on what is solved meanwhile: the optimum is flown again by the point mass under this race's numbers.
@@ -241,7 +241,7 @@ class FidelityContinuation:
         return dataclasses.replace(_on_record(result, session), search=explored)
 
     def _explored(self, effort: SearchBudget, session: SolverSession) -> Exploration:
-        """Explore ways round, with the starts without exploring among the starts, so that nothing is lost by it."""
+        """Search routes, with the starts without exploring among the starts, so that nothing is lost by it."""
         flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
         pieces = [self._homotopy(session)] if effort.homotopy or asked else []
         starts = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
@@ -335,7 +335,7 @@ class FidelityContinuation:
 
 
 def proves(settings: Settings, stage: Stage, last: Stage | None) -> bool:
-    """Tell whether a stage of a run up to `last` is proved on a second mesh; `last` is None where every stage is."""
+    """Tell whether a stage of a run up to `last` is checked on a second mesh; `last` is None where every stage is."""
     return settings.mesh_check is MeshCheck.ALL or last is None or stage is last
 
 
@@ -358,19 +358,19 @@ def _on_record(result: StageResult, session: SolverSession) -> StageResult:
 
 
 def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> None:
-    """Warn of what a user should look at: loops that are left, and a better way that could not be proved."""
+    """Warn of what a user should look at: loops that are left, and a better way that could not be confirmed."""
     for loop in explored.loops:
         logger.warning("the flight may hold a needless loop: %s", loop)
     if result.holds and not _kept(result, best):
         logger.warning(
-            "the best route took %.2f s when flown roughly but failed the final check; the %s flight, another one, "
+            "the best route took %.2f s when solved coarsely but failed the final check; the %s flight, another one, "
             "takes %.2f s",
             *(best.ways[0].race_time, result.state.value, result.trajectory.race_time),
         )
 
 
 def _kept(result: StageResult, explored: SearchReport) -> bool:
-    """Tell whether a flight holds and is about as fast as the best way was when it was flown roughly."""
+    """Tell whether a flight holds and is about as fast as the best way was when it was solved coarsely."""
     if not result.holds or not explored.ways:
         return result.holds
     return result.trajectory.race_time <= explored.ways[0].race_time + LOST

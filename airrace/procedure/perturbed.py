@@ -36,7 +36,7 @@ class PerturbedProblem:
 
     @classmethod
     def of_result(cls, race: Race, settings: Settings, result: StageResult) -> Self:
-        """Begin with a stage that was solved: with its way round, and on its mesh."""
+        """Begin with a stage that was solved: with its route, and on its mesh."""
         flight = stage_flight(result.stage, race, settings, result.trajectory)
         return cls(race, flight, mesh_of(result.trajectory))
 

@@ -1,7 +1,7 @@
 """A stored result measured again, from what is believed of it: its histories, its multipliers and its coarser mesh.
 
 All else that a stage tells follows from these and from the race, so it is computed anew and can be compared with what
-is stored. What was done to find the flight (solver calls, seconds, ways that were tried) leaves no trace in it; such
+is stored. What was done to find the flight (solver calls, seconds, routes that were tried) leaves no trace in it; such
 records are taken over as they are, and `UNVERIFIABLE` of `result.py` names them.
 """
 

@@ -148,7 +148,7 @@ def starting_points(another: SourceRun, stages: Sequence[Stage], course: Course)
 
 
 def superseded(another: SourceRun, optimum: StageResult, way: str) -> str:
-    """Return why a start from another run was not enough: another way round has become faster."""
+    """Return why a start from another run was not enough: another route has become faster."""
     return (
         f"{another.name}: from its {optimum.stage.value} an optimum of {optimum.trajectory.race_time:.3f} s was found, "
         f"but {way}; so the start is from scratch"

@@ -14,7 +14,7 @@ UNVERIFIABLE = (
     "messages",
     "attempts and timings",
     "conflicts of limits",
-    "ways that were tried",
+    "routes that were tried",
     "what intervals were last cut or joined for",
     "tracking error of a start",
 )
@@ -143,7 +143,7 @@ NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0),
 
 @record
 class Way:
-    """A way round that was tried.
+    """A route that was tried.
 
     Attributes:
         text: what it is, in words.
@@ -226,9 +226,9 @@ class StageResult:
         timings: where the time went.
         facts: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
-        search: which other ways round were tried; empty in all stages but the one that explores.
+        search: which other routes were tried; empty in all stages but the one that explores.
         suggestions: what would resolve the conflicts for which no flight was found, the least change of each first.
-        alternatives: flights of this stage on other ways round that hold, slower ones, which climb the ladder as well.
+        alternatives: flights of this stage on other routes that hold, slower ones, which go through all stages as well.
     """
 
     stage: Stage

@@ -113,7 +113,7 @@ class _Found:
 
     Attributes:
         result: the stage that it led to.
-        spare: the stage that it led to where another way round has become the faster one; it counts if nothing faster
+        spare: the stage that it led to where another route has become the faster one; it counts if nothing faster
             is found.
         remark: what is said of it with the next result.
     """
@@ -126,7 +126,7 @@ class _Found:
 def _from_another(
     another: SourceRun, stages: Sequence[Stage], race: Race, ladder: FidelityContinuation, session: SolverSession
 ) -> _Found:
-    """Start from another run, and look for a faster way round beside it."""
+    """Start from another run, and look for a faster route beside it."""
     highest, *_ = starting_points(another, stages, race.course)
     session.service.announce(*_flown(ladder, highest.stage))
     with session.aside(ladder.find_faster_route(highest)) as search:

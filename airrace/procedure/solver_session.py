@@ -37,7 +37,7 @@ class SolverSession:
     """The means with which the stages solve: a solver process, settings, threads, and the record of attempts.
 
     `deadline` is the time, by `time.monotonic`, after which nothing is solved any more; `budget` is what a stage may
-    solve in vain, whatever the time. What is searched for other ways round is not counted: it has limits of its own.
+    solve in vain, whatever the time. What is searched for other routes is not counted: it has limits of its own.
     """
 
     service: SolverService

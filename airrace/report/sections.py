@@ -124,7 +124,7 @@ def _unit(unit: str) -> str:
 
 
 PRICES_SHOWN = 40
-"""The largest number of prices in the table, the dearest first."""
+"""The largest number of prices in the table, the largest first."""
 CERTIFICATE = (
     Head("item", text=True),
     Head("value"),
@@ -168,7 +168,7 @@ def _measured(item: Item) -> tuple[str, str, str]:
 
 
 def ways_section(result: StageResult) -> str:
-    """Return the ways round that a stage tried; empty where it tried none."""
+    """Return the routes that a stage tried; empty where it tried none."""
     explored = result.search
     if not explored.ways:
         return ""
@@ -180,7 +180,7 @@ def ways_section(result: StageResult) -> str:
         f"Race times and differences are those of the {result.stage.value} on a rough mesh; the best way was then "
         "optimised in full."
     )
-    return section("Ways that were tried", table(WAYS, rows) + note(" ".join((told, *explored.loops))))
+    return section("Routes that were tried", table(WAYS, rows) + note(" ".join((told, *explored.loops))))
 
 
 def prices_section(prices: Mapping[str, Price] | None) -> str:

@@ -51,7 +51,7 @@ def init(
     written = path == STANDARD or _holds(schema_file, schema)
     if not written:
         ensure_free(
-            schema_file, force=force, suggested_change="it is not the schema of this version; ", sources=[like, from_]
+            schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_]
         )
     if from_ is not None:
         text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))

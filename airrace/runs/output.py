@@ -23,7 +23,7 @@ NO_PIPE = "a checkpoint is written again after every stage, so it needs a file: 
 """The message that a run cannot be written to stdout."""
 
 
-def ensure_free(path: Path, *, force: bool, suggested_change: str = "", sources: Iterable[Source] = ()) -> None:
+def ensure_free(path: Path, *, force: bool, hint: str = "", sources: Iterable[Source] = ()) -> None:
     """Refuse an output that exists, and find out now whether its folder can be written to; stdout is always free.
 
     Args:
@@ -42,7 +42,7 @@ def ensure_free(path: Path, *, force: bool, suggested_change: str = "", sources:
         raise UsageError(f"{path} is a folder; name a file in it")
     ensure_unread([path], sources)
     if path.exists() and not force:
-        raise UsageError(f"{path} exists; {suggested_change}overwrite it with --force")
+        raise UsageError(f"{path} exists; {hint}overwrite it with --force")
     try:
         with tempfile.TemporaryFile(dir=path.parent):
             pass

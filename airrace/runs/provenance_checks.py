@@ -106,7 +106,7 @@ def _ways(explored: SearchReport) -> Iterator[str]:
     best = explored.ways[0].race_time
     differences = [way.race_time - way.difference - best for way in explored.ways]
     if not all(abs(one) <= ROUNDED * max(1.0, best) for one in differences):
-        yield "the ways that were tried differ from the best by other times than are told"
+        yield "the routes that were tried differ from the best by other times than are told"
     later = [way.difference for way in explored.ways[1:]]
     if any(after < before for before, after in itertools.pairwise(later)):
-        yield "the ways that were tried are out of order"
+        yield "the routes that were tried are out of order"

@@ -70,7 +70,7 @@ def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str
 
 
 def explored_stage(run: Run, flown: StageView) -> StageView:
-    """Return the stage that tried the ways round from which a stage was climbed: itself, or the last one before it
+    """Return the stage that tried the routes from which a stage was climbed: itself, or the last one before it
     that tried any; itself where none did.
     """
     names = [one.name for one in run]
@@ -79,12 +79,12 @@ def explored_stage(run: Run, flown: StageView) -> StageView:
 
 
 def stage_sections(flown: StageView, explored: StageView | None = None, *, priced: bool = False) -> list[str]:
-    """Return what a run knows of a stage: ways that were tried, prices, certificate, inputs; each is HTML, and empty
+    """Return what a run knows of a stage: routes that were tried, prices, certificate, inputs; each is HTML, and empty
     where there is nothing to tell.
 
     Args:
         flown: the stage.
-        explored: the stage before it that tried ways round; None for itself.
+        explored: the stage before it that tried routes; None for itself.
         priced: whether prices are computed and told.
 
     Raises:

@@ -160,7 +160,7 @@ def mesh_object(result: StageResult) -> dict[str, object] | None:
 
 
 def way_object(way: Way) -> dict[str, object]:
-    """Return the object of a way round that was tried; race time and difference are those of a rough mesh."""
+    """Return the object of a route that was tried; race time and difference are those of a rough mesh."""
     return {
         "way": way.text,
         "race_time_s": finite(way.race_time),

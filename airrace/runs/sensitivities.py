@@ -1,4 +1,4 @@
-"""The prices of a stage, the dearest first."""
+"""The prices of a stage, the largest first."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -23,7 +23,7 @@ SHOWN = 30
 
 @dataclass(frozen=True, repr=False)
 class Prices(Mapping[str, Price]):
-    """The prices of a stage by the keys of `set`, the dearest first.
+    """The prices of a stage by the keys of `set`, the largest first.
 
     Examples:
         >>> prices = run.sensitivities(by="rules")

@@ -92,7 +92,7 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
 
 
 def proved_otherwise(run: Run, mesh_check: MeshCheck | str) -> Run:
-    """Return the same run, of which other stages are to be proved on a second mesh. Its stages stand as they did.
+    """Return the same run, of which other stages are to be checked on a second mesh. Its stages stand as they did.
 
     Raises:
         InputError: `mesh_check` is not known.

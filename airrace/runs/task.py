@@ -20,7 +20,7 @@ class Step:
     Attributes:
         stage: which one.
         reason: why it runs, a clause for the user; empty where it is kept.
-        unproved: why it is kept but proved on a second mesh first, a clause; empty where it is not.
+        unproved: why it is kept but checked on a second mesh first, a clause; empty where it is not.
     """
 
     stage: Stage

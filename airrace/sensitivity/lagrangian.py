@@ -333,7 +333,7 @@ def prices(
     """Return the price of every number that `--set` reaches, from the stored multipliers, with nothing solved again.
 
     A price is the derivative of the stage's objective (race time and regularisation, whose weights are kept) on the
-    stored mesh, along the stored way round. Prices are sorted by what a usual step costs, the dearest first. A number
+    stored mesh, along the stored route. Prices are sorted by what a usual step costs, the largest first. A number
     that cannot be changed alone without changing the structure of the problem has no price and is left out.
 
     Args:
@@ -369,9 +369,9 @@ def prices(
 
 def _uncertified(result: StageResult) -> str:
     if result.certificate is None:
-        return f"{result.stage.value} is a guess and no optimum: only a certified or solved stage has prices"
+        return f"{result.stage.value} is a guess and no optimum: only a certified or solved stage has sensitivities"
     ended = "" if result.outcome in (Outcome.SOLVED, Outcome.NOT_CERTIFIED) else f", it ended {result.outcome.value}"
-    return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has prices"
+    return f"{result.stage.value} is not certified{ended}: only a certified or solved stage has sensitivities"
 
 
 def _lagrangian_sensitivity(varied: PerturbedProblem, inputs: Inputs, result: StageResult) -> LagrangianSensitivity:

@@ -1,4 +1,4 @@
-"""Ways round at the command line: what is asked for reaches the settings, and what was tried is told."""
+"""Routes at the command line: what is asked for reaches the settings, and what was tried is told."""
 
 import json
 import re
@@ -230,7 +230,7 @@ def test_stage_that_has_not_explored_tells_no_ways() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
     assert (told["ways"], told["search"], told["alternatives"]) == ([], None, [])
     shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
-    assert "ways round" not in shown
+    assert "routes" not in shown
 
 
 def test_object_of_a_way_without_a_number_is_json() -> None:

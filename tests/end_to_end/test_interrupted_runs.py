@@ -118,7 +118,7 @@ def test_run_stopped_before_anything_is_finished_can_be_taken_up(tmp_path: Path)
 
 
 @linux_only
-@pytest.mark.parametrize(("text", "after"), [("starts, flown roughly", 0.5), ("other routes, 1", 0.2)])
+@pytest.mark.parametrize(("text", "after"), [("starts, solved coarsely", 0.5), ("other routes, 1", 0.2)])
 def test_run_stopped_while_it_explores_ends_at_once_with_all_its_solvers(
     text: str, after: float, tmp_path: Path
 ) -> None:

@@ -68,8 +68,8 @@ def test_an_uncertified_stage_has_no_prices(run_file: Path, tmp_path: Path) -> N
     write_checkpoint(tmp_path / "run.h5", checkpoint.with_stage(result))
     ran = inside("sensitivity", "run.h5", "--json", cwd=tmp_path)
     assert ran.code == 5
-    assert ran.err == "airrace: point-mass is not certified: only a certified or solved stage has prices\n"
-    assert ran.answer["error"] == "point-mass is not certified: only a certified or solved stage has prices"
+    assert ran.err == "airrace: point-mass is not certified: only a certified or solved stage has sensitivities\n"
+    assert ran.answer["error"] == "point-mass is not certified: only a certified or solved stage has sensitivities"
 
 
 def test_a_damaged_file_has_no_prices(run_file: Path, tmp_path: Path) -> None:

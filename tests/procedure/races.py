@@ -102,7 +102,7 @@ def prepared(race: Race, stage: Stage = Stage.POINT_MASS) -> Flight:
 def settings(guess: GuessKind, *, search: SearchEffort = SearchEffort.OFF) -> Settings:
     """Default settings but for the guess, all stages are proved.
 
-    Other ways round are explored where that is asked for.
+    Other routes are explored where that is asked for.
     """
     silent = Settings(mesh_check=MeshCheck.ALL)
     return dataclasses.replace(silent, guess=guess, search=search)

@@ -117,7 +117,7 @@ def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) 
     assert way.text in read(report_page(explored)).texts["td"]
     explored.save(tmp_path / "explored.h5")
     assert way.text in read(opened_report([str(tmp_path / "explored.h5")])).texts["td"]
-    assert "Ways that were tried" not in report_page(run)
+    assert "Routes that were tried" not in report_page(run)
 
 
 def test_prices_are_told_when_they_are_asked_for() -> None:

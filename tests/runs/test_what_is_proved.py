@@ -90,10 +90,10 @@ def test_completed_proof_is_told_in_the_place_of_its_stage(run: Run, monkeypatch
 
 
 def test_proof_that_fails_where_it_was_asked_for_fails_the_command(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    answer, results = flown_by(monkeypatch, run, replace(SOLVED, message="its race time could not be proved"))
+    answer, results = flown_by(monkeypatch, run, replace(SOLVED, message="its race time could not be confirmed"))
     assert [result.state for result in results] == [State.SOLVED, State.CERTIFIED]
     assert answer.code == 5
-    assert answer.error == "point-mass: its race time could not be proved"
+    assert answer.error == "point-mass: its race time could not be confirmed"
     assert answer.fields["certified"] is True  # the last stage is
 
 

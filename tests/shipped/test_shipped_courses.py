@@ -1,4 +1,4 @@
-"""The courses that come along: valid, flown the way round that their sources ask for, and what their files say."""
+"""The courses that come along: valid, flown the route that their sources ask for, and what their files say."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ FROM_AXES = ("abu_dhabi_2016", "chiba_2015", "gdynia_2014", "rovinj_2014", "san_
 """Courses whose source gives no direction, but an axis per gate."""
 FOOT = 0.3048
 SECONDS = 0.1
-"""A way round that is no longer than this than the shortest one is as short."""
+"""A route that is no longer than this than the shortest one is as short."""
 
 
 def track(name: str) -> Path:

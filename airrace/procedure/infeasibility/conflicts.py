@@ -58,7 +58,7 @@ class Search:
     """A search for the conflicts of a race.
 
     Attributes:
-        begun: the race with all limits relaxed, on every way round on which that was found; the least of them counts.
+        begun: the race with all limits relaxed, on every route on which that was found; the least of them counts.
         race: the race.
         fly: tries suggestions in flight.
         found: a certified flight of the race as it is, if the search came across one.

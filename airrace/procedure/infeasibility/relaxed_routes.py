@@ -1,7 +1,7 @@
-"""The ways round on which a race is relaxed, and whether limits have to give way on all of them.
+"""The routes on which a race is relaxed, and whether limits have to give way on all of them.
 
 A race whose limits have to give way is asked about as soon as its plan has led to no flight. It may still have one,
-another way round: where a crowd stands between two gates, the plan's relaxed flight goes through it. So the homotopy
+another route: where a crowd stands between two gates, the plan's relaxed flight goes through it. So the homotopy
 has to fail as well.
 """
 
@@ -21,7 +21,7 @@ from airrace.procedure.stage_problem import Flight
 from airrace.records import record
 
 MILDER = 4.0
-"""The usual steps by which all relaxable parameters give way in the race whose plan is a second way round.
+"""The usual steps by which all relaxable parameters give way in the race whose plan is a second route.
 
 Where an angle of crossing is too small, the plan loops; with a larger one it goes straight.
 """
@@ -31,14 +31,14 @@ CLEAR = 0.1
 
 @record
 class Relaxation:
-    """A race whose limits give way together, and what relaxed it along one way round."""
+    """A race whose limits give way together, and what relaxed it along one route."""
 
     relaxer: ElasticSolver
     relaxed: Relaxed
 
 
 def _ways(race: Race, flight: Flight, session: SolverSession) -> Iterator[tuple[ElasticSolver, Iterate]]:
-    """Yield the ways round on which the race is relaxed: as it is planned, and as a milder race would be planned."""
+    """Yield the routes on which the race is relaxed: as it is planned, and as a milder race would be planned."""
     milder = race
     for relaxable in relaxables(race):
         milder = relaxable.changed(milder, relaxable.at_steps(min(MILDER, 0.9 * relaxable.steps_max)))
@@ -77,7 +77,7 @@ class Relaxations:
 
 
 def torn(found: Iterable[Relaxation | None]) -> str:
-    """Return the place at which limits clearly contradict each other on all ways round; empty where they may not."""
+    """Return the place at which limits clearly contradict each other on all routes; empty where they may not."""
     where = ""
     for one in found:
         if one is None or one.relaxed.steps < CLEAR:

@@ -1,4 +1,4 @@
-"""The efforts of exploring: how much is tried before a way round is taken."""
+"""The efforts of exploring: how much is tried before a route is taken."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The search around a flight that was started from another run, for a way round that has become faster."""
+"""The search around a flight that was started from another run, for a route that has become faster."""
 
 from dataclasses import replace
 

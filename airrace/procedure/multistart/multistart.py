@@ -1,4 +1,4 @@
-"""The exploration, from a planned race to the flights that are worth being proved."""
+"""The exploration, from a planned race to the flights that are worth a mesh check."""
 
 import math
 import time
@@ -31,7 +31,7 @@ MOST_WAYS = 40
 NEEDLESS_TURN = math.radians(150.0)
 """The turn beyond what the gates ask for that makes a stretch a needless loop, rad.
 
-The loops of wrong ways round are a full circle or more.
+The loops of wrong routes are a full circle or more.
 """
 NEEDLESS_LENGTH, SPARE_LENGTH = 2.0, 200.0
 """The length that makes a stretch a needless loop: a factor on the plan's length (1), and a length on top (m).
@@ -60,7 +60,7 @@ def explore(
     effort: SearchBudget,
     starts: Sequence[tuple[str, InitialGuess]] = (),
 ) -> Exploration:
-    """Look for the fastest way round.
+    """Look for the fastest route.
 
     Args:
         flight: the point mass, with the race's own plan.
@@ -76,7 +76,7 @@ def explore(
         found = Search(flight, course, pace, effort, pool, watch).run(starts)
         finalists = _finalists(found.flights, course, effort.finalists)
         if finalists:
-            watch(f"{len(finalists)} ways compared on a finer mesh")
+            watch(f"{len(finalists)} routes compared on a finer mesh")
         finals = _finals(pool, session, finalists)
     seconds = time.perf_counter() - began
 

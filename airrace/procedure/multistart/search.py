@@ -1,4 +1,4 @@
-"""The search for the fastest way round: several starts, then one stretch after another taken otherwise.
+"""The search for the fastest route: several starts, then one stretch after another taken otherwise.
 
 What is claimed of the result is only that it is the best of what was tried. The order of everything is that of the
 course and of the starts, and all jobs are independent of one another, so the result does not depend on the number of
@@ -39,7 +39,7 @@ GAINED = 0.0005
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A way round that was solved jointly: its origin, and the flight."""
+    """A route that was solved jointly: its origin, and the flight."""
 
     origin: str
     sketch: CoarseSolution
@@ -55,7 +55,7 @@ class EvaluatedWindow:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """All ways that were tried, the best first.
+    """All routes that were tried, the best first.
 
     Attributes:
         flights: solved jointly, by race time.
@@ -70,7 +70,7 @@ class Found:
 
 
 class Search:
-    """A search for the fastest way round.
+    """A search for the fastest route.
 
     Args:
         flight: the point mass on the course.
@@ -137,7 +137,7 @@ class Search:
         return found
 
     def _fly_all(self, starts: Sequence[tuple[str, InitialGuess]]) -> None:
-        self._watch(f"{len(starts)} starts, flown roughly")
+        self._watch(f"{len(starts)} starts, solved coarsely")
         sketches = self._crew.work([initial_guess for _, initial_guess in starts], solve_coarse)
         for (origin, _), sketch in zip(starts, sketches, strict=True):
             if sketch is None:

@@ -1,4 +1,4 @@
-"""A start from another run: a flight that goes the wrong way round is overtaken, a good one is not."""
+"""A start from another run: a flight that goes the wrong route is overtaken, a good one is not."""
 
 import dataclasses
 import itertools
@@ -101,7 +101,7 @@ def test_without_exploring_a_start_is_taken_as_it_is() -> None:
 
 
 def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another way seems faster when flown roughly; from scratch it leads to nothing faster, or to nothing at all."""
+    """Another way seems faster when solved coarsely; from scratch it leads to nothing faster, or to nothing at all."""
     good = started(optimum(WOUND), QUICK)
     promise = "left -> right, flat, saves about 0.03 s"
     monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
@@ -116,7 +116,7 @@ def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest
     """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
     good = started(optimum(WOUND), QUICK)
     monkeypatch.setattr(
-        FidelityContinuation, "find_faster_route", lambda *_: lambda _: "a way round that saves about 0.03 s"
+        FidelityContinuation, "find_faster_route", lambda *_: lambda _: "a route that saves about 0.03 s"
     )
     scratch = {
         Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),

@@ -47,7 +47,7 @@ def test_explored_race_is_certified_and_no_slower(race: Race) -> None:
 
 
 def test_flight_that_rounds_its_pylon_backwards_is_corrected() -> None:
-    assert optimum(WOUND, OFF).certified  # a certificate says nothing of other ways round
+    assert optimum(WOUND, OFF).certified  # a certificate says nothing of other routes
     assert seconds(optimum(WOUND)) < seconds(optimum(WOUND, OFF)) - 5.0
 
 

@@ -1,4 +1,4 @@
-"""Several ways round climb the ladder side by side; the fastest is the result, and none gets lost on the way."""
+"""Several routes go through all stages side by side; the fastest is the result, and none gets lost on the way."""
 
 import dataclasses
 import functools
@@ -31,7 +31,7 @@ BOTH = dataclasses.replace(QUICK, alternatives=2)
 
 @functools.cache
 def climbed() -> tuple[StageResult, ...]:
-    """The point mass and the stage above it, on two ways round."""
+    """The point mass and the stage above it, on two routes."""
     return tuple(optimize(HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, progress=Silent()))
 
 
@@ -188,7 +188,7 @@ def test_flight_that_is_far_slower_than_the_best_way_when_rough_says_so(
         result, *_ = first_stage(monkeypatch, QUICK, 2, taking(9.6), taking(9.5), search=BEST_WAY)
     assert seconds(result) == pytest.approx(9.5)
     (record,) = caplog.records
-    assert "9.00 s when flown roughly" in record.getMessage()
+    assert "9.00 s when solved coarsely" in record.getMessage()
     assert "takes 9.50 s" in record.getMessage()
 
 

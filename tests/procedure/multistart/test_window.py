@@ -1,4 +1,4 @@
-"""Windows: the rest of the flight stays as it is, and only another way round saves anything."""
+"""Windows: the rest of the flight stays as it is, and only another route saves anything."""
 
 import dataclasses
 import math
