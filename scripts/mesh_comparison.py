@@ -151,14 +151,14 @@ class Comparer:
 
     def __init__(self, flight: Flight, session: RecordingBench) -> None:
         self._flight = flight
-        self._bench = session
+        self._session = session
 
     def measured(self, solve: Solve, spacing: float, before: float) -> Measured | None:
         """What a solve has found; None if it has not. `before` are the seconds of those before it."""
         solution = solve.solution
         if solution is None or not solution.success:
             return None
-        limits = self._bench.settings.certificate
+        limits = self._session.settings.certificate
         evidence = examine(solve.problem, solution.iterate, solution.multipliers.constraints, limits)
         return Measured(solve.problem, solution.iterate, evidence, spacing, solve.seconds, before + solve.seconds)
 
@@ -166,7 +166,7 @@ class Comparer:
         """All optima that the bench has seen so far; seconds of solves that failed count, too."""
         found: list[Measured] = []
         before = 0.0
-        for solve in self._bench.solves:
+        for solve in self._session.solves:
             one = self.measured(solve, 0.0, before)
             before += solve.seconds
             found += [one] if one is not None else []
@@ -193,8 +193,8 @@ class Comparer:
 
     def _solved(self, mesh: Mesh, guess: Iterate, spacing: float, before: float) -> Measured | None:
         problem = self._flight.problem(mesh)
-        self._bench.solve(problem, guess, f"{problem.intervals} intervals", barrier=REFINED_BARRIER)
-        return self.measured(self._bench.solves[-1], spacing, before)
+        self._session.solve(problem, guess, f"{problem.intervals} intervals", barrier=REFINED_BARRIER)
+        return self.measured(self._session.solves[-1], spacing, before)
 
 
 def uniform(count: int) -> tuple[float, ...]:

@@ -97,7 +97,7 @@ class Study:
 
     def __init__(self, inputs: Inputs, result: StageResult, service: SolverService) -> None:
         solver = dataclasses.replace(inputs.settings.solver, tolerance=TOLERANCE)
-        self._bench = SolverSession(service, dataclasses.replace(inputs.settings, solver=solver), Silent())
+        self._session = SolverSession(service, dataclasses.replace(inputs.settings, solver=solver), Silent())
         self._variation = Variation(inputs)
         self._varied = PerturbedProblem.of_result(inputs.race, inputs.settings, result)
         self._guess: Iterate = iterate_of(result.trajectory)
@@ -124,7 +124,7 @@ class Study:
 
     def _solved(self, race: Race) -> Optimum | None:
         problem = self._varied.problem(race)
-        solution = self._bench.solve(problem, self._guess, "again", barrier=BARRIER, solvers=SOLVERS)
+        solution = self._session.solve(problem, self._guess, "again", barrier=BARRIER, solvers=SOLVERS)
         if solution is None or not solution.success:
             return None
         return Optimum(solution.objective, float(solution.iterate.durations.sum()))

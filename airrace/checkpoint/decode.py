@@ -108,13 +108,13 @@ def _result(place: Place, stage: Stage) -> StageResult:
         facts=_one_row(place, "facts", StageProvenance),
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
         search=_explored(place.group("search")),
-        suggested_changes=_remedies(place) if "suggested_changes" in place.node.members else (),
+        suggested_changes=_suggested_changes(place) if "suggested_changes" in place.node.members else (),
     )
     ensure_possible(result, place.path)
     return result
 
 
-def _remedies(place: Place) -> tuple[SuggestedChange, ...]:
+def _suggested_changes(place: Place) -> tuple[SuggestedChange, ...]:
     return rows_of(SuggestedChange, place.table("suggested_changes"), f"{place.path}/suggested_changes")
 
 

@@ -108,7 +108,7 @@ class Assembly:
         self.layout = layout
         self._system_parameters = np.arange(len(layout.problem.parameters))
         self._fractions = len(layout.problem.parameters) + np.arange(layout.intervals)
-        self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._sightings()]
+        self.calls = [self._steps(kernels.step), *self._path(kernels.path), *self._output_samples()]
         self.linear = self._linear()
         self.final = self._final()
         self.penalty = self._penalty()
@@ -142,7 +142,7 @@ class Assembly:
         own = np.zeros((len(inputs), 0), dtype=np.int64)
         return [Calls(kernel, inputs, own, self._system_parameters, rows, weights, np.arange(len(inputs)))]
 
-    def _sightings(self) -> list[Calls]:
+    def _output_samples(self) -> list[Calls]:
         """Return the calls of the observations, those of one kind together."""
         groups: dict[int, list[int]] = {}
         for number, output_sample in enumerate(self.layout.output_samples):

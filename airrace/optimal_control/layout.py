@@ -142,13 +142,13 @@ class Layout:
         return {node: number for number, node in enumerate(nodes)}
 
     @cached_property
-    def _sightings(self) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
+    def _output_samples(self) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
         return sightings_of(self.problem, self.jump_at)
 
     @property
     def output_samples(self) -> list[OutputSample]:
         """The observations: at the boundaries in order, then along the phases, watch by watch and node by node."""
-        return self._sightings[0]
+        return self._output_samples[0]
 
     @cached_property
     def rows(self) -> Rows:
@@ -303,7 +303,13 @@ class Layout:
         They are the system's, the fractions, those of all samples, the jumps, those of the objective's observation.
         """
         jumps = [self.problem.jumps[:, self._phase_before(node)] for node in self.jump_at]
-        parts = [self.problem.parameters, self.fractions, *self._sightings[1], *jumps, self.problem.objective.values]
+        parts = [
+            self.problem.parameters,
+            self.fractions,
+            *self._output_samples[1],
+            *jumps,
+            self.problem.objective.values,
+        ]
         return np.concatenate(parts)
 
     @property

@@ -20,7 +20,7 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import InfeasibilityTest, fly_homotopy
 from airrace.procedure.infeasibility.analysis import diagnose_infeasibility
-from airrace.procedure.infeasibility.diagnosis import blamed
+from airrace.procedure.infeasibility.diagnosis import attribution
 from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility, contradiction
 from airrace.procedure.infeasibility.relaxed_routes import Relaxations, torn
 from airrace.procedure.mesh_convergence import proved
@@ -244,7 +244,7 @@ class FidelityContinuation:
         """Search routes, with the starts without exploring among the starts, so that nothing is lost by it."""
         flight, asked = self.flight(Stage.POINT_MASS), Stage.HOMOTOPY in self.done
         pieces = [self._homotopy(session)] if effort.homotopy or asked else []
-        starts = [("homotopy", _draught(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
+        starts = [("homotopy", _initial_guess(flight, one)) for one in pieces if one.outcome is Outcome.SOLVED]
         own, twin = (
             _planned(flight, way, session) for way in (flight.plan, plan(self._race.course, flight.plan.cruise, TWIN))
         )
@@ -280,18 +280,18 @@ class FidelityContinuation:
         """Return the pieces of the homotopy, which is flown once; `plain` as of `contradiction`."""
         if self._pieces is None:
             flown = self.done.get(Stage.HOMOTOPY)
-            doubt = self._doubt(session, plain=plain)
-            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), session, doubt)
+            infeasible = self._infeasibility_test(session, plain=plain)
+            self._pieces = flown or fly_homotopy(self.flight(Stage.HOMOTOPY), session, infeasible)
         return self._pieces
 
-    def _doubt(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
+    def _infeasibility_test(self, session: SolverSession, *, plain: bool) -> InfeasibilityTest:
         """Return the question whether a phase contradicts itself, whose answer is kept."""
 
-        def infeasible_apart(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
+        def window_is_infeasible(problem: Problem, torn: int, guesses: Sequence[Iterate]) -> bool:
             self._contradiction = contradiction(session, problem, torn, guesses, plain=plain)
             return self._contradiction is not None
 
-        return infeasible_apart
+        return window_is_infeasible
 
     def _torn(self, where: str, session: SolverSession) -> StageResult:
         """Return the result of a race whose limits contradict each other at a place."""
@@ -302,7 +302,7 @@ class FidelityContinuation:
 
     def _impossible(self, found: LocalInfeasibility, session: SolverSession) -> StageResult:
         """Return the result of a race that cannot be flown, which says what stands in the way."""
-        message = blamed(session, found.problem, found.torn, found.guess, found.worst)
+        message = attribution(session, found.problem, found.torn, found.guess, found.worst)
         flight = self.flight(Stage.POINT_MASS)
         return conclude(flight, session, found.problem, found.guess, outcome=Outcome.INFEASIBLE, message=message)
 
@@ -390,7 +390,7 @@ def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
     return InitialGuess(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, is_baseline=True)
 
 
-def _draught(flight: Flight, pieces: StageResult) -> InitialGuess:
+def _initial_guess(flight: Flight, pieces: StageResult) -> InitialGuess:
     """Return the pieces of a homotopy as a initial guess."""
     return InitialGuess(
         flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, is_baseline=True

@@ -39,7 +39,7 @@ TOLERANCE, ITERATIONS_MAX = 1e-2, 100
 """The tolerance (1) and the number of iterations of a piece's solve, which yields only a guess."""
 STEP_BARRIER = 1e-2
 """The first value of the barrier parameter of a solve that starts from the neighbouring solution."""
-DOUBTS_MAX = 2
+INFEASIBILITY_TESTS_MAX = 2
 """The number of phases that cannot be added of which it is asked whether they can be flown at all."""
 
 InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], bool]
@@ -47,7 +47,7 @@ InfeasibilityTest = Callable[[Problem, int, Sequence[Iterate]], bool]
 
 
 def fly_homotopy(
-    flight: Flight, session: SolverSession, infeasible_apart: InfeasibilityTest | None = None
+    flight: Flight, session: SolverSession, window_is_infeasible: InfeasibilityTest | None = None
 ) -> StageResult:
     """Fly all phases one after the other; a phase that cannot be flown is left as planned.
 
@@ -57,18 +57,18 @@ def fly_homotopy(
         hopeless: asked about the first phases that cannot be flown; where it says so, all that follows is left as
             planned. None to ask nobody.
     """
-    return _Homotopy(flight, session, infeasible_apart).fly()
+    return _Homotopy(flight, session, window_is_infeasible).fly()
 
 
 class _Homotopy:
     """The pieces flown so far: `pieces[i]` is phase i, the last `HORIZON - 1` of them still open to change."""
 
-    def __init__(self, flight: Flight, session: SolverSession, infeasible_apart: InfeasibilityTest | None) -> None:
+    def __init__(self, flight: Flight, session: SolverSession, window_is_infeasible: InfeasibilityTest | None) -> None:
         self.flight = flight
         self.session = session
-        self.infeasible_apart = infeasible_apart
-        self.doubted: set[int] = set()
-        self.is_hopeless = False
+        self.window_is_infeasible = window_is_infeasible
+        self.tested_phases: set[int] = set()
+        self.is_infeasible = False
         self.mesh = first_mesh(flight.plan, session.settings.mesh)
         self.race = flight.problem(self.mesh)
         self.planned = guess(flight.plan, self.mesh)
@@ -116,19 +116,23 @@ class _Homotopy:
 
     def _add_phase(self, index: int, horizon: int) -> bool:
         """Add a phase; where it cannot be flown from what is kept before it, more of that is opened to change."""
-        while not self.is_hopeless and not self._follow(index, max(0, index - horizon + 1)):
-            self._doubt(index)
+        while not self.is_infeasible and not self._follow(index, max(0, index - horizon + 1)):
+            self._test_infeasibility(index)
             if horizon > min(index, LONGEST_HORIZON - 1):
                 return False
             horizon *= 2
-        return not self.is_hopeless
+        return not self.is_infeasible
 
-    def _doubt(self, index: int) -> None:
+    def _test_infeasibility(self, index: int) -> None:
         """Ask whether a phase that could not be added can be flown at all; once, and of the first such phases only."""
-        if self.infeasible_apart is None or index in self.doubted or len(self.doubted) == DOUBTS_MAX:
+        if (
+            self.window_is_infeasible is None
+            or index in self.tested_phases
+            or len(self.tested_phases) == INFEASIBILITY_TESTS_MAX
+        ):
             return
-        self.doubted.add(index)
-        self.is_hopeless = self.infeasible_apart(self.race, index, [self.planned, self._so_far()])
+        self.tested_phases.add(index)
+        self.is_infeasible = self.window_is_infeasible(self.race, index, [self.planned, self._so_far()])
 
     def _follow(self, index: int, first: int) -> bool:
         """Follow the family of a phase from its first member to the real gate; return whether that was reached.

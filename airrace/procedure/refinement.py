@@ -84,7 +84,7 @@ WORTHWHILE = 0.85
 
 All meshes are the same with 0.7 and with 0.95.
 """
-UNTRUE = 1e-2
+UNTRUSTED_DEFECT = 1e-2
 """The largest deviation of a replayed interval (scaled) of an optimum that can be trusted.
 
 An optimum that deviates more has exploited the error of that interval. The meshes of Rovinj and of the half Cuban
@@ -146,7 +146,7 @@ def adapted(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, jo
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
     held, change = UNDERRATED * foreseen(optimum.problem, optimum.iterate), limits.race_time_of(optimum.race_time)
-    untrusted = ~(optimum.evidence.audit.defect <= UNTRUE)
+    untrusted = ~(optimum.evidence.audit.defect <= UNTRUSTED_DEFECT)
     wanted = [
         (RefinementReason.INTEGRATION, np.where(widened(untrusted), 4.0, 1.0)),
         (RefinementReason.HAMILTONIAN, _stepped(_worst_nearby(drift), SAFETY * limits.hamiltonian)),

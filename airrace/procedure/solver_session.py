@@ -18,7 +18,7 @@ from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Attempt, Timings
 from airrace.procedure.settings import Settings
 
-CREW_MAX = 8
+POOL_MAX = 8
 """The largest number of solver processes; quick exploring rarely has more jobs than that at once."""
 KNOWN_ITERATIONS_MAX = 60
 """The largest number of iterations of a solve that begins with known multipliers.
@@ -53,7 +53,7 @@ class SolverSession:
 
     def pool(self) -> SolverPool:
         """Return the solver process and others beside it, for solves that do not depend on each other."""
-        return SolverPool(self.service, min(self.threads, CREW_MAX), self._another)
+        return SolverPool(self.service, min(self.threads, POOL_MAX), self._another)
 
     def aside(self, search: Callable[[SolverPool], Found]) -> BackgroundSearch[Found]:
         """Return a search beside what is solved here: at once where there are two threads, else afterwards."""

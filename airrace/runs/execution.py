@@ -92,13 +92,13 @@ def fly_stages(
             finished[result.stage] = result
     except OutOfTime:
         answer.fail(
-            ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_remedy(task, tuple(finished.values()))}"
+            ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(task, tuple(finished.values()))}"
         )
     except BaseException as error:
         if not interrupts.caused(error):
             raise
         interrupts.hear()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_remedy(task, tuple(finished.values()))}")
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(task, tuple(finished.values()))}")
     finally:
         results = tuple(finished.values())
         summarise(answer, task.run.name, results, time.perf_counter() - started)
@@ -116,7 +116,7 @@ def _keep(run: Run, unchanged: Collection[Stage] = ()) -> None:
         write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
 
 
-def _remedy(task: Task, results: Sequence[StageResult]) -> str:
+def _next_step(task: Task, results: Sequence[StageResult]) -> str:
     """Return how a run that was ended before its end is continued, as a clause."""
     if task.start is not None and not results:  # resuming would begin from the course alone
         return f"no stage is finished; start from {task.start.name} again with --force"

@@ -50,9 +50,7 @@ def init(
     schema, schema_file = schema_text("track"), path.with_name(SCHEMA_FILE)
     written = path == STANDARD or _holds(schema_file, schema)
     if not written:
-        ensure_free(
-            schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_]
-        )
+        ensure_free(schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_])
     if from_ is not None:
         text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
     else:

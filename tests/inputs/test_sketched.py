@@ -39,13 +39,13 @@ def point(name: str, east: float, north: float) -> str:
     return f"<Placemark><name>{name}</name><Point><coordinates>{place}</coordinates></Point></Placemark>"
 
 
-def sketch(folder: Path, text: str, name: str = "marks.kml") -> Course:
+def coarse(folder: Path, text: str, name: str = "marks.kml") -> Course:
     (folder / name).write_text(text)
     return load_inputs(airrace.init(folder / "sketched", from_=folder / name, force=True)).race.course
 
 
 def test_a_course_that_was_drawn_is_sketched_again(tmp_path: Path) -> None:
-    course = sketch(tmp_path, geojson(ROVINJ), "rovinj.geojson")
+    course = coarse(tmp_path, geojson(ROVINJ), "rovinj.geojson")
     drawn = list({one.element.name: one.element for one in ROVINJ.passages}.values())
     found = [one.element for one in course.passages]
     first, zero = drawn[0].place, found[0].place
@@ -66,7 +66,7 @@ def test_a_course_that_was_drawn_is_sketched_again(tmp_path: Path) -> None:
 def test_two_points_are_a_gate_and_one_is_a_pylon(tmp_path: Path) -> None:
     marks = point("Start right", 6.0, 0.0) + point("Start left", -6.0, 0.0) + point("turn", 60.0, 500.0)
     marks += point("end L", 300.0, 6.0) + point("end R", 300.0, -6.0)
-    start, turn, end = (one.element for one in sketch(tmp_path, kml(marks)).passages)
+    start, turn, end = (one.element for one in coarse(tmp_path, kml(marks)).passages)
     assert isinstance(start, Gate)
     assert isinstance(end, Gate)
     assert isinstance(turn, Pylon)
@@ -84,7 +84,7 @@ def test_areas_are_people_and_airspace(tmp_path: Path) -> None:
         return f"<Placemark><name>{name}</name><Polygon>{ring}</Polygon></Placemark>"
 
     gates = point("a left", -6.0, 0.0) + point("a right", 6.0, 0.0) + point("b", 0.0, 500.0)
-    course = sketch(tmp_path, kml(gates + area("North stand", 400.0, 100.0) + area("Airspace", -2000.0, 4000.0)))
+    course = coarse(tmp_path, kml(gates + area("North stand", 400.0, 100.0) + area("Airspace", -2000.0, 4000.0)))
     assert [crowd.name for crowd in course.crowd] == ["North_stand"]
     assert len(course.airspace) == 4
 
@@ -102,13 +102,13 @@ def test_waypoints_of_gpx_are_read(tmp_path: Path) -> None:
 def test_what_is_no_gate_is_told(tmp_path: Path) -> None:
     ends = "<LineString><coordinates>13,45 13.01,45</coordinates></LineString>"
     line = f"<Placemark><name>shore: [x]</name>{ends}</Placemark>"
-    sketch(tmp_path, kml(point("a", 0.0, 0.0) + line + point("b", 0.0, 500.0)))
+    coarse(tmp_path, kml(point("a", 0.0, 0.0) + line + point("b", 0.0, 500.0)))
     assert "# not taken over: 'shore: [x]', a line of 2 places" in (tmp_path / "sketched.yaml").read_text()
 
 
 def test_hostile_names_stay_names(tmp_path: Path) -> None:
     names = ["&lt;script&gt;", "yes", "a: {b", "x" * 10_000, "]]&gt;", "'"]
-    course = sketch(tmp_path, kml("".join(point(name, 0.0, 300.0 * i) for i, name in enumerate(names))))
+    course = coarse(tmp_path, kml("".join(point(name, 0.0, 300.0 * i) for i, name in enumerate(names))))
     assert len(course.passages) == len(names)
 
 

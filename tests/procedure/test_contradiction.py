@@ -10,7 +10,7 @@ from test_solving import STALLED, Canned, asked, session
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.guess import first_mesh, guess
-from airrace.procedure.homotopy import DOUBTS_MAX, fly_homotopy
+from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, fly_homotopy
 from airrace.procedure.infeasibility.local_infeasibility import contradiction
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage
@@ -60,15 +60,15 @@ def test_a_single_solver_contradicts_nothing() -> None:
 
 @pytest.mark.parametrize("answer", [True, False])
 def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_hopeless(answer: bool) -> None:
-    used, doubted = session("stuck"), list[int]()
+    used, tested_phases = session("stuck"), list[int]()
 
-    def infeasible_apart(race: Problem, index: int, guesses: Sequence[Iterate]) -> bool:
-        doubted.append(index)
+    def window_is_infeasible(race: Problem, index: int, guesses: Sequence[Iterate]) -> bool:
+        tested_phases.append(index)
         assert all(one.state.shape == (len(race.system.states), race.intervals + 1) for one in guesses)
         return answer
 
-    result = fly_homotopy(prepared(SIXTEEN), used, infeasible_apart)
-    assert doubted == ([0] if answer else list(range(DOUBTS_MAX)))
+    result = fly_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
+    assert tested_phases == ([0] if answer else list(range(INFEASIBILITY_TESTS_MAX)))
     assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
     assert result.message == f"left as planned: {', '.join(result.trajectory.phases)}"
     assert (len(asked(used)) == 1) is answer

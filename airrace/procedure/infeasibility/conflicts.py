@@ -109,8 +109,8 @@ class Search:
         self, race: Race, known: Sequence[RelaxableParameter], relaxer: ElasticSolver, together: Relaxed
     ) -> list[Option]:
         """Return the relaxable parameters that resolve the conflict alone, the least change first."""
-        blamed = [(relaxer.blame(race, relaxable, together), relaxable) for relaxable in known]
-        estimates = [(together.steps / blame, relaxable) for blame, relaxable in blamed if blame > LEAST_SHARE]
+        attribution = [(relaxer.blame(race, relaxable, together), relaxable) for relaxable in known]
+        estimates = [(together.steps / blame, relaxable) for blame, relaxable in attribution if blame > LEAST_SHARE]
         possible = sorted(
             ((steps, relaxable) for steps, relaxable in estimates if steps <= OPTIMISM * relaxable.steps_max),
             key=lambda one: (one[0], one[1].key),

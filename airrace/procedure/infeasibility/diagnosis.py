@@ -52,10 +52,10 @@ def diagnose(session: SolverSession, problem: Problem, stuck: Iterate, guess: It
     window, start, _ = window_around(problem, torn, guess)
     if _can_be_flown(session, window, start, "the legs around it alone"):
         return None
-    return blamed(session, problem, torn, guess, worst)
+    return attribution(session, problem, torn, guess, worst)
 
 
-def blamed(session: SolverSession, problem: Problem, torn: int, guess: Iterate, worst: str) -> str:
+def attribution(session: SolverSession, problem: Problem, torn: int, guess: Iterate, worst: str) -> str:
     """Return the sentence of `diagnose` where it is known that the legs around a phase cannot be flown as they are."""
     window, start, first = window_around(problem, torn, guess)
     where = f"the limits contradict each other at {problem.phases[torn].name}"

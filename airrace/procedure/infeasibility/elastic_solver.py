@@ -96,7 +96,7 @@ class ElasticSolver:
     """A solver of elastic problems of one race, along one plan, on one mesh."""
 
     def __init__(self, session: SolverSession, race: Race, flight: Flight, mesh: Sequence[tuple[float, ...]]) -> None:
-        self._bench = session
+        self._session = session
         self.mesh = mesh
         self._varied = PerturbedProblem(race, flight, mesh)
 
@@ -149,11 +149,11 @@ class ElasticSolver:
         self, strict: Race, mild: Race, start: Iterate, purpose: str, most: int, *, begin: float, furthest: float
     ) -> Relaxed | None:
         problem = elastic(self.problem(strict), self.problem(mild), weight=WEIGHT, furthest=furthest)
-        self._bench.progress.activity(f"no flight found; {purpose}", 0, 0)
-        most = min(most, self._bench.settings.solver.iterations_max)
+        self._session.progress.activity(f"no flight found; {purpose}", 0, 0)
+        most = min(most, self._session.settings.solver.iterations_max)
         options = dataclasses.replace(OPTIONS, iterations_max=most)
-        solution = self._bench.attempt(
-            problem, lifted(start, begin), purpose, self._bench.settings.solver.primary, options
+        solution = self._session.attempt(
+            problem, lifted(start, begin), purpose, self._session.settings.solver.primary, options
         )
         if solution is None or not solution.success:
             return None

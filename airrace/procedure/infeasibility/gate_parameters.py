@@ -27,7 +27,7 @@ def base_name(element: Element) -> str:
     return element.name.partition("/")[0]
 
 
-def gate_levers(course: Course) -> Iterator[RelaxableParameter]:
+def gate_parameters(course: Course) -> Iterator[RelaxableParameter]:
     """Yield the relaxable parameters of all entries of `gates`, in the order in which they are first passed."""
     seen: dict[str, Element] = {}
     for passage in course.passages:

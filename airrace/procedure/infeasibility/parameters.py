@@ -11,7 +11,7 @@ from typing import Any
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.planning.race import Race
-from airrace.procedure.infeasibility.gate_parameters import HIGHEST, gate_levers
+from airrace.procedure.infeasibility.gate_parameters import HIGHEST, gate_parameters
 from airrace.procedure.infeasibility.relaxable import RelaxableParameter
 from airrace.quantities import KNOT
 from airrace.track.course import Course
@@ -21,7 +21,7 @@ DEGREE = math.pi / 180.0
 
 def relaxables(race: Race) -> list[RelaxableParameter]:
     """Return all relaxable parameters of a race: rules, gates, surroundings, the aircraft."""
-    found = [*_rules(race), *gate_levers(race.course), *_surroundings(race.course), *_aircraft(race)]
+    found = [*_rules(race), *gate_parameters(race.course), *_surroundings(race.course), *_aircraft(race)]
     return [one for one in found if (one.furthest - one.value) * one.step > 0.0]
 
 

@@ -57,7 +57,7 @@ TOO_FEW = 0.7
 """The part of the intervals that a phase should have (1), below which it gets a finer mesh."""
 ERROR_TOLERANCE = 0.01
 """The time by which a phase may be too fast because of its mesh alone, s."""
-SKETCHES = 3
+COARSE_SOLVES_MAX = 3
 """The largest number of meshes."""
 
 
@@ -105,10 +105,10 @@ class CoarseSolution:
 
         Large errors count against it, whatever their sign.
         """
-        return float(self.iterate.durations.sum() + self.doubt.sum())
+        return float(self.iterate.durations.sum() + self.error_penalty.sum())
 
     @property
-    def doubt(self) -> Array:
+    def error_penalty(self) -> Array:
         """The time that is added to the duration of each phase, s; shape (n,)."""
         return np.where(np.abs(self.errors) > ERROR_TOLERANCE, np.abs(self.errors), self.errors)
 
@@ -118,7 +118,7 @@ class CoarseSolution:
         return costates(Layout(self.problem), self.multipliers)
 
 
-def planned_draught(flight: Flight, plan: Plan, barrier: float) -> InitialGuess:
+def planned_guess(flight: Flight, plan: Plan, barrier: float) -> InitialGuess:
     """Return a flight straight from a plan; one that is planned to be slow has no more intervals for that."""
     share = plan.cruise.V / flight.plan.cruise.V
     mesh = [(1.0 / count,) * count for count in (intervals(share * s) for s in leg_seconds(plan))]
@@ -132,18 +132,18 @@ def intervals(seconds: float) -> int:
 
 def solve_coarse(service: SolverService, initial_guess: InitialGuess) -> CoarseSolution | None:
     """Return the rough optimum; None if there is none within the budget."""
-    found = _sketched(service, initial_guess)
+    found = _coarse_solution(service, initial_guess)
     if found is None or not initial_guess.is_baseline:
         return found
     counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
     mesh, iterate = resampled(found.problem.mesh, found.iterate, counts)
-    return _sketched(service, InitialGuess(found.flight, mesh, iterate, AGAIN_BARRIER)) or found
+    return _coarse_solution(service, InitialGuess(found.flight, mesh, iterate, AGAIN_BARRIER)) or found
 
 
-def _sketched(service: SolverService, initial_guess: InitialGuess) -> CoarseSolution | None:
+def _coarse_solution(service: SolverService, initial_guess: InitialGuess) -> CoarseSolution | None:
     mesh, iterate, barrier = list(initial_guess.mesh), initial_guess.guess, initial_guess.barrier
     found: CoarseSolution | None = None
-    for _ in range(SKETCHES):
+    for _ in range(COARSE_SOLVES_MAX):
         problem = initial_guess.flight.problem(mesh)
         iterations = OWN_ITERATIONS if initial_guess.is_baseline else ITERATIONS
         solution = try_solve(service, problem, iterate, barrier, iterations)
@@ -194,10 +194,10 @@ def objective_error(problem: Problem, solution: Solution) -> Array:
     return by_phase
 
 
-def _counts(sketch: CoarseSolution) -> list[int]:
+def _counts(coarse: CoarseSolution) -> list[int]:
     """Return the number of intervals that each phase should have."""
     counts: list[int] = []
-    for phase, seconds, error in zip(sketch.problem.phases, sketch.iterate.durations, sketch.errors, strict=True):
+    for phase, seconds, error in zip(coarse.problem.phases, coarse.iterate.durations, coarse.errors, strict=True):
         count, wanted = len(phase.fractions), intervals(float(seconds))
         if not abs(error) <= ERROR_TOLERANCE:
             count = min(2 * count, MOST)

@@ -19,18 +19,18 @@ STEEP = math.radians(60.0)
 """The climb angle from which on a turn leads over the top, rad."""
 
 
-def describe_route(course: Course, sketch: CoarseSolution, stretches: Sequence[Segment]) -> str:
+def describe_route(course: Course, coarse: CoarseSolution, stretches: Sequence[Segment]) -> str:
     """Return the long turns of a flight, one after another."""
-    turns = [stretch for stretch in stretches if abs(shape(sketch, stretch).turn) >= NAMED]
-    return way_in_words(course, sketch, turns) if turns else "no long turns"
+    turns = [stretch for stretch in stretches if abs(shape(coarse, stretch).turn) >= NAMED]
+    return way_in_words(course, coarse, turns) if turns else "no long turns"
 
 
-def way_in_words(course: Course, sketch: CoarseSolution, stretches: Sequence[Segment]) -> str:
+def way_in_words(course: Course, coarse: CoarseSolution, stretches: Sequence[Segment]) -> str:
     """Describe how a flight takes some stretches.
 
     An example is "1:g4 -> 1:g5: over the top to the right, 140 m high".
     """
-    return "; ".join(f"{named(course, one)}: {shape_in_words(shape(sketch, one))}" for one in stretches)
+    return "; ".join(f"{named(course, one)}: {shape_in_words(shape(coarse, one))}" for one in stretches)
 
 
 def named(course: Course, stretch: Segment) -> str:

@@ -60,7 +60,7 @@ def find_faster_route(
         pool: what solves.
     """
     way = plan_as_flown(course, point_mass.plan.cruise, optimum.trajectory)
-    (base,) = pool.work([_draught(replace(point_mass, plan=way), source, optimum)], solve_coarse)
+    (base,) = pool.work([_initial_guess(replace(point_mass, plan=way), source, optimum)], solve_coarse)
     if base is None:
         return ""
     move_generator = MoveGenerator(base, course, scaled(point_mass.plan.cruise, QUICK.thinking), MAX_PLAN_PENALTY)
@@ -81,7 +81,7 @@ def find_faster_route(
     return f"{named(course, stretch)} {way} saves about {best.found.saved:.2f} s"
 
 
-def _draught(point_mass: Flight, source: Flight, optimum: StageResult) -> InitialGuess:
+def _initial_guess(point_mass: Flight, source: Flight, optimum: StageResult) -> InitialGuess:
     """Return an optimum of any fidelity as a flight of the point mass, on a rough mesh."""
     flown = optimum.trajectory
     mesh, iterate = mesh_of(flown), _as_point_mass(point_mass, source, optimum)

@@ -119,7 +119,7 @@ class MoveGenerator:
         stops = {index for stretch in group for index in (stretch.first, stretch.last)}
         mixed = plan(self.course, self.pace, _mixed(self.choices, theirs, stops))
         pieces = {index: phase_piece(other.iterate, problem, index) for index in phases}
-        return self._thought(first, last, mixed, pieces, 0.0, "from another start")
+        return self._move(first, last, mixed, pieces, 0.0, "from another start")
 
     def replicate_in_other_laps(self, won: EvaluatedMove, kind: str) -> Iterator[Move]:
         """Yield what has won in a window for the other laps: wherever the same passages follow one another."""
@@ -168,7 +168,7 @@ class MoveGenerator:
             index + shift: phase_piece(won.iterate, won.problem, index - won.window.first)
             for index in range(first.first, last.last)
         }
-        return self._thought(*places, plan(self.course, self.pace, self.choices.as_planned(moved)), pieces, 0.0, kind)
+        return self._move(*places, plan(self.course, self.pace, self.choices.as_planned(moved)), pieces, 0.0, kind)
 
     def _opposite_turn(self, stretch: Segment, flown: Shape) -> Iterator[Move]:
         """Yield the turn to the other side; where its ends are free to be crossed otherwise, they are."""
@@ -221,11 +221,11 @@ class MoveGenerator:
         pieces = self._guesses(self.own, range(stretch.first, stretch.last))
         # The plan stays, and so nothing is dearer.
         if flown.rise > HIGH:
-            yield self._thought(stretch, stretch, self.own, pieces, 0.0, "flat")
+            yield self._move(stretch, stretch, self.own, pieces, 0.0, "flat")
         for slant in TILT_ANGLES if long else ():
             raised = tilt_turn([pieces[index] for index in sorted(pieces)], slant)
             by_phase = dict(zip(sorted(pieces), raised, strict=True))
-            yield self._thought(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")
+            yield self._move(stretch, stretch, self.own, by_phase, 0.0, f"slanted {math.degrees(slant):.0f}")
 
     def _chain(self, stretch: Segment) -> list[int]:
         """Return the manoeuvre at the end of a stretch, and those beside it whose courses are as free.
@@ -263,7 +263,7 @@ class MoveGenerator:
         first = self.stretches[max(0, stretch.number - 1)]
         last = self.stretches[min(len(self.stretches) - 1, stretch.number + 1)]
         pieces = self._guesses(planned, range(first.first, last.last))
-        yield self._thought(first, last, planned, pieces, plan_penalty, kind, about=stretch)
+        yield self._move(first, last, planned, pieces, plan_penalty, kind, about=stretch)
 
     def _guesses(self, planned: Plan, phases: Iterable[int]) -> dict[int, Iterate]:
         """Return pieces of a planned flight."""
@@ -282,7 +282,7 @@ class MoveGenerator:
             for index in phases
         }
 
-    def _thought(
+    def _move(
         self,
         first: Segment,
         last: Segment,

@@ -96,35 +96,35 @@ def _finalists(flights: Sequence[Tried], course: Course, most: int) -> list[Coar
     """Return the fastest flights that differ from one another, none of them far behind the best."""
     chosen: list[CoarseSolution] = []
     for tried in flights:
-        if tried.sketch.race_time > flights[0].sketch.race_time + CLOSE:
+        if tried.coarse.race_time > flights[0].coarse.race_time + CLOSE:
             break
-        if len(chosen) < most and all(differing(one, tried.sketch, stretches(course)) for one in chosen):
-            chosen.append(tried.sketch)
+        if len(chosen) < most and all(differing(one, tried.coarse, stretches(course)) for one in chosen):
+            chosen.append(tried.coarse)
     return chosen
 
 
 def _finals(pool: SolverPool, session: SolverSession, finalists: Sequence[CoarseSolution]) -> list[CoarseSolution]:
     """Return the finalists on the mesh with which their proof begins, the fastest first."""
 
-    def finer(service: SolverService, sketch: CoarseSolution) -> CoarseSolution:
-        wanted = counts_of(sketch.iterate.durations.tolist(), session.settings.mesh)
-        counts = [max(count, len(phase)) for count, phase in zip(wanted, sketch.problem.mesh, strict=True)]
-        mesh, iterate = resampled(sketch.problem.mesh, sketch.iterate, counts)
-        return solve_coarse(service, InitialGuess(sketch.flight, mesh, iterate, AGAIN_BARRIER)) or sketch
+    def finer(service: SolverService, coarse: CoarseSolution) -> CoarseSolution:
+        wanted = counts_of(coarse.iterate.durations.tolist(), session.settings.mesh)
+        counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
+        mesh, iterate = resampled(coarse.problem.mesh, coarse.iterate, counts)
+        return solve_coarse(service, InitialGuess(coarse.flight, mesh, iterate, AGAIN_BARRIER)) or coarse
 
     if len(finalists) < 2:
         return list(finalists)
     return sorted(pool.work(finalists, finer), key=lambda one: one.race_time)
 
 
-def _start(sketch: CoarseSolution) -> Start:
-    return Start(sketch.flight, sketch.problem, sketch.iterate, FINAL_BARRIER)
+def _start(coarse: CoarseSolution) -> Start:
+    return Start(coarse.flight, coarse.problem, coarse.iterate, FINAL_BARRIER)
 
 
 def _told(found: Found, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float) -> SearchReport:
     """Return what was tried, in words, the one that was proved first."""
     places = stretches(course)
-    led = [one for one in found.flights if not differing(best, one.sketch, places)]
+    led = [one for one in found.flights if not differing(best, one.coarse, places)]
     ways = [
         Way(describe_route(course, best, places), best.race_time, 0.0, "jointly"),
         *(_told_flight(one, best, course, places) for one in found.flights if one not in led),
@@ -141,9 +141,9 @@ def _told(found: Found, best: CoarseSolution, course: Course, pace: PlanningMode
 
 
 def _told_flight(tried: Tried, best: CoarseSolution, course: Course, places: Sequence[Segment]) -> Way:
-    apart = differing(best, tried.sketch, list(places))
-    text = way_in_words(course, tried.sketch, apart)
-    return Way(text, tried.sketch.race_time, tried.sketch.race_time - best.race_time, "jointly")
+    apart = differing(best, tried.coarse, list(places))
+    text = way_in_words(course, tried.coarse, apart)
+    return Way(text, tried.coarse.race_time, tried.coarse.race_time - best.race_time, "jointly")
 
 
 def _told_window(tried: EvaluatedWindow, best: CoarseSolution, course: Course, places: Sequence[Segment]) -> Way | None:

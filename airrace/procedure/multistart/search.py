@@ -16,7 +16,7 @@ from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.planning.route_decisions import ANY, TWIN
 from airrace.procedure.multistart.budget import SearchBudget, scaled
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_draught, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, planned_guess, solve_coarse
 from airrace.procedure.multistart.moves import Move, MoveGenerator
 from airrace.procedure.multistart.segments import Segment, differing, neighbours, stretches
 from airrace.procedure.multistart.solver_pool import SolverPool
@@ -42,7 +42,7 @@ class Tried:
     """A route that was solved jointly: its origin, and the flight."""
 
     origin: str
-    sketch: CoarseSolution
+    coarse: CoarseSolution
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +114,13 @@ class Search:
                     for phase in range(stretch.first, stretch.last)
                 }
                 best = better
-        flights = sorted(self._flights, key=lambda one: one.sketch.race_time)
+        flights = sorted(self._flights, key=lambda one: one.coarse.race_time)
         windows = tuple(one for one in self._windows if not any(one is joined for joined in self._joined))
         return Found(tuple(flights), windows, self._lost)
 
     @property
     def _best(self) -> CoarseSolution:
-        return min((one.sketch for one in self._flights), key=lambda one: one.race_time)
+        return min((one.coarse for one in self._flights), key=lambda one: one.race_time)
 
     def _planned_starts(self) -> list[tuple[str, InitialGuess]]:
         """Return plans of different radius, and twins of some of them."""
@@ -129,7 +129,7 @@ class Search:
             pace = scaled(self._pace, radius)
             text = f"plan with turns of {pace.radius:.0f} m"
             own, twin = (
-                planned_draught(self._flight, plan(self._course, pace, ties), COLD_BARRIER) for ties in (ANY, TWIN)
+                planned_guess(self._flight, plan(self._course, pace, ties), COLD_BARRIER) for ties in (ANY, TWIN)
             )
             found.append((text, own))
             if number < self._effort.twins and not np.array_equal(own.guess.state, twin.guess.state):
@@ -138,12 +138,12 @@ class Search:
 
     def _fly_all(self, starts: Sequence[tuple[str, InitialGuess]]) -> None:
         self._watch(f"{len(starts)} starts, solved coarsely")
-        sketches = self._crew.work([initial_guess for _, initial_guess in starts], solve_coarse)
-        for (origin, _), sketch in zip(starts, sketches, strict=True):
-            if sketch is None:
+        coarse_solutions = self._crew.work([initial_guess for _, initial_guess in starts], solve_coarse)
+        for (origin, _), coarse in zip(starts, coarse_solutions, strict=True):
+            if coarse is None:
                 self._lost += 1
             else:
-                self._flights.append(Tried(origin, sketch))
+                self._flights.append(Tried(origin, coarse))
 
     def _improved(self, base: CoarseSolution, changed: Set[int], *, first: bool) -> CoarseSolution | None:
         """Return a faster flight, from other ways through the stretches of a flight; None if none was found.
@@ -186,13 +186,13 @@ class Search:
         """
         known: list[tuple[CoarseSolution, list[Segment]]] = []
         for tried in self._flights:
-            for group in neighbours(differing(base, tried.sketch, move_generator.stretches)):
+            for group in neighbours(differing(base, tried.coarse, move_generator.stretches)):
                 again = any(
-                    group == other_group and not differing(tried.sketch, other, group) for other, other_group in known
+                    group == other_group and not differing(tried.coarse, other, group) for other, other_group in known
                 )
                 if not again:
-                    known.append((tried.sketch, group))
-        return [move_generator.from_flight(sketch, group) for sketch, group in known]
+                    known.append((tried.coarse, group))
+        return [move_generator.from_flight(coarse, group) for coarse, group in known]
 
     def _combined(self, base: CoarseSolution, wins: Sequence[EvaluatedWindow]) -> CoarseSolution | None:
         """Fly all wins that do not overlap jointly, and some alone, and return the fastest flight that gains time.
@@ -209,14 +209,14 @@ class Search:
         jobs = [self._splice(base, group) for group in groups]
         flown = self._crew.work(jobs, lambda service, job: apply_moves(service, *job))
         found: list[CoarseSolution] = []
-        for group, sketch in zip(groups, flown, strict=True):
-            if sketch is None:
+        for group, coarse in zip(groups, flown, strict=True):
+            if coarse is None:
                 self._lost += 1
                 continue
             self._joined += group
-            self._flights.append(Tried(", ".join(one.move.kind for one in group), sketch))
-            if sketch.race_time < base.race_time - GAINED:
-                found.append(sketch)
+            self._flights.append(Tried(", ".join(one.move.kind for one in group), coarse))
+            if coarse.race_time < base.race_time - GAINED:
+                found.append(coarse)
         return min(found, key=lambda one: one.race_time) if found else None
 
     def _splice(

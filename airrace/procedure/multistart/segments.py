@@ -69,11 +69,11 @@ class Shape:
     length: float
 
 
-def shape(sketch: CoarseSolution, stretch: Segment) -> Shape:
+def shape(coarse: CoarseSolution, stretch: Segment) -> Shape:
     """Return the shape of one stretch of a flight."""
-    nodes = sketch.problem.first_node
+    nodes = coarse.problem.first_node
     first, last = nodes[stretch.first], nodes[stretch.last]
-    row = rows(sketch)
+    row = rows(coarse)
     height = -row["z"][first : last + 1]
     turn = track_turn(np.stack([row[name][first : last + 1] for name in POSITION]))
     R = rotation([row[name][first : last + 1] for name in ATTITUDE])
@@ -85,15 +85,15 @@ def shape(sketch: CoarseSolution, stretch: Segment) -> Shape:
         rise=float(height.max() - max(height[0], height[-1])),
         gain=float(height[-1] - height[0]),
         overhead=bool(R[2][2][int(height.argmax())] < 0.0),
-        seconds=float(sketch.iterate.durations[stretch.first : stretch.last].sum()),
+        seconds=float(coarse.iterate.durations[stretch.first : stretch.last].sum()),
         length=float(np.hypot(*(np.diff(row[name][first : last + 1]) for name in ("x", "y"))).sum()),
     )
 
 
-def rows(sketch: CoarseSolution) -> dict[str, Array]:
+def rows(coarse: CoarseSolution) -> dict[str, Array]:
     """Return the histories of a flight's states by name."""
-    names = [one.name for one in sketch.problem.system.states]
-    return dict(zip(names, sketch.iterate.state, strict=True))
+    names = [one.name for one in coarse.problem.system.states]
+    return dict(zip(names, coarse.iterate.state, strict=True))
 
 
 def differing(one: CoarseSolution, other: CoarseSolution, all_stretches: Sequence[Segment]) -> list[Segment]:
@@ -138,5 +138,5 @@ def sampled(iterate: Iterate, fractions: tuple[float, ...]) -> tuple[Array, Arra
     return at(POSITION), q / np.linalg.norm(q, axis=0)
 
 
-def _piece(sketch: CoarseSolution, index: int) -> tuple[Array, Array]:
-    return sampled(phase_piece(sketch.iterate, sketch.problem, index), sketch.problem.phases[index].fractions)
+def _piece(coarse: CoarseSolution, index: int) -> tuple[Array, Array]:
+    return sampled(phase_piece(coarse.iterate, coarse.problem, index), coarse.problem.phases[index].fractions)

@@ -97,7 +97,7 @@ def priced(service: SolverService, window: Window, barrier: float = COLD_BARRIER
         return None
     base, found = window.base, solution.iterate
     speed = [one.name for one in problem.system.states].index(SPEED)
-    before = (base.iterate.durations + base.doubt)[window.first : window.last].sum()
+    before = (base.iterate.durations + base.error_penalty)[window.first : window.last].sum()
     after = found.durations.sum() + objective_error(problem, solution).sum()
     last = base.problem.first_node[window.last]
     saved = before - after + weight * (base.iterate.state[speed, last] - found.state[speed, -1])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from explored_races import OFF, QUICK, WOUND, optimum
 from races import blown, prepared
-from ways_bench import open_session
+from search_fixtures import open_session
 
 from airrace.procedure.fidelity_continuation import FidelityContinuation
-from airrace.procedure.multistart.coarse_solution import planned_draught, solve_coarse
+from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse
 from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.multistart.window import COLD_BARRIER
@@ -78,7 +78,7 @@ def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
         def endless(pool: SolverPool) -> str:
             begun.set()
             while True:
-                pool.work([planned_draught(prepared(WOUND), prepared(WOUND).plan, COLD_BARRIER)], solve_coarse)
+                pool.work([planned_guess(prepared(WOUND), prepared(WOUND).plan, COLD_BARRIER)], solve_coarse)
 
         def interrupted() -> None:
             with session.aside(endless):

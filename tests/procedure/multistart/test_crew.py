@@ -7,8 +7,8 @@ import time
 
 import pytest
 from races import SMALL
+from search_fixtures import open_session, planned_coarse_solution
 from waiting import PATIENCE
-from ways_bench import open_session, planned_sketch
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
@@ -131,10 +131,10 @@ def test_no_process_is_left_where_one_cannot_be_started() -> None:
 
 def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> None:
     """On Linux a process ends with the thread that has started it."""
-    sketch = planned_sketch(SMALL)
+    coarse = planned_coarse_solution(SMALL)
 
     def solve(service: SolverService, _: object = None) -> Solution | None:
-        return try_solve(service, sketch.problem, sketch.iterate, AGAIN_BARRIER)
+        return try_solve(service, coarse.problem, coarse.iterate, AGAIN_BARRIER)
 
     def solve_anew(service: SolverService, _: object) -> Solution | None:
         service.stop()
@@ -151,18 +151,18 @@ def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> Non
 
 
 def test_service_that_was_ended_starts_no_other_process() -> None:
-    sketch = planned_sketch(SMALL)
+    coarse = planned_coarse_solution(SMALL)
     with open_session() as session:
         session.service.end()
         with pytest.raises(SolverEnded):
-            try_solve(session.service, sketch.problem, sketch.iterate, AGAIN_BARRIER)
+            try_solve(session.service, coarse.problem, coarse.iterate, AGAIN_BARRIER)
 
 
 def test_flight_that_kills_its_solver_is_left_out_and_the_next_one_is_flown(caplog: pytest.LogCaptureFixture) -> None:
-    sketch = planned_sketch(SMALL)
-    broken = dataclasses.replace(sketch.iterate, state=sketch.iterate.state[:-1])
+    coarse = planned_coarse_solution(SMALL)
+    broken = dataclasses.replace(coarse.iterate, state=coarse.iterate.state[:-1])
     with open_session() as session, caplog.at_level(logging.WARNING):
-        assert try_solve(session.service, sketch.problem, broken, AGAIN_BARRIER) is None
-        assert try_solve(session.service, sketch.problem, sketch.iterate, AGAIN_BARRIER) is not None
+        assert try_solve(session.service, coarse.problem, broken, AGAIN_BARRIER) is None
+        assert try_solve(session.service, coarse.problem, coarse.iterate, AGAIN_BARRIER) is not None
     (record,) = caplog.records
     assert "left out" in record.getMessage()

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from explored_races import OFF, PLAN, QUICK, WOUND, explored, optimum, wound
 from races import SHIPPED, SMALL, prepared
+from search_fixtures import open_session
 from transformations import mirrored
-from ways_bench import open_session
 
 from airrace.planning.race import Race
 from airrace.procedure import fidelity_continuation

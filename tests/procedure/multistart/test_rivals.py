@@ -12,7 +12,7 @@ from canned_procedure import solve_single_mesh
 from explored_races import OFF, QUICK
 from explored_races import optimum as explored_optimum
 from races import SHIPPED, SMALL
-from ways_bench import open_session, planned_sketch
+from search_fixtures import open_session, planned_coarse_solution
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import fidelity_continuation
@@ -125,8 +125,8 @@ def first_stage(
     search: SearchReport = NOT_SEARCHED,
 ) -> tuple[StageResult, list[list[Start]], list[Start]]:
     """The point mass where exploring has found so many starts: the result, what was asked, and those starts."""
-    sketch = planned_sketch(SMALL)
-    starts = tuple(Start(sketch.flight, sketch.problem, sketch.iterate, 10.0**-number) for number in range(found))
+    coarse = planned_coarse_solution(SMALL)
+    starts = tuple(Start(coarse.flight, coarse.problem, coarse.iterate, 10.0**-number) for number in range(found))
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: search))
@@ -155,8 +155,8 @@ def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified
 
 
 def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
-    sketch = planned_sketch(SMALL)
-    starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
+    coarse = planned_coarse_solution(SMALL)
+    starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
     told = [SearchReport(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
     monkeypatch.setattr(
         fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
@@ -197,8 +197,8 @@ def close_together(
 ) -> tuple[StageResult, list[float]]:
     """The result where two ways below the last stage were solved on one mesh each, and what was proved of them."""
     two = dataclasses.replace(QUICK, alternatives=2)
-    sketch = planned_sketch(SMALL)
-    starts = (Start(sketch.flight, sketch.problem, sketch.iterate, 1.0),) * 2
+    coarse = planned_coarse_solution(SMALL)
+    starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
     asked: list[float] = []
 
     def answered(_: object, optimum: StageResult, __: object) -> StageResult | str:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from explored_races import OFF, WOUND, optimum
 from races import SHIPPED, SMALL, prepared
-from ways_bench import open_session, planned_sketch
+from search_fixtures import open_session, planned_coarse_solution
 
 from airrace.optimal_control.refinement import resampled
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
@@ -20,7 +20,7 @@ from airrace.procedure.multistart.coarse_solution import (
     STEP,
     InitialGuess,
     intervals,
-    planned_draught,
+    planned_guess,
     solve_coarse,
     try_solve,
 )
@@ -39,12 +39,12 @@ each_small_race = pytest.mark.parametrize(
 
 @each_small_race
 def test_sketch_is_near_the_certified_optimum_of_the_same_way(race: Race) -> None:
-    assert planned_sketch(race).race_time == pytest.approx(optimum(race, OFF).trajectory.race_time, abs=0.03)
+    assert planned_coarse_solution(race).race_time == pytest.approx(optimum(race, OFF).trajectory.race_time, abs=0.03)
 
 
 @each_small_race
 def test_sketch_is_never_deceived_by_its_own_errors(race: Race) -> None:
-    found = planned_sketch(race)
+    found = planned_coarse_solution(race)
     counts = [len(phase) for phase in found.problem.mesh]
     for error, count in zip(found.errors.tolist(), counts, strict=True):
         assert abs(error) <= coarse_solution.ERROR_TOLERANCE or count == MOST
@@ -55,10 +55,10 @@ def test_errors_of_integration_on_a_coarse_mesh_are_told_in_seconds(monkeypatch:
     monkeypatch.setattr(coarse_solution, "INTERVAL", 0.5)
     monkeypatch.setattr(coarse_solution, "FEWEST", 3)
     monkeypatch.setattr(coarse_solution, "STEP", 1)
-    monkeypatch.setattr(coarse_solution, "SKETCHES", 1)
+    monkeypatch.setattr(coarse_solution, "COARSE_SOLVES_MAX", 1)
     flight = prepared(HALF_CUBAN)
     with open_session() as session:
-        coarse = solve_coarse(session.service, planned_draught(flight, flight.plan, COLD_BARRIER))
+        coarse = solve_coarse(session.service, planned_guess(flight, flight.plan, COLD_BARRIER))
         assert coarse is not None
         scheme = dataclasses.replace(coarse.problem.scheme, steps=4 * coarse.problem.scheme.steps)
         finer = dataclasses.replace(coarse.problem, scheme=scheme)
@@ -72,7 +72,7 @@ def test_errors_of_integration_on_a_coarse_mesh_are_told_in_seconds(monkeypatch:
 
 @pytest.mark.parametrize("error", [-0.5, 0.5])
 def test_large_errors_count_against_a_flight_whatever_their_sign(error: float) -> None:
-    own = planned_sketch(SMALL)
+    own = planned_coarse_solution(SMALL)
     doubtful = dataclasses.replace(own, errors=own.errors + np.eye(len(own.errors))[0] * error)
     raw = float(own.iterate.durations.sum())
     assert doubtful.race_time == pytest.approx(raw + 0.5, abs=2 * coarse_solution.ERROR_TOLERANCE)
@@ -83,7 +83,7 @@ def test_mesh_that_deceives_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(coarse_solution, "FEWEST", 3)
     monkeypatch.setattr(coarse_solution, "STEP", 1)
     flight = prepared(HALF_CUBAN)
-    first = planned_draught(flight, flight.plan, COLD_BARRIER)
+    first = planned_guess(flight, flight.plan, COLD_BARRIER)
     with open_session() as session:
         found = solve_coarse(session.service, first)
     assert found is not None
@@ -104,8 +104,8 @@ def test_intervals_grow_with_the_duration_in_steps_up_to_a_limit() -> None:
 def test_slower_plan_has_no_more_intervals_for_being_slow() -> None:
     flight = prepared(SMALL)
     slow = scaled(flight.plan.cruise, Radius(0.5, slower=True))
-    slower = planned_draught(flight, plan(SMALL.course, slow), COLD_BARRIER)
-    own = planned_draught(flight, flight.plan, COLD_BARRIER)
+    slower = planned_guess(flight, plan(SMALL.course, slow), COLD_BARRIER)
+    own = planned_guess(flight, flight.plan, COLD_BARRIER)
     assert slower.flight.plan.cruise.V < flight.plan.cruise.V
     assert sum(map(len, slower.mesh)) <= sum(map(len, own.mesh))
 
@@ -131,11 +131,11 @@ class Hanging(SolverService):
 
 def test_start_on_which_the_solver_hangs_is_lost_and_nothing_else() -> None:
     flight = prepared(SMALL)
-    assert solve_coarse(Hanging(), planned_draught(flight, flight.plan, COLD_BARRIER)) is None
+    assert solve_coarse(Hanging(), planned_guess(flight, flight.plan, COLD_BARRIER)) is None
 
 
 def test_sketch_of_an_optimum_stays_there() -> None:
-    found = planned_sketch(SMALL)
+    found = planned_coarse_solution(SMALL)
     with open_session() as session:
         again = solve_coarse(
             session.service,
@@ -147,7 +147,7 @@ def test_sketch_of_an_optimum_stays_there() -> None:
 
 def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
     """Other ways are proposed on the meshes of sketches, whatever mesh their flight was begun on."""
-    rough = planned_sketch(SMALL)
+    rough = planned_coarse_solution(SMALL)
     counts = [2 * len(phase) for phase in rough.problem.mesh]
     mesh, guess = resampled(rough.problem.mesh, rough.iterate, counts)
     begun = InitialGuess(rough.flight, mesh, guess, coarse_solution.AGAIN_BARRIER, is_baseline=True)

@@ -8,8 +8,8 @@ import pytest
 from explored_races import OFF, QUICK, WOUND, optimum, wound
 from races import EDGE_540, SMALL, course, level, prepared, pylon
 from races import planned as plan_of
+from search_fixtures import open_session, planned_coarse_solution
 from transformations import mirrored
-from ways_bench import open_session, planned_sketch
 
 from airrace.environment.air import Air
 from airrace.planning.plan import plan
@@ -18,7 +18,7 @@ from airrace.planning.route_decisions import RouteDecisions
 from airrace.planning.waypoints import candidates
 from airrace.procedure.multistart.budget import QUICK as QUICK_EFFORT
 from airrace.procedure.multistart.budget import scaled
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_draught, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
 from airrace.procedure.multistart.moves import Move, MoveGenerator
 from airrace.procedure.multistart.search import EvaluatedWindow
 from airrace.procedure.multistart.segments import Segment, shape, stretches
@@ -55,13 +55,13 @@ def solved(window: Window) -> EvaluatedMove:
 
 @pytest.mark.parametrize(("first", "last"), [(0, 1), (1, 2), (2, 3), (0, 2), (1, 3), (0, 3)])
 def test_own_way_saves_nothing(first: int, last: int) -> None:
-    found = solved(own_window(planned_sketch(SMALL), first, last))
+    found = solved(own_window(planned_coarse_solution(SMALL), first, last))
     assert abs(found.saved) < 3e-3
     assert found.iterate.durations.shape == (last - first,)
 
 
 def test_window_begins_and_ends_in_the_states_of_the_flight_around_it() -> None:
-    base = planned_sketch(SMALL)
+    base = planned_coarse_solution(SMALL)
     found = solved(own_window(base, 1, 2))
     nodes = base.problem.first_node
     before, behind = base.iterate.state[:, nodes[1]], base.iterate.state[:, nodes[2]]
@@ -78,7 +78,7 @@ def test_window_begins_and_ends_in_the_states_of_the_flight_around_it() -> None:
 
 @pytest.mark.parametrize("first", [0, 1, 2])
 def test_window_at_an_end_of_the_race_keeps_its_conditions(first: int) -> None:
-    base = planned_sketch(SMALL)
+    base = planned_coarse_solution(SMALL)
     found = solved(own_window(base, first, 3))
     whole = base.flight.problem(base.problem.mesh)
     assert found.problem.phases[-1].end == whole.phases[-1].end
@@ -92,7 +92,7 @@ def moves(base: CoarseSolution, race: Race, changed: set[int] | None = None) -> 
 
 
 def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> None:
-    base = planned_sketch(WOUND)
+    base = planned_coarse_solution(WOUND)
     tried = [one for one in moves(base, WOUND) if one.plan_penalty <= QUICK_EFFORT.max_plan_penalty]
     with open_session() as session:
         found = [priced(session.service, one.window) for one in tried]
@@ -108,7 +108,7 @@ def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> 
 
 @pytest.mark.parametrize("race", [pytest.param(SMALL, id="four gates"), pytest.param(WOUND, id="wound")])
 def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
-    for move in moves(planned_sketch(race), race):
+    for move in moves(planned_coarse_solution(race), race):
         window = move.window
         assert len(window.pieces) == window.last - window.first
         assert window.first <= move.stretch.first < move.stretch.last <= window.last
@@ -119,13 +119,13 @@ def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
 
 
 def test_nothing_is_thought_of_where_nothing_has_changed() -> None:
-    assert moves(planned_sketch(WOUND), WOUND, changed=set()) == []
+    assert moves(planned_coarse_solution(WOUND), WOUND, changed=set()) == []
 
 
 def test_mirrored_flight_is_thought_of_likewise() -> None:
-    own = [(one.stretch, one.kind) for one in moves(planned_sketch(WOUND), WOUND)]
+    own = [(one.stretch, one.kind) for one in moves(planned_coarse_solution(WOUND), WOUND)]
     image = mirrored(WOUND)
-    assert [(one.stretch, one.kind) for one in moves(planned_sketch(image), image)] == own
+    assert [(one.stretch, one.kind) for one in moves(planned_coarse_solution(image), image)] == own
 
 
 def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> None:
@@ -138,17 +138,17 @@ def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> No
     flight = prepared(race)
     wrong = dataclasses.replace(flight, plan=plan(race.course, flight.plan.cruise, chosen))
     with open_session() as session:
-        base = solve_coarse(session.service, planned_draught(wrong, wrong.plan, COLD_BARRIER))
+        base = solve_coarse(session.service, planned_guess(wrong, wrong.plan, COLD_BARRIER))
     assert base is not None
-    assert base.race_time > planned_sketch(race).race_time + 2.0
+    assert base.race_time > planned_coarse_solution(race).race_time + 2.0
     about_start = [one for one in moves(base, race) if one.kind == "other direction" and one.stretch.number == 0]
     saved = [solved(one.window).saved for one in about_start]
-    assert max(saved) == pytest.approx(base.race_time - planned_sketch(race).race_time, abs=0.05)
+    assert max(saved) == pytest.approx(base.race_time - planned_coarse_solution(race).race_time, abs=0.05)
 
 
 def test_ways_are_told_apart_whatever_they_hold() -> None:
     """Two ways through the same window differ in nothing but the numbers of their flights."""
-    base = planned_sketch(WOUND)
+    base = planned_coarse_solution(WOUND)
     window = own_window(base, 0, 3)
     one, other = (
         EvaluatedWindow(
@@ -169,7 +169,7 @@ def twice(race: Race) -> Race:
 
 def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
     race = twice(WOUND)
-    base = planned_sketch(race)
+    base = planned_coarse_solution(race)
     move_generator = MoveGenerator(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
     about = [one for one in move_generator.moves(set(range(len(base.problem.phases)))) if one.stretch.number == 1]
     best = max((solved_or_none(one.window) for one in about), key=lambda one: 0.0 if one is None else one.saved)
@@ -182,7 +182,7 @@ def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
 
 def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
     """The window is the whole race here: what it saves is the difference between both flights."""
-    base, good = planned_sketch(WOUND), planned_sketch(wound(8.0))
+    base, good = planned_coarse_solution(WOUND), planned_coarse_solution(wound(8.0))
     move_generator = MoveGenerator(base, WOUND.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
     found = solved(move_generator.from_flight(good, move_generator.stretches).window)
     assert found.saved == pytest.approx(base.race_time - optimum(WOUND).trajectory.race_time, abs=0.05)
@@ -190,11 +190,11 @@ def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
 
 def test_races_of_these_tests_are_what_they_are_said_to_be() -> None:
     assert optimum(WOUND, OFF).trajectory.race_time > optimum(WOUND, QUICK).trajectory.race_time + 5.0
-    assert planned_sketch(wound(8.0)).race_time < planned_sketch(WOUND).race_time - 5.0
+    assert planned_coarse_solution(wound(8.0)).race_time < planned_coarse_solution(WOUND).race_time - 5.0
 
 
 def test_short_turn_that_leads_high_is_thought_of_flat() -> None:
-    base = planned_sketch(WOUND)
+    base = planned_coarse_solution(WOUND)
     problem, long = base.problem, math.radians(100.0)
     short = next(one for one in stretches(WOUND.course) if abs(shape(base, one).turn) < long)
     first, last = problem.first_node[short.first], problem.first_node[short.last]

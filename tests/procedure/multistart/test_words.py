@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from explored_races import WOUND
 from races import SMALL, prepared
+from search_fixtures import planned_coarse_solution
 from transformations import mirrored
-from ways_bench import planned_sketch
 
 from airrace.procedure.guess import guess
 from airrace.procedure.multistart.coarse_solution import CoarseSolution
@@ -56,20 +56,20 @@ def test_shape_is_told_in_words(flown: Shape, words: str) -> None:
 def test_way_names_the_passages_at_both_ends() -> None:
     course, places = WOUND.course, stretches(WOUND.course)
     assert [named(course, one) for one in places] == ["first -> left", "left -> right", "right -> last"]
-    told = way_in_words(course, planned_sketch(WOUND), places[1:]).split("; ")
+    told = way_in_words(course, planned_coarse_solution(WOUND), places[1:]).split("; ")
     assert [one.split(": ")[0] for one in told] == ["left -> right", "right -> last"]
 
 
 def test_flight_is_told_by_its_long_turns() -> None:
-    assert describe_route(SMALL.course, planned_sketch(SMALL), stretches(SMALL.course)) == "no long turns"
-    told = describe_route(WOUND.course, planned_sketch(WOUND), stretches(WOUND.course))
+    assert describe_route(SMALL.course, planned_coarse_solution(SMALL), stretches(SMALL.course)) == "no long turns"
+    told = describe_route(WOUND.course, planned_coarse_solution(WOUND), stretches(WOUND.course))
     assert [one.split(": ")[0] for one in told.split("; ")] == ["left -> right", "right -> last"]
 
 
 def test_mirrored_flight_has_the_mirrored_shapes() -> None:
     image = mirrored(WOUND)
     for place in stretches(WOUND.course):
-        own, seen = shape(planned_sketch(WOUND), place), shape(planned_sketch(image), place)
+        own, seen = shape(planned_coarse_solution(WOUND), place), shape(planned_coarse_solution(image), place)
         assert seen.turn == pytest.approx(-own.turn, abs=0.02)
         assert seen.overhead is own.overhead
         for name in ("steepest", "height", "rise", "seconds", "length"):
@@ -84,7 +84,7 @@ def test_stretches_lie_one_behind_the_other_over_the_whole_course() -> None:
 
 
 def test_flight_differs_nowhere_from_itself_and_not_by_the_sign_of_its_quaternions() -> None:
-    found, places = planned_sketch(SMALL), stretches(SMALL.course)
+    found, places = planned_coarse_solution(SMALL), stretches(SMALL.course)
     state = found.iterate.state.copy()
     state[4:8] *= -1.0
     turned = with_state(found, state)
@@ -93,7 +93,7 @@ def test_flight_differs_nowhere_from_itself_and_not_by_the_sign_of_its_quaternio
 
 
 def test_flight_differs_where_it_is_moved_or_banked_otherwise() -> None:
-    found, places = planned_sketch(SMALL), stretches(SMALL.course)
+    found, places = planned_coarse_solution(SMALL), stretches(SMALL.course)
     first, last = found.problem.first_node[1], found.problem.first_node[2]
     inside = slice(first + 1, last)
     higher = found.iterate.state.copy()
@@ -109,7 +109,7 @@ def test_flight_differs_where_it_is_moved_or_banked_otherwise() -> None:
 
 
 def test_stretches_of_the_same_flight_are_the_same_way_only_where_they_are_flown_in_one_place() -> None:
-    found, places = planned_sketch(SMALL), stretches(SMALL.course)
+    found, places = planned_coarse_solution(SMALL), stretches(SMALL.course)
     assert same_way(found, places[1], found, places[1])
     assert not same_way(found, places[0], found, places[2])
 
@@ -123,7 +123,7 @@ def with_state(found: CoarseSolution, state: np.ndarray) -> CoarseSolution:
 
 def level_turn() -> CoarseSolution:
     """The planned, level flight of the wound race, unsolved."""
-    found = planned_sketch(WOUND)
+    found = planned_coarse_solution(WOUND)
     flight = prepared(WOUND)
     return dataclasses.replace(found, flight=flight, iterate=guess(flight.plan, found.problem.mesh))
 

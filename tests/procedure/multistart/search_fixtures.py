@@ -9,7 +9,7 @@ from races import prepared
 
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
-from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_draught, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
 from airrace.procedure.multistart.window import COLD_BARRIER
 from airrace.procedure.progress import Silent
 from airrace.procedure.settings import Settings
@@ -24,10 +24,10 @@ def open_session(settings: Settings = PLAN, threads: int = 1) -> Iterator[Solver
 
 
 @functools.cache
-def planned_sketch(race: Race) -> CoarseSolution:
+def planned_coarse_solution(race: Race) -> CoarseSolution:
     """A race sketched from its own plan; done once however many tests ask."""
     flight = prepared(race)
     with open_session() as session:
-        found = solve_coarse(session.service, planned_draught(flight, flight.plan, COLD_BARRIER))
+        found = solve_coarse(session.service, planned_guess(flight, flight.plan, COLD_BARRIER))
     assert found is not None
     return found
