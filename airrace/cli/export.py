@@ -1,37 +1,40 @@
 """The command `airrace export`: a flight for other programs. There is one subcommand per format."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, TextIO, cast
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, cast
 
 import typer
+from typer.core import TyperGroup
 
 from airrace.cli.answer import answer_written, answering, ensure_room
 from airrace.cli.command import Command
 from airrace.cli.options import AsJson, FlightNames, Force, Quiet, StageOfFlights, Verbose, output_option
 from airrace.standard_streams import STANDARD, abandon_stdout
 
-export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True)
+if TYPE_CHECKING:
+    from airrace.export.formats import Format
 
 
-FORMATS = {
-    "kml": "KML for Google Earth and map viewers: gates, people, lines, the line flown, and the flight in time.",
-    "kmz": "KML, zipped.",
-    "acmi": "Tacview 2.2: several aircraft with attitude, airspeeds and load factors; passings are events.",
-    "fdr": "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight.",
-    "czml": "CZML for Cesium: the course, and the flights in time with their attitude.",
-    "gpx": "GPX 1.1: gates and pylons as waypoints, a track for every flight.",
-    "geojson": "GeoJSON: the course, the lines flown and their passings.",
-    "parquet": "Parquet: all histories of all flights in one table (needs pyarrow).",
-    "netcdf": "netCDF after the CF conventions: all histories with units; every flight is a trajectory.",
-    "mat": "MATLAB: a structure for every flight.",
-}
-"""The formats that take several flights, and what their subcommands say of themselves."""
+class _Formats(TyperGroup):
+    """The subcommands: `csv`, and one for every registered format, made when the first of them is looked up."""
+
+    # Any: contexts and commands belong to click, whose place depends on typer's version.
+    def list_commands(self, ctx: Any) -> list[str]:
+        return [*super().list_commands(ctx), *(name for name in _registered() if name not in self.commands)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        known = super().get_command(ctx, cmd_name)
+        form = None if known else _registered().get(cmd_name)
+        return known if form is None else _subcommand(form)
+
+
+export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True, cls=_Formats)
 
 
 @export.callback()
-def formats() -> None:
+def common() -> None:
     """Write a flight for other programs."""
 
 
@@ -89,7 +92,17 @@ def csv_table(
         answer_written(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
 
 
-def _subcommand(name: str) -> Callable[..., None]:
+def _registered() -> Mapping[str, "Format"]:
+    from airrace.errors import UsageError
+    from airrace.export.formats import formats
+
+    try:
+        return formats()
+    except UsageError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _subcommand(form: "Format") -> Any:  # Any: as above
     """Return the subcommand of a format."""
 
     def write(
@@ -117,13 +130,11 @@ def _subcommand(name: str) -> Callable[..., None]:
         with answering(as_json=as_json, verbose=verbose) as answer:
             from airrace.runs.exports import output_of, write_flights
 
-            path = output or output_of(name, names)
+            path = output or output_of(form.name, names)
             ensure_room(path, as_json=as_json)
-            write_flights(name, names, path, stage=stage, rate=rate, origin=origin, start=start, force=force)
-            answer_written(answer, [path], quiet=quiet, format=name, flights=names)
+            write_flights(form.name, names, path, stage=stage, rate=rate, origin=origin, start=start, force=force)
+            answer_written(answer, [path], quiet=quiet, format=form.name, flights=names)
 
-    return write
-
-
-for _name, _help in FORMATS.items():
-    export.command(_name, help=_help, cls=Command)(_subcommand(_name))
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(form.name, help=form.help, cls=Command)(write)
+    return typer.main.get_command(alone)

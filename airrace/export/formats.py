@@ -1,48 +1,130 @@
-"""The formats that flights can be written in, by the names that users give them."""
+"""The formats in which flights are exported, each with one registration: below, or by `register` in an extension."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-from airrace.export.acmi import acmi
-from airrace.export.czml import czml
-from airrace.export.fdr import fdr
-from airrace.export.geojson import geojson
-from airrace.export.gpx import gpx
-from airrace.export.kml import kml, kmz
-from airrace.export.mat import mat
-from airrace.export.netcdf import netcdf
-from airrace.export.parquet import parquet
+from airrace.extensions import load_extensions
 from airrace.records import record
-from airrace.results import Flight
+
+if TYPE_CHECKING:
+    from airrace.results import Flight
+
+Writer = Callable[[Sequence["Flight"], datetime], bytes]
+"""From flights and the instant at which their clocks start to the content of a file."""
 
 
 @record
 class Format:
-    """One format.
+    """A format, which is also the subcommand `airrace export NAME`.
 
     Attributes:
-        write: from flights and the instant at which their clocks start to the content of a file.
-        rate_hz: samples per second unless somebody asks otherwise; None for all that a flight has.
-        globe: whether it wants latitudes and longitudes.
-        suffix: of its files, where that is not the name of the format.
+        name: of the subcommand.
+        help: what a file holds, in a sentence.
+        writer: a function, or `module:function`, which is imported when the first file is written.
+        rate_hz: samples per second unless another rate is asked for; None for all samples of a flight.
+        globe: whether it needs latitude, longitude and altitude, and so an origin of the course.
+        suffix: of its files, where that is not the name.
     """
 
-    write: Callable[[Sequence[Flight], datetime], bytes]
-    rate_hz: float | None
-    globe: bool = True
+    name: str
+    help: str
+    writer: Writer | str
+    rate_hz: float | None = None
+    globe: bool = False
     suffix: str = ""
 
+    def write(self, flights: Sequence["Flight"], begin: datetime) -> bytes:
+        """Return the content of a file.
 
-FORMATS = {
-    "kml": Format(kml, 10.0),
-    "kmz": Format(kmz, 10.0),
-    "acmi": Format(acmi, 20.0),
-    "fdr": Format(fdr, 20.0),
-    "czml": Format(czml, 10.0),
-    "gpx": Format(gpx, 5.0),
-    "geojson": Format(geojson, 10.0),
-    "parquet": Format(parquet, None, globe=False),
-    "netcdf": Format(netcdf, None, globe=False, suffix="nc"),
-    "mat": Format(mat, None, globe=False),
-}
-"""The formats by the names of the subcommands that write them."""
+        Args:
+            flights: with latitudes and longitudes where `globe` says so.
+            begin: the instant at which their clocks start.
+        """
+        if not isinstance(self.writer, str):
+            return self.writer(flights, begin)
+        module, _, function = self.writer.partition(":")
+        return getattr(import_module(module), function)(flights, begin)
+
+
+_formats: dict[str, Format] = {}
+
+
+def register(form: Format) -> Format:
+    """Add a format, and with it the subcommand `airrace export NAME`; return it.
+
+    A file that calls this is all that a format of one's own takes: import it, or name it in `AIRRACE_EXTENSIONS`.
+
+    Raises:
+        ValueError: there is a format of this name.
+    """
+    if form.name in ("csv", *_formats):
+        raise ValueError(f"there is an export format {form.name} already")
+    _formats[form.name] = form
+    return form
+
+
+def formats() -> Mapping[str, Format]:
+    """Return all formats by name, those of extensions included.
+
+    Raises:
+        UsageError: an extension cannot be loaded.
+    """
+    load_extensions()
+    return _formats
+
+
+_KML = "gates, people, lines, the line flown, and the flight in time."
+for _format in (
+    Format("kml", f"KML for Google Earth and map viewers: {_KML}", "airrace.export.kml:kml", 10.0, globe=True),
+    Format("kmz", "KML, zipped.", "airrace.export.kml:kmz", 10.0, globe=True),
+    Format(
+        "acmi",
+        "Tacview 2.2: several aircraft with attitude, airspeeds and load factors; passings are events.",
+        "airrace.export.acmi:acmi",
+        20.0,
+        globe=True,
+    ),
+    Format(
+        "fdr",
+        "X-Plane's flight data recorder, version 4, with a mark at every passing; one flight.",
+        "airrace.export.fdr:fdr",
+        20.0,
+        globe=True,
+    ),
+    Format(
+        "czml",
+        "CZML for Cesium: the course, and the flights in time with their attitude.",
+        "airrace.export.czml:czml",
+        10.0,
+        globe=True,
+    ),
+    Format(
+        "gpx",
+        "GPX 1.1: gates and pylons as waypoints, a track for every flight.",
+        "airrace.export.gpx:gpx",
+        5.0,
+        globe=True,
+    ),
+    Format(
+        "geojson",
+        "GeoJSON: the course, the lines flown and their passings.",
+        "airrace.export.geojson:geojson",
+        10.0,
+        globe=True,
+    ),
+    Format(
+        "parquet",
+        "Parquet: all histories of all flights in one table (needs pyarrow).",
+        "airrace.export.parquet:parquet",
+    ),
+    Format(
+        "netcdf",
+        "netCDF after the CF conventions: all histories with units; every flight is a trajectory.",
+        "airrace.export.netcdf:netcdf",
+        suffix="nc",
+    ),
+    Format("mat", "MATLAB: a structure for every flight.", "airrace.export.mat:mat"),
+):
+    register(_format)

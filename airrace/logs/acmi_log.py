@@ -161,7 +161,7 @@ class _AcmiReader:
 
 
 def _names(name: str, one: _RecordedAircraft) -> list[str]:
-    return [name, *(one.properties[key] for key in ("Name", "CallSign", "TrackingSimulator") if key in one.properties)]
+    return [name, *(one.properties[key] for key in ("Name", "CallSign", "Pilot") if key in one.properties)]
 
 
 def _fields(text: str) -> Iterable[str]:

@@ -55,7 +55,7 @@ STRIPS = (
         ("eta", "xi", "zeta"),
         digits=1,
     ),
-    Drawn("RelaxableParameter", "%", 0.01, (("delta_T", "power"),), least=5.0),
+    Drawn("Power lever", "%", 0.01, (("delta_T", "power"),), least=5.0),
     Drawn("Energy height", "m", 1.0, (("h_E", "above the origin"),), least=5.0),
 )
 """The strips of a report, from top to bottom."""

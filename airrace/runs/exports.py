@@ -7,7 +7,7 @@ from pathlib import Path
 
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import UsageError
-from airrace.export.formats import FORMATS
+from airrace.export.formats import formats
 from airrace.export.globe import BEGIN, on_globe
 from airrace.runs.flight_sources import opened_flights
 from airrace.runs.output import beside, ensure_free
@@ -31,7 +31,7 @@ def write_flights(
     """Write flights into a file, as `airrace export FORMAT` does.
 
     Args:
-        format_name: one of `airrace.export.formats.FORMATS`.
+        format_name: one of `airrace.export.formats.formats()`.
         names: of the flights, as of `opened_flights`.
         output: the file; None for one beside the first run, with the suffix of the format.
         stage: of the runs that name none; None for their last ones.
@@ -45,7 +45,7 @@ def write_flights(
             where the format needs one, or a library that it needs is not installed.
         StorageError: the system refused.
     """
-    chosen, where = FORMATS[format_name], None if origin is None else origin_of(origin)
+    chosen, where = formats()[format_name], None if origin is None else origin_of(origin)
     path = output or output_of(format_name, names)
     ensure_free(path, force=force, sources=names)
     begin = BEGIN if start is None else begin_of(start)
@@ -62,7 +62,7 @@ def write_flights(
 
 def output_of(format_name: str, names: Sequence[str]) -> Path:
     """Return the file into which flights are written unless another one is named."""
-    return beside(names[0], FORMATS[format_name].suffix or format_name)
+    return beside(names[0], formats()[format_name].suffix or format_name)
 
 
 def origin_of(text: str) -> Origin:

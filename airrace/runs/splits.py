@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from airrace.export import export_splits_csv
+from airrace.export.csv import export_splits_csv
 from airrace.inputs.units import KNOT
 from airrace.procedure.result import GateSplit
 from airrace.runs.output import write_text

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from airrace.errors import CheckpointError, NotCertified, UsageError
-from airrace.export import Provenance, export_csv
+from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate

@@ -29,12 +29,12 @@ def commands() -> Iterator[tuple[str, Command]]:
     """Every command that does something, with the words that call it."""
 
     def walk(name: str, command: Command) -> Iterator[tuple[str, Command]]:
-        children = getattr(command, "commands", None)
-        if not children:
+        if not hasattr(command, "list_commands"):
             yield name, command
             return
-        for word, child in children.items():
-            yield from walk(f"{name} {word}", child)
+        context = typer.Context(command)
+        for word in command.list_commands(context):
+            yield from walk(f"{name} {word}", command.get_command(context, word))
 
     yield from walk("airrace", typer.main.get_command(app))
 

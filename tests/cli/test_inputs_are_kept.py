@@ -138,10 +138,12 @@ def test_a_file_behind_stdin_is_not_written(tmp_path: Path) -> None:
     assert course.read_text().startswith("#")
 
 
-def commands(group: object, before: str = "") -> Iterator[tuple[str, list[Any]]]:  # Any: typer carries its own click
+def commands(group: Any, before: str = "") -> Iterator[tuple[str, list[Any]]]:  # Any: typer carries its own click
     """Yield the words of every command with its parameters."""
-    for name, child in group.commands.items():
-        if hasattr(child, "commands"):
+    context = typer.Context(group)
+    for name in group.list_commands(context):
+        child = group.get_command(context, name)
+        if hasattr(child, "list_commands"):
             yield from commands(child, f"{before}{name} ")
         else:
             yield f"{before}{name}", child.params

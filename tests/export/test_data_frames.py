@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_export_csv import PROVENANCE, SPLITS, flight, result
 
-from airrace.export import export_csv, export_splits_csv
+from airrace.export.csv import export_csv, export_splits_csv
 from airrace.export.flight_table import flight_frame, flight_table, splits_frame
 from airrace.export.netcdf import flight_dataset
 

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airrace.errors import UsageError
-from airrace.export import Provenance, export_csv, export_splits_csv, flight_table
+from airrace.export import flight_table
+from airrace.export.csv import Provenance, export_csv, export_splits_csv
 from airrace.export.flight_table import at_nodes, at_rate, unit_suffix
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item

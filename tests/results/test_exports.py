@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 import subprocess
 import sys
 import zipfile
@@ -22,7 +23,7 @@ from airrace.errors import UsageError
 from airrace.export import extras
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
-from airrace.export.formats import FORMATS
+from airrace.export.formats import Format, formats, register
 from airrace.export.globe import BEGIN, on_globe
 from airrace.frames import rotation
 from airrace.results import Flight
@@ -43,7 +44,7 @@ def two() -> list[Flight]:
 
 
 def written(name: str, flights: list[Flight]) -> bytes:
-    return FORMATS[name].write(flights, BEGIN)
+    return formats()[name].write(flights, BEGIN)
 
 
 def degrees(one: Flight, name: str) -> np.ndarray:
@@ -252,7 +253,7 @@ def test_mat_is_read_by_scipy() -> None:
         assert list(told["passings"]["name"]) == [crossing.name for crossing in one.crossings]
 
 
-@pytest.mark.parametrize("name", sorted(FORMATS))
+@pytest.mark.parametrize("name", sorted(formats()))
 def test_hostile_names_reach_no_format_unescaped(name: str) -> None:
     one = flight(HOSTILE)
     one = replace(one, race=replace(one.race, course=replace(one.course, name=HOSTILE)))
@@ -388,3 +389,36 @@ def test_arguments_that_say_nothing_sensible_are_refused(tmp_path: Path, extra: 
     assert code == 2
     assert said in error
     assert error.count("\n") == 1
+
+
+OWN_FORMAT = """
+from airrace.export.formats import Format, register
+
+register(Format("labels", "Labels alone.", lambda flights, begin: flights[0].label.encode(), suffix="txt"))
+"""
+
+
+def test_a_format_of_an_extension_is_a_subcommand_that_writes(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN_FORMAT)
+    environment = {**os.environ, "AIRRACE_EXTENSIONS": str(tmp_path / "own.py")}
+    checkpoint = half_cuban().save(tmp_path / "eight.h5")
+
+    def airrace(*words: str | Path) -> "subprocess.CompletedProcess[str]":
+        command = [sys.executable, "-m", "airrace", "export", *words]
+        return subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    assert "Labels alone." in airrace("--help").stdout
+    assert airrace("labels", checkpoint).returncode == 0
+    assert (tmp_path / "eight.txt").read_text().startswith("eight")
+    (tmp_path / "own.py").write_text("1 / 0")
+    refused = airrace("--help")
+    assert (refused.returncode, "ZeroDivisionError" in refused.stderr, "Traceback" in refused.stderr) == (
+        2,
+        True,
+        False,
+    )
+
+
+def test_a_format_is_registered_once() -> None:
+    with pytest.raises(ValueError, match="kml already"):
+        register(Format("kml", "", lambda flights, begin: b""))
