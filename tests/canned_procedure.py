@@ -79,7 +79,7 @@ def stage_result(
         ),
         attempts=(Attempt("joint", "fatrop", "Solve_Succeeded", outcome is Outcome.SOLVED, 12, 0.5),),
         timings=Timings(solve=0.5, derivatives=0.4, wall=0.75),
-        facts=StageProvenance() if stage in STAGES else StageProvenance(source=Stage.POINT_MASS.value),
+        provenance=StageProvenance() if stage in STAGES else StageProvenance(source_stage=Stage.POINT_MASS.value),
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.checkpoint.checkpoint import Checkpoint, StoredDocument, StoredInputs, StoredStage
-from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, SearchSummary, Version
+from airrace.checkpoint.encode import CONTENT, QUANTITY_NAME, SCHEMA, NoteRow, SearchSummary, Version
 from airrace.checkpoint.group_reader import Place
 from airrace.checkpoint.sanity_checks import ensure_possible
 from airrace.checkpoint.tree import Attribute, Group, R, rows_of
@@ -16,6 +16,8 @@ from airrace.procedure.result import (
     Attempt,
     GateSplit,
     MeshRecord,
+    Note,
+    NoteKind,
     Outcome,
     RefinementReason,
     SearchReport,
@@ -77,7 +79,7 @@ _TRAJECTORY = ("time", "interval_time", "states", "controls", "phases", "first_n
 _HASHES = ("inputs_hash", "chain_hash")
 _TEXTS = ("outcome", "message")
 _MULTIPLIERS = ("constraint_multipliers", "bound_multipliers")
-_TABLES = ("splits", "attempts", "timings", "facts")
+_TABLES = ("notes", "splits", "attempts", "timings", "provenance")
 _OPTIONAL = ("certificate", "suggested_changes")
 _MEMBERS = (*_TRAJECTORY, *_TEXTS, *_MULTIPLIERS, *_TABLES, "mesh", "search")
 
@@ -105,9 +107,10 @@ def _result(place: Place, stage: Stage) -> StageResult:
         splits=rows_of(GateSplit, place.table("splits"), f"{place.path}/splits"),
         attempts=rows_of(Attempt, place.table("attempts"), f"{place.path}/attempts"),
         timings=_one_row(place, "timings", Timings),
-        facts=_one_row(place, "facts", StageProvenance),
+        provenance=_one_row(place, "provenance", StageProvenance),
         mesh=_mesh(place.group("mesh"), len(trajectory.time) - 1),
         search=_explored(place.group("search")),
+        notes=_notes(place),
         suggested_changes=_suggested_changes(place) if "suggested_changes" in place.node.members else (),
     )
     ensure_possible(result, place.path)
@@ -116,6 +119,14 @@ def _result(place: Place, stage: Stage) -> StageResult:
 
 def _suggested_changes(place: Place) -> tuple[SuggestedChange, ...]:
     return rows_of(SuggestedChange, place.table("suggested_changes"), f"{place.path}/suggested_changes")
+
+
+def _notes(place: Place) -> tuple[Note, ...]:
+    rows = rows_of(NoteRow, place.table("notes"), f"{place.path}/notes")
+    try:
+        return tuple(Note(NoteKind(row.kind), row.text) for row in rows)
+    except ValueError as error:
+        raise CheckpointError(f"{place.path}/notes: {str(error)[:80]}") from error
 
 
 def _one_row(place: Place, name: str, record: type[R]) -> R:

@@ -6,6 +6,7 @@
 /versions                           table: name, version
 /stages/STAGE/
     outcome, message, inputs_hash, chain_hash
+    notes                           table: kind, text
     time, interval_time             s, dimension scales: the nodes, the beginnings of the intervals
     states/NAME, controls/NAME      (N + 1,) and (N,), each with its declaration: units, long_name, scale,
                                     lower, upper, its row in the vector, and rate_of where it is the time
@@ -15,7 +16,7 @@
     constraint_multipliers, bound_multipliers
     mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
     certificate/solver_status, items   (absent where the stage is not certified by design)
-    splits, attempts, timings, facts    tables, SI and radians
+    splits, attempts, timings, provenance    tables, SI and radians
     search/ways, loops, summary         tables: other routes that were tried
     suggested_changes                   table: what would resolve conflicts of limits; only where there are any
     alternatives/N/                     flights on other routes, but for the hashes like the stage itself
@@ -46,7 +47,7 @@ from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
-SCHEMA = 4
+SCHEMA = 5
 """The version of this layout; a reader refuses every other."""
 CONTENT = "content"
 """The attribute that tells files of another kind from runs, which have none."""
@@ -59,6 +60,14 @@ class Version:
 
     name: str
     version: str
+
+
+@record
+class NoteRow:
+    """A row of the table of notes; `kind` is the value of a `NoteKind`."""
+
+    kind: str
+    text: str
 
 
 @record
@@ -117,6 +126,7 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
     members: dict[str, Node] = {
         "outcome": result.outcome.value,
         "message": result.message,
+        "notes": table_of(NoteRow, [NoteRow(note.kind.value, note.text) for note in result.notes]),
         **_trajectory(result.trajectory, path),
         "constraint_multipliers": series(result.constraint_multipliers, "1", "multipliers of the constraints"),
         "bound_multipliers": series(result.bound_multipliers, "1", "multipliers of the simple bounds"),
@@ -124,7 +134,7 @@ def _result(result: StageResult, path: str) -> dict[str, Node]:
         "splits": table_of(GateSplit, result.splits),
         "attempts": table_of(Attempt, result.attempts),
         "timings": table_of(Timings, [result.timings]),
-        "facts": table_of(StageProvenance, [result.facts]),
+        "provenance": table_of(StageProvenance, [result.provenance]),
         "search": _explored(result.search),
     }
     if result.suggested_changes:

@@ -43,7 +43,7 @@ def _tell(answer: Answer, task: Task, results: Sequence[StageResult]) -> None:
     from airrace.runs.stage_view import StageView
 
     climbed = [stages_table(results)] if any(result.holds for result in results) else []
-    answer.texts.extend(f"{one.stage.value}: {one.message}" for one in results if one.holds and one.message)
+    answer.texts.extend(f"{one.stage.value}: {one.remarks}" for one in results if one.holds and one.remarks)
     ways = [ways_table(one.search) for one in results[:-1] if one.search.ways]
     tables = (*climbed, *ways, *result_tables(results[-1]))
     answer.texts.extend(rendered(table, columns=PAGE) for table in tables)

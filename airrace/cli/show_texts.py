@@ -32,7 +32,7 @@ def shown_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str
     yield rendered(stages_table(results), columns=PAGE) if results else "no stage is finished yet"
     if results:
         yield UNVERIFIED
-    yield from (f"{result.stage.value}: {result.message}" for result in results if result.message)
+    yield from (f"{result.stage.value}: {result.remarks}" for result in results if result.remarks)
     yield from (f"a needless loop: {loop}" for result in results for loop in result.search.loops)
     for result in results:
         yield from _stage_texts(result, certificates=certificates)

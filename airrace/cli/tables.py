@@ -159,15 +159,15 @@ def stages_table(results: Sequence[StageResult]) -> Table:
     _numbers(table, "time\ns", "cost\ns", "regul.\ns", "track.\nm", "iter.", "wall\ns")
     before: float | None = None
     for result in results:
-        race_time, facts = result.trajectory.race_time, result.facts
+        race_time, provenance = result.trajectory.race_time, result.provenance
         optimum = result.is_flight and result.state is not State.GUESS
         table.add_row(
             result.stage.value,
             _status(result),
             f"{race_time:.3f}" if result.is_flight else "-",
             f"{race_time - before:+.3f}" if optimum and before is not None else "-",
-            f"{facts.regularisation:.3f}" if optimum else "-",
-            f"{facts.tracking_error:.2f}" if facts.source else "-",
+            f"{provenance.regularisation:.3f}" if optimum else "-",
+            f"{provenance.tracking_error:.2f}" if provenance.source else "-",
             str(result.iterations),
             f"{result.timings.wall:.1f}",
         )

@@ -5,7 +5,16 @@ import numpy as np
 from airrace.optimal_control.certificate import Certificate
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.solver import Multipliers
-from airrace.procedure.result import NO_FACTS, NO_RECORD, MeshRecord, Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.result import (
+    NO_PROVENANCE,
+    NO_RECORD,
+    MeshRecord,
+    Note,
+    Outcome,
+    Stage,
+    StageProvenance,
+    StageResult,
+)
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight, gate_splits, trajectory
 
@@ -21,8 +30,9 @@ def conclude(
     message: str = "",
     multipliers: Multipliers | None = None,
     certificate: Certificate | None = None,
-    facts: StageProvenance = NO_FACTS,
+    provenance: StageProvenance = NO_PROVENANCE,
     mesh: MeshRecord = NO_RECORD,
+    notes: tuple[Note, ...] = (),
 ) -> StageResult:
     """Return the result of a stage, by default the flight's own; without multipliers theirs are empty."""
     flown = trajectory(problem, iterate)
@@ -37,6 +47,7 @@ def conclude(
         splits=gate_splits(flight, flown),
         attempts=tuple(session.attempts),
         timings=session.timings(),
-        facts=facts,
+        provenance=provenance,
         mesh=mesh,
+        notes=notes,
     )

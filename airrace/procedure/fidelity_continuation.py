@@ -30,8 +30,7 @@ from airrace.procedure.multistart.coarse_solution import InitialGuess
 from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.multistart import Exploration, explore
 from airrace.procedure.multistart.solver_pool import SolverPool
-from airrace.procedure.restart import told
-from airrace.procedure.result import Outcome, SearchReport, Stage, StageResult
+from airrace.procedure.result import Note, NoteKind, Outcome, SearchReport, Stage, StageResult
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
 from airrace.procedure.single_mesh import solve_single_mesh
 from airrace.procedure.solve_and_refine import COLD_BARRIER, PIECED_BARRIER, Start, solve_with_refinement
@@ -48,8 +47,6 @@ CLOSE = 4.0
 Flights that were solved on one mesh each, and whose race times differ by less, are proved before the faster one is
 chosen. Each mesh may err by about that limit.
 """
-
-UNPROVED = "its race time could not be confirmed on a second mesh"
 
 LOST = 0.1
 """The time by which an optimum may be slower than the rough one that it started from, s.
@@ -165,11 +162,11 @@ class FidelityContinuation:
         if optimum.certified or not optimum.holds:
             return optimum
         found = proved(self.as_flown(optimum.stage, optimum), optimum, session)
-        clauses = optimum.message.split("; ") if optimum.message else []
-        before = "; ".join(clause for clause in clauses if not clause.startswith(UNPROVED))
+        notes = tuple(note for note in optimum.notes if note.kind is not NoteKind.MESH_CHECK)
         if isinstance(found, StageResult):
-            return dataclasses.replace(found, message=before)
-        return told(dataclasses.replace(optimum, message=f"{UNPROVED}: {found}"), before)
+            return dataclasses.replace(found, notes=notes)
+        failure = Note(NoteKind.MESH_CHECK, f"its race time could not be confirmed on a second mesh: {found}")
+        return dataclasses.replace(optimum, notes=(*notes, failure))
 
     def _optimum(
         self, stage: Stage, starts: Sequence[Callable[[], Start | StageResult]], session: SolverSession
@@ -267,7 +264,7 @@ class FidelityContinuation:
                 self._relaxed = Relaxations(self._race, flight, session)
                 where = torn(self._relaxed)
             first = self._homotopy(session, plain=bool(where))
-            if where and first.message:  # which names phases that could not be added
+            if where and first.notes:  # phases could not be added
                 return self._torn(where, session)
             if self._contradiction is not None:
                 return self._impossible(self._contradiction, session)

@@ -20,7 +20,7 @@ from airrace.procedure.formulation import piece_boundary
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.phase_segments import joined, moved, phase_piece
-from airrace.procedure.result import Outcome, Stage, StageResult
+from airrace.procedure.result import Note, NoteKind, Outcome, Stage, StageResult
 from airrace.procedure.solve_and_refine import COLD_BARRIER
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight
@@ -92,7 +92,7 @@ class _Homotopy:
             joined(self.pieces),
             stage=Stage.HOMOTOPY,
             outcome=Outcome.SOLVED,
-            message=f"left as planned: {', '.join(skipped)}" if skipped else "",
+            notes=(Note(NoteKind.PLANNED_PHASES, f"left as planned: {', '.join(skipped)}"),) if skipped else (),
         )
 
     def _so_far(self) -> Iterate:

@@ -51,7 +51,7 @@ def proved(flight: Flight, optimum: StageResult, session: SolverSession) -> Stag
     most = min(1, session.settings.mesh.refinements_max)
     multipliers = carried_over(known, problem, flight.problem(draft.mesh))
     upcoming = RefinementState(draft, compared, most, CARRIED_BARRIER, session.solvers, multipliers)
-    found = refined_from(session, Start(flight, problem, iterate, CARRIED_BARRIER, optimum.facts), upcoming)
+    found = refined_from(session, Start(flight, problem, iterate, CARRIED_BARRIER, optimum.provenance), upcoming)
     if isinstance(found, Failure):
         return "no optimum was found on the finer mesh"
     return replace(found, search=optimum.search) if found.certified else found.message

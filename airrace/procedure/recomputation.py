@@ -135,7 +135,7 @@ def _again(race: Race, settings: Settings, result: StageResult, service: SolverS
         splits=found.splits,
         bound_multipliers=found.bound_multipliers,
         certificate=Certificate(status, (_claim(result.attempts, status), *found.items)),
-        facts=replace(result.facts, regularisation=found.regularisation),
+        provenance=replace(result.provenance, regularisation=found.regularisation),
         mesh=replace(result.mesh, defect=found.defect, drift=found.drift),
     )
 

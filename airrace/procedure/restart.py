@@ -25,7 +25,7 @@ from airrace.procedure.certification import examine
 from airrace.procedure.models import iterate_of
 from airrace.procedure.passings import Passing, ensure_same_passings
 from airrace.procedure.refinement import MeshProposal, MeshSolution, doubled, provided
-from airrace.procedure.result import Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.result import Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
     CARRIED_BARRIER,
     CoarseReference,
@@ -162,9 +162,9 @@ def is_better(spare: StageResult, result: StageResult) -> bool:
     return result.stage is spare.stage and spare.trajectory.race_time < result.trajectory.race_time
 
 
-def told(result: StageResult, remark: str) -> StageResult:
-    """Return a result whose message begins with a remark; the result itself where there is none."""
-    return replace(result, message="; ".join(text for text in (remark, result.message) if text)) if remark else result
+def with_remark(result: StageResult, remark: str) -> StageResult:
+    """Return a result with a note on its start; the result itself where there is none."""
+    return replace(result, notes=(Note(NoteKind.START, remark), *result.notes)) if remark else result
 
 
 def _names(course: Course) -> list[Passing]:
@@ -190,11 +190,11 @@ def _from_optimum(flights: Flights, session: SolverSession, optimum: StageResult
         return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)
     primary = session.solvers[0]
-    session.progress.activity(f"from {start.facts.source}, {start.problem.intervals} intervals", 0, 0)
+    session.progress.activity(f"from {start.provenance.source}, {start.problem.intervals} intervals", 0, 0)
     solution = session.solve(
         start.problem,
         start.guess,
-        f"from {start.facts.source}",
+        f"from {start.provenance.source}",
         barrier=start.barrier,
         solvers=(primary,),
         iterations_max=ITERATIONS_MAX,
@@ -236,11 +236,11 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
 def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
     """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
     mesh, kept = mesh_of(optimum.trajectory), coarser_nodes(optimum)
-    facts = StageProvenance(source=f"{optimum.stage.value} of {name}")
+    provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
     if kept.all() or not kept[optimum.trajectory.first_node].all():
-        return Start(flight, flight.problem(mesh), stored, RESTART_BARRIER, facts), None
+        return Start(flight, flight.problem(mesh), stored, RESTART_BARRIER, provenance), None
     coarse, guess = restrict(mesh, stored, kept)
-    start = Start(flight, flight.problem(coarse), guess, RESTART_BARRIER, facts)
+    start = Start(flight, flight.problem(coarse), guess, RESTART_BARRIER, provenance)
     return start, doubled(MeshProposal(mesh, stored, optimum.mesh.why, kept))
 
 

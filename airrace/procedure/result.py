@@ -91,20 +91,45 @@ class StageProvenance:
 
     Attributes:
         regularisation: its share of the objective, s.
-        source: the stage along whose optimum this one's model was flown for a first guess; empty without one.
+        source_stage: name of the stage whose optimum the first guess was made of; empty without one.
+        source_run: the run that holds that stage, as users call it; empty for this run.
         tracking_error, tracking_error_time: farthest from that optimum (m), and when (s).
         terminal_miss: how far beside its end that flight ended, m.
     """
 
     regularisation: float = 0.0
-    source: str = ""
+    source_stage: str = ""
+    source_run: str = ""
     tracking_error: float = 0.0
     tracking_error_time: float = 0.0
     terminal_miss: float = 0.0
 
+    @property
+    def source(self) -> str:
+        """The source in words: "point-mass of calm.h5"; empty without one."""
+        return f"{self.source_stage} of {self.source_run}" if self.source_run else self.source_stage
 
-NO_FACTS = StageProvenance()
-"""The facts of a stage about which nothing is known."""
+
+NO_PROVENANCE = StageProvenance()
+
+
+class NoteKind(Enum):
+    """What a note is about."""
+
+    START = "start"
+    """Which start from another run failed, and what was started from instead."""
+    PLANNED_PHASES = "planned phases"
+    """Which phases the homotopy could not add."""
+    MESH_CHECK = "mesh check"
+    """Why the race time could not be confirmed on a second mesh."""
+
+
+@record
+class Note:
+    """Something that users should know of a stage although it holds."""
+
+    kind: NoteKind
+    text: str
 
 
 class RefinementReason(IntEnum):
@@ -215,7 +240,7 @@ class StageResult:
     Attributes:
         stage: which one.
         outcome: how it ended; only `Outcome.SOLVED` with a certificate that holds counts as success.
-        message: one sentence for the user (on infeasibility: which gate and which limit).
+        message: why there is no certified flight (on infeasibility: which gate and which limit); else empty.
         trajectory: the flight on its mesh.
         constraint_multipliers: multipliers of the NLP's constraints in its own order; shape (n_g,).
         bound_multipliers: multipliers of the NLP's simple bounds in its own order; shape (n_w,).
@@ -224,11 +249,12 @@ class StageResult:
         splits: one row per passage.
         attempts: every solver call, in order.
         timings: where the time went.
-        facts: where it started, what its regularisation costs.
+        provenance: where it started, what its regularisation costs.
         mesh: how its mesh came about; empty where it is not certified by design, or not solved.
         search: which other routes were tried; empty in all stages but the one that explores.
         suggestions: what would resolve the conflicts for which no flight was found, the least change of each first.
         alternatives: flights of this stage on other routes that hold, slower ones, which go through all stages as well.
+        notes: what users should know although the stage holds.
     """
 
     stage: Stage
@@ -241,11 +267,17 @@ class StageResult:
     splits: tuple[GateSplit, ...]
     attempts: tuple[Attempt, ...]
     timings: Timings
-    facts: StageProvenance = NO_FACTS
+    provenance: StageProvenance = NO_PROVENANCE
     mesh: MeshRecord = NO_RECORD
     search: SearchReport = NOT_SEARCHED
     suggested_changes: tuple[SuggestedChange, ...] = ()
     alternatives: tuple["StageResult", ...] = ()
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def remarks(self) -> str:
+        """The notes and the message, in a sentence; often empty."""
+        return "; ".join(text for text in (*(note.text for note in self.notes), self.message) if text)
 
     @property
     def is_flight(self) -> bool:

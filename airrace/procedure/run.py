@@ -19,7 +19,7 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.recomputation import recertify, remeasured
-from airrace.procedure.restart import SourceRun, is_better, restarted, starting_points, superseded, told
+from airrace.procedure.restart import SourceRun, is_better, restarted, starting_points, superseded, with_remark
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
@@ -136,7 +136,7 @@ def _from_another(
         return _Found(remark=restart.remark)
     if faster:
         return _Found(spare=restart.result, remark=superseded(another, restart.result, faster))
-    return _Found(told(restart.result, restart.remark))
+    return _Found(with_remark(restart.result, restart.remark))
 
 
 def _climbed(
@@ -161,7 +161,7 @@ def _climbed(
         if spare is not None and is_better(spare, result):
             result, remark, spare = spare, f"{found.remark}, which led to nothing faster", None
             ladder.done[result.stage], wanted = result, _above(result.stage, until)
-        result, remark = told(result, remark), ""
+        result, remark = with_remark(result, remark), ""
         yield result
         if result.outcome is not Outcome.SOLVED:
             return

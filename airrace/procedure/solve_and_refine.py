@@ -19,7 +19,7 @@ from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
 from airrace.procedure.infeasibility.diagnosis import diagnose
 from airrace.procedure.refinement import MeshProposal, MeshSolution, adapted, bisect_all, reconsidered, refine_flagged
-from airrace.procedure.result import NO_FACTS, MeshRecord, Outcome, StageProvenance, StageResult
+from airrace.procedure.result import NO_PROVENANCE, MeshRecord, Outcome, StageProvenance, StageResult
 from airrace.procedure.settings import CertificateLimits
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight
@@ -49,15 +49,15 @@ CARRIED_BARRIER = 1e-5
 class Start:
     """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
 
-    `flight` is planned as the start goes round; `facts` say where it comes from; `multipliers` are those of the limits
-    as far as they are known, None if nothing is.
+    `flight` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are
+    those of the limits as far as they are known, None if nothing is.
     """
 
     flight: Flight
     problem: Problem
     guess: Iterate
     barrier: float
-    facts: StageProvenance = NO_FACTS
+    provenance: StageProvenance = NO_PROVENANCE
     multipliers: Multipliers | None = None
 
 
@@ -259,7 +259,7 @@ def finished(
         message=f"solved but not certified: {failed}" if failed else "",
         multipliers=solution.multipliers,
         certificate=certificate,
-        facts=replace(start.facts, regularisation=solution.objective - optimum.race_time),
+        provenance=replace(start.provenance, regularisation=solution.objective - optimum.race_time),
         mesh=MeshRecord(
             why=optimum.draft.why,
             coarser=optimum.draft.coarser,

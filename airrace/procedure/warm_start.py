@@ -43,18 +43,18 @@ def followed(flight: Flight, pilot: TrackingSimulator, source: Flight, optimum: 
     reference = _reference(source, optimum)
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
     simulated = follow(pilot, reference, nodes=nodes)
-    facts = StageProvenance(
-        source=source.stage.value,
+    provenance = StageProvenance(
+        source_stage=source.stage.value,
         tracking_error=simulated.tracking_error,
         tracking_error_time=simulated.tracking_error_time,
         terminal_miss=simulated.end_distance,
     )
     if not simulated.finished or simulated.tracking_error > flight.fidelity.warm_start.farthest:
-        return dataclasses.replace(settled(flight, source, optimum), facts=facts)
+        return dataclasses.replace(settled(flight, source, optimum), provenance=provenance)
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
     problem = flight.problem(fractions_of(simulated.time, first_node))
     known = known_multipliers(source, optimum, problem)
-    return Start(flight, problem, guess, HANDOVER_BARRIER, facts, known)
+    return Start(flight, problem, guess, HANDOVER_BARRIER, provenance, known)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -63,8 +63,9 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     nodes, first_node = first_nodes(optimum, flight.longest_interval)
     state, control = settle(flight.model, flight.fidelity.controller(), _reference(source, optimum), nodes=nodes)
     guess = Iterate(flown.durations, state, control)
-    problem, facts = flight.problem(fractions_of(nodes, first_node)), StageProvenance(source=source.stage.value)
-    return Start(flight, problem, guess, HANDOVER_BARRIER, facts, known_multipliers(source, optimum, problem))
+    problem = flight.problem(fractions_of(nodes, first_node))
+    provenance = StageProvenance(source_stage=source.stage.value)
+    return Start(flight, problem, guess, HANDOVER_BARRIER, provenance, known_multipliers(source, optimum, problem))
 
 
 def known_multipliers(source: Flight, optimum: StageResult, problem: Problem) -> Multipliers:
@@ -122,5 +123,6 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
         np.vstack(list(states.values())),
         np.vstack([control(one) for one in flight.model.system.controls]),
     )
-    problem, facts = flight.problem(fractions_of(nodes, first_node)), StageProvenance(source=source.stage.value)
-    return Start(flight, problem, guess, HANDOVER_BARRIER, facts, known_multipliers(source, optimum, problem))
+    problem = flight.problem(fractions_of(nodes, first_node))
+    provenance = StageProvenance(source_stage=source.stage.value)
+    return Start(flight, problem, guess, HANDOVER_BARRIER, provenance, known_multipliers(source, optimum, problem))

@@ -88,7 +88,7 @@ def _splits(stored: Sequence[GateSplit], again: Sequence[GateSplit]) -> Iterator
 
 
 def _numbers(stored: StageResult, again: StageResult) -> Iterator[str]:
-    mine, its = stored.facts.regularisation, again.facts.regularisation
+    mine, its = stored.provenance.regularisation, again.provenance.regularisation
     if not abs(mine - its) <= ROUNDED:
         yield _two("regularisation", mine, its)
     pressure, measured = stored.bound_multipliers, again.bound_multipliers

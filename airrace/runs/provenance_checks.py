@@ -8,17 +8,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from airrace.procedure.fidelities import fidelity_of
-from airrace.procedure.fidelity_continuation import UNPROVED, wanted_stages
-from airrace.procedure.result import SearchReport, StageResult
+from airrace.procedure.fidelity_continuation import wanted_stages
+from airrace.procedure.result import NoteKind, SearchReport, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage import STAGES, Stage
 
-OF = " of "
-"""The word between a stage and the name of another run in `StageProvenance.source`."""
-FROM_ANOTHER = "so the start is "
-"""A part of the sentence on a start from another run that was not the one wished for."""
-LEFT_AS_PLANNED = "left as planned: "
-"""The beginning of the homotopy's sentence on phases that it could not fly."""
 ROUNDED = 1e-9
 """The largest difference between two sums of the same numbers, as a fraction."""
 
@@ -32,7 +26,7 @@ def missing_stages(settings: Settings, results: Sequence[StageResult]) -> str:
         return ""
     stored, first = [one.stage for one in results], results[0]
     wanted = wanted_stages(settings, results[-1].stage)
-    if OF in first.facts.source:
+    if first.provenance.source_run:
         wanted = wanted[wanted.index(first.stage) :] if first.stage in wanted else wanted
     missing = ", ".join(stage.value for stage in wanted if stage not in stored)
     return f"what it was started from is missing: {missing}" if missing else ""
@@ -62,27 +56,33 @@ def contradictions(result: StageResult) -> Iterator[str]:
 
 
 def _start(result: StageResult) -> Iterator[str]:
-    facts, stage = result.facts, result.stage
-    source, of, _ = facts.source.partition(OF)
+    provenance, stage = result.provenance, result.stage
     led = fidelity_of(stage).inner_controller is not None
     below = {Stage.POINT_MASS.value, STAGES[STAGES.index(stage) - 1].value} if led else {""}
     names = [one.value for one in STAGES]
+    source = provenance.source_stage
     above = source not in names or names.index(source) > names.index(stage.value)
-    if above if of else source not in below:
-        yield f"no {stage.value} is started from {facts.source!r}"
-    numbers = (facts.tracking_error, facts.tracking_error_time, facts.terminal_miss)
+    if above if provenance.source_run else source not in below:
+        yield f"no {stage.value} is started from {provenance.source!r}"
+    numbers = (provenance.tracking_error, provenance.tracking_error_time, provenance.terminal_miss)
     if not all(math.isfinite(one) and one >= 0.0 for one in numbers) or (not led and any(numbers)):
         yield "the tracking error of the start is not possible"
 
 
 def _message(result: StageResult) -> Iterator[str]:
-    message, guess = result.message, fidelity_of(result.stage).guess
+    guess = fidelity_of(result.stage).guess
     if result.is_flight and result.suggested_changes:
         yield "a stage with a flight has no conflicts of limits"
-    unproved = result.holds and not result.certified and UNPROVED in message
-    known = unproved or FROM_ANOTHER in message or (guess and message.startswith(LEFT_AS_PLANNED))
-    if message and (result.holds or guess) and not known:
-        yield f"airrace says nothing like {message!r} of such a stage"
+    possible = {
+        NoteKind.START: True,
+        NoteKind.PLANNED_PHASES: guess,
+        NoteKind.MESH_CHECK: result.holds and not result.certified,
+    }
+    strange = [note.text for note in result.notes if not possible[note.kind]]
+    if result.message and (result.holds or guess):
+        strange.append(result.message)
+    for text in strange:
+        yield f"airrace says nothing like {text!r} of such a stage"
 
 
 def _seconds(result: StageResult) -> Iterator[str]:

@@ -91,12 +91,12 @@ def stage_object(result: StageResult) -> dict[str, object]:
         "stage": result.stage.value,
         "status": result.outcome.value,
         "state": result.state.value,
-        "message": result.message,
+        "message": result.remarks,
         "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
         "lap_times_s": lap_times(result.splits) if result.is_flight else [],
-        "regularisation_s": finite(result.facts.regularisation),
-        "started_from": result.facts.source or None,
-        "tracking_error_m": finite(result.facts.tracking_error) if result.facts.source else None,
+        "regularisation_s": finite(result.provenance.regularisation),
+        "started_from": result.provenance.source or None,
+        "tracking_error_m": finite(result.provenance.tracking_error) if result.provenance.source else None,
         "iterations": result.iterations,
         "solve_s": finite(result.timings.solve),
         "derivatives_s": finite(result.timings.derivatives),
@@ -141,7 +141,7 @@ def lap_times(splits: Sequence[GateSplit]) -> list[float]:
 
 def unproved(result: StageResult) -> str:
     """Return the sentence on a stage that was solved on one mesh where a certified one was wanted."""
-    return result.message or "it is solved, but its race time was not confirmed on a second mesh"
+    return result.remarks or "it is solved, but its race time was not confirmed on a second mesh"
 
 
 def mesh_object(result: StageResult) -> dict[str, object] | None:
@@ -244,7 +244,7 @@ def _code(result: StageResult, *, last: bool) -> ExitCode:
 
 def _verdict(result: StageResult) -> str:
     if result.outcome is not Outcome.SOLVED:
-        return result.message or result.outcome.value
+        return result.remarks or result.outcome.value
     if result.certificate is None:
         return "the run ends with a guess, which is not certified"
     if result.state is State.SOLVED:

@@ -87,7 +87,7 @@ class StageView:
     @property
     def message(self) -> str:
         """A sentence on what users should know, such as the limit that cannot be kept; often empty."""
-        return self.result.message
+        return self.result.remarks
 
     @property
     def trajectory(self) -> Trajectory:

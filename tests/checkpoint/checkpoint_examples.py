@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
 from airrace.checkpoint.sanity_checks import LARGEST
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import Attempt, GateSplit, Outcome, Stage, StageResult, Timings
+from airrace.procedure.result import Attempt, GateSplit, Note, NoteKind, Outcome, Stage, StageResult, Timings
 from airrace.procedure.stage import STAGES
 from airrace.quantities import Quantity
 from airrace.trajectory import Trajectory
@@ -178,6 +178,7 @@ def _any_results(stage: Stage) -> st.SearchStrategy[StageResult]:
         splits=records(GateSplit, name=texts, **split_numbers),
         attempts=attempts,
         timings=st.builds(Timings, numbers, numbers, numbers),
+        notes=st.lists(st.builds(Note, st.sampled_from(NoteKind), texts), max_size=2).map(tuple),
     )
 
 

@@ -81,9 +81,9 @@ def words_of(table: Table) -> set[str]:
 
 def test_a_whole_ladder_fits_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     eighty(monkeypatch)
-    flown = replace(stage_result(Stage.POINT_MASS), facts=StageProvenance(0.012, "point-mass", 123.45))
+    flown = replace(stage_result(Stage.POINT_MASS), provenance=StageProvenance(0.012, "point-mass", "", 123.45))
     ladder = [replace(flown, stage=stage) for stage in STAGES]
-    failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), facts=flown.facts)
+    failed = replace(stage_result(Stage.SIX_DOF, Outcome.NOT_CONVERGED), provenance=flown.provenance)
     solved = [*map(solve_single_mesh, ladder[:-1]), ladder[-1]]
     for results in (ladder, solved, [*ladder[:-1], failed], [replace(one, certificate=None) for one in ladder]):
         table = stages_table(results)

@@ -172,8 +172,8 @@ def without_lower_stages(path: Path) -> None:
     """Leave the highest stage of a run alone, as if it had been started from another run."""
     run = read_checkpoint(path)
     highest = run.stages[-1].result
-    source = dataclasses.replace(highest.facts, source=f"{highest.stage.value} of other.h5")
-    alone = dataclasses.replace(run, stages=()).with_stage(dataclasses.replace(highest, facts=source))
+    source = dataclasses.replace(highest.provenance, source_stage=highest.stage.value, source_run="other.h5")
+    alone = dataclasses.replace(run, stages=()).with_stage(dataclasses.replace(highest, provenance=source))
     write_checkpoint(path, alone)
 
 

@@ -55,7 +55,7 @@ every_race_and_guess = pytest.mark.parametrize(
 
 
 def assert_certified(result: StageResult) -> None:
-    assert result.outcome is Outcome.SOLVED, result.message
+    assert result.outcome is Outcome.SOLVED, result.remarks
     assert result.certificate is not None
     assert result.certified, [dataclasses.astuple(item) for item in result.certificate.failed]
 
@@ -93,7 +93,7 @@ def test_homotopy_comes_first_and_only_where_it_is_asked_for(name: str, guess: G
 @each_quick_race
 def test_homotopy_flies_every_phase_of_a_shipped_race(name: str) -> None:
     pieces = flown(RACES[name], settings(GuessKind.HOMOTOPY))[0]
-    assert pieces.message == ""
+    assert pieces.remarks == ""
     assert pieces.certificate is None
     assert not pieces.certified
     assert len(pieces.trajectory.phases) == len(RACES[name].course.passages) - 1

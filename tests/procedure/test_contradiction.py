@@ -70,7 +70,7 @@ def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_h
     result = fly_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
     assert tested_phases == ([0] if answer else list(range(INFEASIBILITY_TESTS_MAX)))
     assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
-    assert result.message == f"left as planned: {', '.join(result.trajectory.phases)}"
+    assert result.remarks == f"left as planned: {', '.join(result.trajectory.phases)}"
     assert (len(asked(used)) == 1) is answer
 
 
@@ -98,7 +98,7 @@ def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
     assert result.outcome is Outcome.INFEASIBLE
     assert result.stage is Stage.POINT_MASS
     first = result.trajectory.phases[0]
-    assert result.message.startswith(f"the limits contradict each other at {first}; without the limit of ")
+    assert result.remarks.startswith(f"the limits contradict each other at {first}; without the limit of ")
     assert [one.purpose for one in result.attempts if one.purpose.startswith("all ")] == [
         f"all {len(result.trajectory.phases)} phases" for _ in before[1:]
     ]

@@ -60,6 +60,6 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
             flight.problem(mesh), guess, "", barrier=REFINED_BARRIER
         )
     assert solution is not None
-    objective = result.trajectory.race_time + result.facts.regularisation
+    objective = result.trajectory.race_time + result.provenance.regularisation
     gained = solution.objective - objective
     assert 0.1 * gained < measured(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained

@@ -148,21 +148,25 @@ def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
 @each_race
 def test_every_stage_says_along_which_one_it_was_started(name: str) -> None:
     results = climbed(RACES[name])
-    assert results[0].facts.source == ""
+    assert results[0].provenance.source == ""
     for before, result in itertools.pairwise(results):
-        assert result.facts.source == before.stage.value
+        assert result.provenance.source == before.stage.value
 
 
 @each_race
 def test_flights_between_the_stages_stay_near_what_they_follow(name: str) -> None:
     """Only where the very same flight is told anew does nothing stray; the half Cuban eight, slow at its top, most."""
     for before, result in itertools.pairwise(climbed(RACES[name])):
-        facts = result.facts
+        start = result.provenance
         if result.stage is Stage.STATE_SPACE:
-            assert (facts.tracking_error, facts.tracking_error_time, facts.terminal_miss) == (0.0, 0.0, 0.0)
+            assert (start.tracking_error, start.tracking_error_time, start.terminal_miss) == (
+                0.0,
+                0.0,
+                0.0,
+            )
         else:
-            assert 0.0 < facts.terminal_miss <= facts.tracking_error < 10.0
-            assert 0.0 < facts.tracking_error_time < 1.05 * before.trajectory.race_time
+            assert 0.0 < start.terminal_miss <= start.tracking_error < 10.0
+            assert 0.0 < start.tracking_error_time < 1.05 * before.trajectory.race_time
 
 
 @pytest.mark.parametrize("longest", [0.03, 0.07, 0.1, 1.0])
@@ -193,7 +197,7 @@ def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> 
     assert np.allclose(done.n_z, wanted.soft_n_z, atol=1e-3)
     assert np.allclose(done.n_y, wanted.n_y, atol=1e-3)
     assert np.allclose(done.p_Kbar, wanted.soft_p, atol=1e-3)
-    assert start.facts.source == "point-mass"
+    assert start.provenance.source == "point-mass"
 
 
 # resumed, and failed
@@ -271,7 +275,7 @@ def test_smooth_controls_cost_next_to_no_time(name: str) -> None:
     half = dataclasses.replace(PLAN, regularisation=0.5 * PLAN.regularisation)
     race, whole = RACES[name], climbed(RACES[name])
     (result,) = optimize(race, half, until=Stage.SIX_DOF, threads=1, start=whole, start_name="whole", progress=Silent())
-    assert (result.stage, result.message, result.certified) == (Stage.SIX_DOF, "", True)
+    assert (result.stage, result.remarks, result.certified) == (Stage.SIX_DOF, "", True)
     gained = seconds(name, Stage.SIX_DOF) - result.trajectory.race_time
     assert -0.002 < gained < 0.02, f"halving the regularisation gains {1e3 * gained:.2f} ms"
 
@@ -304,4 +308,4 @@ def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
     steps = np.diff(flown.time)
     halves = {one.name: row / (0.5 * one.upper) for one, row in zip(flown.controls, flown.control, strict=True)}
     weighed = sum((halves[name] ** 2 * steps).sum() for name in ("eta_dot", "xi_dot", "zeta_dot"))
-    assert result.facts.regularisation == pytest.approx(Settings().regularisation * weighed, rel=1e-6)
+    assert result.provenance.regularisation == pytest.approx(Settings().regularisation * weighed, rel=1e-6)

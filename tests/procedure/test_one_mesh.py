@@ -8,9 +8,8 @@ import pytest
 from races import SMALL, settings
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
-from airrace.procedure.fidelity_continuation import UNPROVED
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult, State
+from airrace.procedure.result import NoteKind, Stage, StageResult, State
 from airrace.procedure.run import optimize, recertify
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.runs.discrepancies import discrepancies
@@ -115,7 +114,7 @@ def test_run_goes_on_from_a_solved_stage() -> None:
 def test_another_run_is_started_from_a_solved_stage() -> None:
     (started,) = climbed(LAST, Stage.POINT_MASS, start=1)
     assert started.certified
-    assert started.message == ""
+    assert started.remarks == ""
     assert seconds(started) == pytest.approx(seconds(climbed(ALL)[0]), abs=1e-3)
 
 
@@ -125,7 +124,9 @@ def test_proof_that_fails_leaves_the_stage_as_it_was_and_says_why() -> None:
     assert left.state is State.SOLVED
     np.testing.assert_array_equal(left.trajectory.state, solved.trajectory.state)
     assert left.certificate == solved.certificate
-    assert left.message.startswith(f"{UNPROVED}: solved but not certified: race_time_change")
+    (note,) = left.notes
+    assert note.kind is NoteKind.MESH_CHECK
+    assert "on a second mesh: solved but not certified: race_time_change" in note.text
 
 
 def test_solved_stage_is_measured_again_as_strictly_as_it_was_measured() -> None:

@@ -34,7 +34,7 @@ def test_whole_aircraft_tilts_the_half_cuban_eight_into_a_crosswind(origin: floa
     """Wind from the east tilts the plane to the east, wind from the west to the west."""
     windy, calm = blown(HALF_CUBAN, origin, 10.0), climbed(HALF_CUBAN)
     (result,) = optimize(windy, PLAN, until=Stage.SIX_DOF, threads=1, start=calm, start_name="calm", progress=Silent())
-    assert (result.stage, result.message, result.certified) == (Stage.SIX_DOF, "", True)
+    assert (result.stage, result.remarks, result.certified) == (Stage.SIX_DOF, "", True)
     assert side * plane_of(result).tilt > 1.0
 
 

@@ -48,8 +48,8 @@ def with_limit(race: Race, n_z: float) -> Race:
 def test_changed_race_has_the_optimum_that_it_has_from_scratch(race: Race) -> None:
     (result,) = started(race, stored())
     assert result.certified
-    assert result.message == ""
-    assert result.facts.source == "point-mass of calm.h5"
+    assert result.remarks == ""
+    assert result.provenance.source == "point-mass of calm.h5"
     assert result.trajectory.race_time == pytest.approx(optimum(race, PLAN).trajectory.race_time, abs=5e-3)
     assert result.trajectory.race_time != pytest.approx(stored().trajectory.race_time, abs=5e-3)
 
@@ -65,7 +65,7 @@ def test_order_in_which_states_are_stored_does_not_matter() -> None:
     flown = stored().trajectory
     turned = with_trajectory(stored(), states=flown.states[::-1], state=flown.state[::-1])
     (result,) = started(SMALL, turned)
-    assert result.message == ""
+    assert result.remarks == ""
     assert result.trajectory.race_time == pytest.approx(flown.race_time, abs=1e-5)
 
 
@@ -73,7 +73,7 @@ def test_highest_stage_is_the_start_and_those_below_are_left_out() -> None:
     whole = climbed(SMALL)
     (result,) = started(SMALL, *whole, until=Stage.TRANSFER_FUNCTION)
     assert (result.stage, result.certified) == (Stage.TRANSFER_FUNCTION, True)
-    assert result.facts.source == "transfer-function of calm.h5"
+    assert result.provenance.source == "transfer-function of calm.h5"
     assert result.trajectory.race_time == pytest.approx(whole[1].trajectory.race_time, abs=1e-3)
 
 
@@ -83,10 +83,10 @@ def test_other_equations_make_the_next_lower_stage_the_start_and_those_above_it_
     other = with_trajectory(higher, states=(dataclasses.replace(first, name="unheard_of"), *rest))
     results = started(WINDY, stored(), other, until=Stage.TRANSFER_FUNCTION)
     assert [result.stage for result in results] == [Stage.POINT_MASS, Stage.TRANSFER_FUNCTION]
-    assert results[0].message.startswith("calm.h5: from its transfer-function, which flies other equations")
-    assert results[0].message.endswith("so the start is its point-mass")
-    assert results[1].message == ""
-    assert [result.facts.source for result in results] == ["point-mass of calm.h5", "point-mass"]
+    assert results[0].remarks.startswith("calm.h5: from its transfer-function, which flies other equations")
+    assert results[0].remarks.endswith("so the start is its point-mass")
+    assert results[1].remarks == ""
+    assert [result.provenance.source for result in results] == ["point-mass of calm.h5", "point-mass"]
     assert all(result.certified for result in results)
 
 
@@ -96,7 +96,7 @@ def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is
     monkeypatch.setattr(restart, "ITERATIONS_MAX", 1)  # not enough to lead anywhere
     results = started(WINDY, stored())
     assert results[-1].certified
-    assert "so the start is from scratch" in results[0].message
+    assert "so the start is from scratch" in results[0].remarks
     assert results[-1].trajectory.race_time == pytest.approx(optimum(WINDY, PLAN).trajectory.race_time, abs=1e-5)
     assert not results[0].attempts[0].success  # what led nowhere is on record
 
@@ -104,7 +104,7 @@ def test_flight_that_leads_nowhere_is_followed_by_a_start_from_scratch_and_it_is
 def test_flight_whose_multipliers_lead_nowhere_is_started_from_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver_session, "KNOWN_ITERATIONS_MAX", 1)
     (result,) = started(WINDY, stored())
-    assert result.message == ""
+    assert result.remarks == ""
     assert [one.success for one in result.attempts[:2]] == [False, True]
     assert result.attempts[0].purpose == result.attempts[1].purpose
 
@@ -116,8 +116,8 @@ def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
     point_mass, higher = climbed(SMALL)[:2]
     result, *_ = started(dataclasses.replace(SMALL, course=course), point_mass, higher, until=Stage.TRANSFER_FUNCTION)
     obstacle = "from its transfer-function, point-mass, which passes last the other way than is planned now"
-    assert obstacle in result.message
-    assert (result.stage, result.facts.source) == (Stage.POINT_MASS, "")
+    assert obstacle in result.remarks
+    assert (result.stage, result.provenance.source) == (Stage.POINT_MASS, "")
 
 
 def test_run_without_a_stage_that_holds_is_refused() -> None:
@@ -169,6 +169,6 @@ def test_long_course_has_the_optimum_that_it_has_from_scratch_in_a_quarter_of_th
     windy = blown(calm, 250.0, 2.5)
     scratch = climbed(windy)
     (result,) = started(windy, *climbed(calm), until=Stage.SIX_DOF)
-    assert (result.stage, result.message, result.certified) == (Stage.SIX_DOF, "", True)
+    assert (result.stage, result.remarks, result.certified) == (Stage.SIX_DOF, "", True)
     assert result.trajectory.race_time == pytest.approx(scratch[-1].trajectory.race_time, abs=5e-3)
     assert result.iterations <= 0.25 * sum(one.iterations for one in scratch)

@@ -218,7 +218,7 @@ def test_homotopy_that_nobody_can_fly_leaves_the_race_as_planned_and_says_so(nam
     assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
     assert np.allclose(result.trajectory.state, made.state, atol=1e-12)
     phases = result.trajectory.phases
-    assert result.message == f"left as planned: {', '.join(phases)}"
+    assert result.remarks == f"left as planned: {', '.join(phases)}"
     assert not any(attempt.success for attempt in result.attempts)
 
 
@@ -227,7 +227,7 @@ def test_homotopy_tries_the_whole_way_first() -> None:
     result = fly_homotopy(flight, used)
     parts = [attempt.purpose.rpartition("part ")[2] for attempt in result.attempts]
     assert parts == ["0", "1"] * 3
-    assert result.message == ""
+    assert result.remarks == ""
 
 
 def test_step_that_fails_is_halved_until_it_is_too_small() -> None:
@@ -247,7 +247,7 @@ def test_halved_steps_lead_to_the_real_gate_and_grow_again() -> None:
     first = [attempt for attempt in result.attempts if attempt.purpose.startswith("first -> pylon")]
     parts = [float(attempt.purpose.rpartition("part ")[2]) for attempt in first]
     assert parts == [0.0, 1.0, 0.5, 0.25, 0.75, 1.0]
-    assert result.message == ""
+    assert result.remarks == ""
 
 
 def test_short_horizon_of_phases_is_solved_together() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Item
-from airrace.procedure.result import MeshRecord, Outcome, Stage, StageProvenance, StageResult
+from airrace.procedure.result import MeshRecord, Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
 from airrace.runs.stored_inputs import stored_run
 from airrace.trajectory import Trajectory
 
@@ -75,8 +75,8 @@ def splits(**factors: float) -> Change:
     return changed
 
 
-def facts(**values: Any) -> Change:
-    return lambda result: replace(result, facts=replace(result.facts, **values))
+def provenance(**values: Any) -> Change:
+    return lambda result: replace(result, provenance=replace(result.provenance, **values))
 
 
 def mesh(change: Callable[[MeshRecord], MeshRecord]) -> Change:
@@ -273,14 +273,18 @@ FOUND: dict[str, Forgery] = {
     "a failure below": at(POINT_MASS, lambda result: replace(result, outcome=Outcome.NOT_CERTIFIED)),
     "a message": last(lambda result: replace(result, message="the fastest flight that anyone can fly")),
     "a message of a guess": at(HOMOTOPY, lambda result: replace(result, message="certified by the race director")),
-    "cost of the regularisation": last(facts(regularisation=0.0)),
-    "start of a stage": last(facts(source="six-dof")),
-    "start of a stage from another run": last(facts(source="homotopie of other.h5")),
-    "start of the point mass": at(POINT_MASS, facts(source="transfer-function")),
-    "straying without a start": at(
-        POINT_MASS, lambda result: replace(result, facts=StageProvenance(0.006, "", 3.0, 1.0, 0.0))
+    "a note of a guess": last(
+        lambda result: replace(result, notes=(Note(NoteKind.PLANNED_PHASES, "left as planned"),))
     ),
-    "straying backwards": last(facts(tracking_error=-1.0)),
+    "a note on a mesh check": last(lambda result: replace(result, notes=(Note(NoteKind.MESH_CHECK, "not confirmed"),))),
+    "cost of the regularisation": last(provenance(regularisation=0.0)),
+    "start of a stage": last(provenance(source_stage="six-dof")),
+    "start of a stage from another run": last(provenance(source_stage="homotopie", source_run="other.h5")),
+    "start of the point mass": at(POINT_MASS, provenance(source_stage="transfer-function")),
+    "straying without a start": at(
+        POINT_MASS, lambda result: replace(result, provenance=StageProvenance(0.006, "", "", 3.0, 1.0, 0.0))
+    ),
+    "straying backwards": last(provenance(tracking_error=-1.0)),
     "replay of the mesh": last(mesh(lambda one: replace(one, defect=one.defect / 1e6))),
     "drift of the mesh": at(POINT_MASS, mesh(lambda one: replace(one, drift=one.drift / 1e6))),
     "coarser mesh": last(mesh(coarser_elsewhere)),
@@ -316,6 +320,6 @@ UNVERIFIABLE: dict[str, Forgery] = {
     ),
     "wall time": last(lambda result: replace(result, timings=replace(result.timings, wall=0.5))),
     "reasons of the mesh": last(mesh(lambda one: replace(one, why=np.full_like(one.why, 3)))),
-    "tracking error of the start": last(facts(tracking_error=0.01)),
+    "tracking error of the start": last(provenance(tracking_error=0.01)),
 }
 """Forgeries of what leaves no trace in a flight: nobody can find them without a signature, so it is called hearsay."""

@@ -53,21 +53,21 @@ def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResu
 
 def test_run_started_from_a_flight_the_wrong_way_round_is_flown_from_scratch_and_says_so() -> None:
     result = started(optimum(WOUND, OFF), QUICK)
-    assert result.message.startswith("calm.h5: from its point-mass an optimum of ")
-    assert result.message.endswith("so the start is from scratch")
+    assert result.remarks.startswith("calm.h5: from its point-mass an optimum of ")
+    assert result.remarks.endswith("so the start is from scratch")
     assert result.trajectory.race_time < optimum(WOUND, OFF).trajectory.race_time - 5.0
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_run_started_from_a_good_flight_keeps_its_way(threads: int) -> None:
     result = started(optimum(WOUND), QUICK, threads)
-    assert result.message == ""
-    assert result.facts.source == "point-mass of calm.h5"
+    assert result.remarks == ""
+    assert result.provenance.source == "point-mass of calm.h5"
 
 
 def test_wrong_way_round_is_told_the_same_while_the_race_is_solved() -> None:
     one, two = (started(optimum(WOUND, OFF), QUICK, threads) for threads in (1, 2))
-    assert one.message == two.message
+    assert one.remarks == two.remarks
     assert np.array_equal(one.trajectory.state, two.trajectory.state)
 
 
@@ -96,7 +96,7 @@ def test_error_of_a_search_beside_is_raised_where_it_is_asked_for() -> None:
 
 def test_without_exploring_a_start_is_taken_as_it_is() -> None:
     result = started(optimum(WOUND, OFF), OFF)
-    assert result.message == ""
+    assert result.remarks == ""
     assert result.trajectory.race_time > optimum(WOUND).trajectory.race_time + 5.0
 
 
@@ -109,7 +109,7 @@ def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypa
         monkeypatch.setattr(FidelityContinuation, "climb", lambda *_, found=scratch: found)
         result = started(optimum(WOUND), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
-        assert result.message.endswith("so the start is from scratch, which led to nothing faster")
+        assert result.remarks.endswith("so the start is from scratch, which led to nothing faster")
 
 
 def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,10 +134,10 @@ def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest
         progress=Silent(),
     )
     faster, spare, failed = itertools.islice(run, 4)
-    assert faster.message.endswith("so the start is from scratch")
-    assert spare.message == f"{faster.message}, which led to nothing faster"
+    assert faster.remarks.endswith("so the start is from scratch")
+    assert spare.remarks == f"{faster.remarks}, which led to nothing faster"
     assert spare.trajectory.race_time == good.trajectory.race_time
-    assert (failed.stage, failed.message) == (Stage.TRANSFER_FUNCTION, "no")
+    assert (failed.stage, failed.remarks) == (Stage.TRANSFER_FUNCTION, "no")
 
 
 def slower(result: StageResult) -> StageResult:

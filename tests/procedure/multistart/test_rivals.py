@@ -239,7 +239,7 @@ def test_of_close_ways_one_that_could_be_proved_comes_first(monkeypatch: pytest.
     assert result.alternatives == ()
     neither, _ = close_together(monkeypatch, first, second, proofs={9.000: "it failed", 9.008: "it failed"})
     assert (seconds(neither), neither.state) == (pytest.approx(9.0), State.SOLVED)
-    assert neither.message == "its race time could not be confirmed on a second mesh: it failed"
+    assert neither.remarks == "its race time could not be confirmed on a second mesh: it failed"
 
 
 def test_where_nothing_was_found_the_plan_and_the_homotopy_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
