@@ -27,9 +27,8 @@ from airrace.errors import KernelError
 from airrace.inputs.inputs import load_inputs
 from airrace.native.interpreter import Interpreter
 from airrace.native.library import library_path, open_library
-from airrace.optimal_control.kernels import casadi_kernels, native_kernels
-from airrace.optimal_control.mapping import Callee, Part
-from airrace.optimal_control.point_functions import casadi_function_at_points
+from airrace.optimal_control.kernels import Callee, Part, casadi_kernels, native_kernels
+from airrace.optimal_control.replay import casadi_function_at_points
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -42,7 +42,7 @@ BETWEEN = "-"
 """The name under which the time between stages is kept."""
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {  # Any: they are only passed through
-    REPLAY: (replay.replay, replay.replay_phases, replay.estimated_defect, replay.estimated_error),
+    REPLAY: (replay.replay, replay.replay_phases, replay.estimate_defect, replay.estimate_error),
     SIMULATION: (simulation.follow, trim.settle),
     FILES: (store.write_checkpoint, store.read_checkpoint, store.read_stored),
 }

@@ -68,7 +68,7 @@ class Measured:
     @property
     def defect(self) -> float:
         """Largest deviation of the replay from a node, scaled."""
-        return float(self.evidence.audit.defect.max())
+        return float(self.evidence.check.defect.max())
 
 
 @dataclass(frozen=True)

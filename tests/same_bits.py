@@ -8,7 +8,7 @@ import numpy as np
 
 from airrace.errors import KernelError
 from airrace.native.library import Library, library_path, open_library
-from airrace.optimal_control.mapping import Callee, Part
+from airrace.optimal_control.kernels import Callee, Part
 
 
 def results(kernel: Callee, part: Part, given: Sequence[np.ndarray], threads: int = 1) -> list[np.ndarray]:
@@ -19,7 +19,7 @@ def results(kernel: Callee, part: Part, given: Sequence[np.ndarray], threads: in
     calls = len(given[0]) // kernel.lanes
     arguments = [np.ascontiguousarray(one, dtype=np.float64).ravel() for one in given]
     arguments[2] = np.tile(arguments[2], calls)
-    call, found = kernel.bound(part, calls, threads, arguments if part is Part.HESSIAN else arguments[:3])
+    call, found = kernel.bind(part, calls, threads, arguments if part is Part.HESSIAN else arguments[:3])
     call()
     return [one.reshape(len(given[0]), -1) for one in found]
 

@@ -1,4 +1,4 @@
-/* Straight-line functions from tables: lists of elementary operations, see bytecode.py. */
+/* Straight-line functions from tables: lists of elementary operations, see interpreter.py. */
 #ifndef AIRRACE_INTERPRETER_H
 #define AIRRACE_INTERPRETER_H
 

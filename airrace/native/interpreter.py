@@ -5,6 +5,7 @@ its results have the bits of casadi's own evaluation.
 """
 
 import ctypes
+import heapq
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, lru_cache, partial
@@ -14,10 +15,187 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.native.bytecode import NOTHING, Bytecode, bytecode
+from airrace.errors import KernelError
 from airrace.native.library import Batches, Kernel, Library, library
 from airrace.records import record
 from airrace.trajectory import Array
+
+PLACES = 2**16
+"""The number of places that an instruction can tell apart."""
+_ARGUMENTS, _RESULTS = 4, 2  # of a function, at most
+
+Operation = tuple[int, int, int]
+"""A kind, and the numbers that it takes. A number is a place of the fixed ones, or that of an operation behind them."""
+
+
+@record
+class Bytecode:
+    """A function for the interpreter.
+
+    Attributes:
+        tables: sizes, and where arguments and results begin and how many numbers they have, see `interpreter.h`.
+        code: instructions (to, a, b), and before each run of one kind (kind, how often it follows, 0).
+        constants: the numbers that stand in the first places.
+    """
+
+    tables: list[list[int]]
+    code: NDArray[np.uint16]
+    constants: list[float]
+
+
+@cache
+def operation_numbers() -> dict[int, int]:
+    """Return the interpreter's numbers of casadi's operations; the next number ends a function."""
+    found = library()
+    assert found is not None  # nobody else asks
+    return {getattr(ca, f"OP_{name}"): number for number, name in enumerate(found.operations)}
+
+
+NOTHING = Bytecode(
+    [[0, 0, 0], [0] * _ARGUMENTS, [0] * _ARGUMENTS, [0] * _RESULTS, [0] * _RESULTS], np.zeros((0, 3), np.uint16), []
+)
+"""The function that a model does not have."""
+
+
+def bytecode(function: ca.Function) -> Bytecode:
+    """Return an SX function for the interpreter.
+
+    Raises:
+        KernelError: it has an operation that is not known, or too many numbers.
+    """
+    graph = _Graph(function)
+    runs = in_runs(graph.operations, graph.fixed)
+    code, places = _instructions(graph, runs)
+    if places >= PLACES:
+        raise KernelError(f"{function.name()} has too many numbers for the interpreter")
+    sizes = [
+        [function.nnz_in(k) for k in range(function.n_in())],
+        [function.nnz_out(k) for k in range(function.n_out())],
+    ]
+    tables = [
+        [len(code), len(graph.constants), places],
+        *(_filled(one, _ARGUMENTS) for one in (graph.arguments, sizes[0])),
+        *(_filled(one, _RESULTS) for one in (graph.results, sizes[1])),
+    ]
+    return Bytecode(tables, np.array(code, dtype=np.uint16), list(graph.constants.values()))
+
+
+class _Graph:
+    """A function as casadi tells it.
+
+    Attributes:
+        constants: different ones, by how they are written.
+        arguments, results: the places of their first numbers.
+        fixed: number of places of constants, arguments and results.
+        operations: all others, in casadi's order.
+        outputs: which number belongs at which place of a result.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        count = range(function.n_instructions())
+        kinds = [function.instruction_id(number) for number in count]
+        written = [function.instruction_constant(number) for number in count if kinds[number] == ca.OP_CONST]
+        self.constants = {repr(float(constant)): float(constant) for constant in written}
+        self.arguments, end = _places(len(self.constants), [function.nnz_in(k) for k in range(function.n_in())])
+        self.results, self.fixed = _places(end, [function.nnz_out(k) for k in range(function.n_out())])
+        self.operations: list[Operation] = []
+        self.outputs: list[tuple[int, int]] = []
+        at = {written: place for place, written in enumerate(self.constants)}
+        known = operation_numbers()
+        held: dict[int, int] = {}  # the number in each of casadi's variables
+        for number, kind in enumerate(kinds):
+            given, found = function.instruction_input(number), function.instruction_output(number)
+            if kind == ca.OP_OUTPUT:
+                self.outputs.append((self.results[found[0]] + found[1], held[given[0]]))
+            elif kind == ca.OP_INPUT:
+                held[found[0]] = self.arguments[given[0]] + given[1]
+            elif kind == ca.OP_CONST:
+                held[found[0]] = at[repr(float(function.instruction_constant(number)))]
+            elif kind in known:
+                self.operations.append((known[kind], held[given[0]], held[given[-1]]))
+                held[found[0]] = self.fixed + len(self.operations) - 1
+            else:
+                raise KernelError(f"{function.name()}: operation {kind} is not known to the interpreter")
+
+
+def in_runs(operations: Sequence[Operation], fixed: int) -> list[list[int]]:
+    """Return all operations in an order in which each follows those that it depends on, runs of one kind together.
+
+    Of the operations that could follow, the kind with the most is taken, for as long as there are any of it.
+    """
+    needed_by: list[list[int]] = [[] for _ in operations]
+    missing = [0] * len(operations)
+    ready: dict[int, list[int]] = {}
+    for number, (kind, a, b) in enumerate(operations):
+        before = {one - fixed for one in (a, b) if one >= fixed}
+        missing[number] = len(before)
+        for one in before:
+            needed_by[one].append(number)
+        if not before:
+            ready.setdefault(kind, []).append(number)  # ascending, which a heap is, too
+    runs: list[list[int]] = []
+    while ready:
+        kind = max(ready, key=lambda one: len(ready[one]))
+        waiting, run = ready[kind], list[int]()
+        while waiting:
+            run.append(heapq.heappop(waiting))
+            for one in needed_by[run[-1]]:
+                missing[one] -= 1
+                if not missing[one]:
+                    heapq.heappush(ready.setdefault(operations[one][0], []), one)
+        del ready[kind]
+        runs.append(run)
+    return runs
+
+
+def _instructions(graph: _Graph, runs: Sequence[Sequence[int]]) -> tuple[list[Operation], int]:
+    """Return the instructions and the number of places.
+
+    A result is computed where it belongs; what lies between takes a place that is free again after its last use.
+    """
+    fixed, operations = graph.fixed, graph.operations
+    place = {number: number for number in range(fixed)}
+    copies: list[tuple[int, int]] = []
+    for to, number in graph.outputs:
+        if number in place:
+            copies.append((to, number))
+        else:
+            place[number] = to
+    order = [number for run in runs for number in run]
+    last = {one: time for time, number in enumerate(order) for one in operations[number][1:]}
+    stays, free, places, time = set(place), list[int](), fixed, 0
+    code: list[Operation] = []
+    for run in runs:
+        code.append((operations[run[0]][0], len(run), 0))
+        for number in run:
+            _, a, b = operations[number]
+            free += [place[one] for one in {a, b} if last[one] == time and one not in stays]
+            if (found := fixed + number) not in stays:
+                if not free:
+                    free.append(places)
+                    places += 1
+                place[found] = free.pop()
+            code.append((place[found], place[a], place[b]))
+            time += 1
+    known = operation_numbers()
+    if copies:
+        code.append((known[ca.OP_ASSIGN], len(copies), 0))
+        code += [(to, place[number], place[number]) for to, number in copies]
+    return [*code, (len(known), 0, 0)], places
+
+
+def _places(first: int, sizes: Sequence[int]) -> tuple[list[int], int]:
+    """Return where each of several groups of numbers begins, and where they end."""
+    begins: list[int] = []
+    for size in sizes:
+        begins.append(first)
+        first += size
+    return begins, first
+
+
+def _filled(numbers: Sequence[int], count: int) -> list[int]:
+    return [*numbers, *[0] * (count - len(numbers))]
+
 
 FUNCTIONS = 5
 """The number of functions in the tables of a step: f, and Jacobian and Hessian of f and of the projection."""
@@ -65,7 +243,7 @@ class Entry:
     memory: int
     evaluate: Callable[[Kernel, object, int, int], None]
 
-    def bound(self, given: Sequence[Array], found: Sequence[Array], threads: int, batches: int) -> Callable[[], None]:
+    def bind(self, given: Sequence[Array], found: Sequence[Array], threads: int, batches: int) -> Callable[[], None]:
         """Return the evaluation of all batches, split over threads, with arguments and results in arrays that stay."""
         arrays = Batches()
         for place, array in enumerate(given):
@@ -131,7 +309,7 @@ class Interpreter:
         return Entry(tables, memory, self._evaluator.evaluate_function)
 
     def at_points(self, function: ca.Function, control: Array, p: Array) -> Callable[[Array], Array]:
-        """Return a function (x, u, p) -> values of the states (n_x, n) at n points, see `point_functions.py`.
+        """Return a function (x, u, p) -> values of the states (n_x, n) at n points, see `replay.py`.
 
         Raises:
             KernelError: the interpreter does not know one of its operations.

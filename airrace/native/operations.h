@@ -1,7 +1,7 @@
 /* The elementary operations of casadi's SX functions, by casadi's names (OP_...), each with its expression.
  *
  * ON_VECTORS: in vectors x and y. BY_LANE: in numbers a and b of one lane, by functions of the C library.
- * The numbers of the operations are their places in both lists, one behind the other; bytecode.py reads the names.
+ * The numbers of the operations are their places in both lists, one behind the other; interpreter.py reads the names.
  */
 #ifndef AIRRACE_OPERATIONS_H
 #define AIRRACE_OPERATIONS_H

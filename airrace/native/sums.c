@@ -1,4 +1,4 @@
-/* Sums of weighted numbers, added in one order whatever evaluates them, see sums.py and repeated.py. Both functions
+/* Sums of weighted numbers, added in one order whatever evaluates them, see sparse_assembly.py. Both functions
  * return whether all sums are finite.
  */
 #include "evaluator.h"

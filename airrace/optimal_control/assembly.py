@@ -12,11 +12,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.optimal_control.assembly_sums import Contributions, Sums
-from airrace.optimal_control.kernels import Kernel, Kernels, observation_kernel
+from airrace.optimal_control.kernels import Callee, Kernel, Kernels, observation_kernel
 from airrace.optimal_control.layout import Indices, Layout, OutputSample
-from airrace.optimal_control.mapping import Callee
-from airrace.optimal_control.stage_assembly import kinds
+from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly, unique_rows
 from airrace.records import record
 from airrace.trajectory import Array
 
@@ -218,13 +216,13 @@ class Assembly:
     # the sums
 
     @cached_property
-    def constraints(self) -> Sums:
+    def constraints(self) -> SparseAssembly:
         """The constraints g, a column: gaps `x_next - F(x, u, T)` and `T_next - T`, rows of path and boundaries.
 
         The gap at the end of a phase is bounded to that phase's jump, all others to zero. Drawn from the values of all
         kernels and from w.
         """
-        g = Contributions(self.layout.constraints, 1)
+        g = COOBuilder(self.layout.constraints, 1)
         for calls in self.calls:
             rows, weights = calls.rows.ravel(), calls.weights.ravel()
             used = np.flatnonzero(rows < self.layout.constraints)
@@ -246,14 +244,14 @@ class Assembly:
         ]
 
     @cached_property
-    def jacobian(self) -> Sums:
+    def jacobian(self) -> SparseAssembly:
         """The Jacobian of g, drawn from the nonzeros of all kernels' Jacobians and from a one."""
         return self.jacobian_of(self._everywhere)
 
-    def jacobian_of(self, stages: NDArray[np.bool_]) -> Sums:
+    def jacobian_of(self, stages: NDArray[np.bool_]) -> SparseAssembly:
         """Return the rows of the Jacobian that belong to some stages; the others are left out, shape (N + 1,)."""
         layout = self.layout
-        matrix = Contributions(layout.constraints, layout.unknowns)
+        matrix = COOBuilder(layout.constraints, layout.unknowns)
         for calls in self.calls:
             component, of = pattern(calls.kernel.jacobian_pattern)
             chosen = np.flatnonzero(stages[calls.stages])
@@ -271,10 +269,10 @@ class Assembly:
         return matrix.sums()
 
     @cached_property
-    def adjoint(self) -> Sums:
+    def adjoint(self) -> SparseAssembly:
         """The Jacobian of g transposed times lam_g, a column, drawn from all kernels' gradients and from lam_g."""
         layout = self.layout
-        adjoint = Contributions(layout.unknowns, 1)
+        adjoint = COOBuilder(layout.unknowns, 1)
         for calls in self.calls:
             places = calls.inputs.ravel()
             adjoint.draw_from(calls.inputs.shape[1] * len(calls.filled))
@@ -285,7 +283,7 @@ class Assembly:
         return adjoint.sums()
 
     @cached_property
-    def hessian(self) -> Sums:
+    def hessian(self) -> SparseAssembly:
         """The Hessian of the Lagrangian, both triangles.
 
         Drawn from the nonzeros of all kernels' Hessians, from those of the final cost's and from the penalty's two
@@ -293,10 +291,10 @@ class Assembly:
         """
         return self.hessian_of(self._everywhere)
 
-    def hessian_of(self, stages: NDArray[np.bool_]) -> Sums:
+    def hessian_of(self, stages: NDArray[np.bool_]) -> SparseAssembly:
         """Return what some stages contribute to the Hessian; the others are left out, shape (N + 1,)."""
         layout = self.layout
-        matrix = Contributions(layout.unknowns, layout.unknowns, symmetric=True)
+        matrix = COOBuilder(layout.unknowns, layout.unknowns, symmetric=True)
         for calls in self.calls:
             row, column = pattern(calls.kernel.hessian_pattern)
             chosen = np.flatnonzero(stages[calls.stages])
@@ -318,7 +316,7 @@ class Assembly:
             self._add_penalty(matrix, self.penalty, stages)
         return matrix.sums()
 
-    def _add_penalty(self, matrix: Contributions, penalty: Penalty, stages: NDArray[np.bool_]) -> None:
+    def _add_penalty(self, matrix: COOBuilder, penalty: Penalty, stages: NDArray[np.bool_]) -> None:
         """Add the second derivatives of `T fraction weight w^2`: in w w and in w T."""
         layout = self.layout
         intervals, at = np.flatnonzero(stages[:-1]), layout.n_u * np.arange(len(stages))
@@ -362,7 +360,7 @@ class Assembly:
                 constrained = calls.rows < layout.constraints
                 at = np.where(constrained, calls.rows - begins[calls.stages, None], -1)
                 here = np.hstack([at, np.ascontiguousarray(calls.weights).view(np.int64)])
-            code[calls.stages] = 1 + kinds(here)[0]
+            code[calls.stages] = 1 + unique_rows(here)[0]
             often = np.bincount(calls.stages, minlength=stages) > 1
             code[often] = -1 - np.flatnonzero(often)
             told.append(code)

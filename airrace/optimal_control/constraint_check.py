@@ -1,4 +1,4 @@
-"""The audit of a solution: whether it flies, keeps every limit between the nodes and passes every gate.
+"""A-posteriori constraint check: does a solution fly, keep every limit between the nodes and pass every gate?
 
 The numbers come from the replay and from the problem's own bounds, not from what the solver enforced at its nodes.
 """
@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from airrace.optimal_control.certificate import Item
-from airrace.optimal_control.layout import narrowed
+from airrace.optimal_control.layout import narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, PathConstraint, Problem
 from airrace.optimal_control.replay import Replay
 from airrace.points import at_points
@@ -47,7 +47,7 @@ class ConstraintCheck:
     excess: Array
 
 
-def audit(
+def check_constraints(
     problem: Problem, iterate: Iterate, flown: Replay, *, tolerances: Sequence[Tolerance], defect_limit: float
 ) -> ConstraintCheck:
     """Measure a solution against the limits of its problem, between the nodes and at the boundaries.
@@ -153,7 +153,7 @@ def _violation(problem: Problem, quantity: Quantity, history: Array) -> Array:
     """Compute how far a history, shape (N, samples), leaves its bounds; zero where it keeps them."""
     lower, upper = np.empty(len(history)), np.empty(len(history))
     for phase, first, last in zip(problem.phases, problem.first_node, problem.first_node[1:], strict=False):
-        bounds = narrowed(quantity, phase.bounds)
+        bounds = narrow_range(quantity, phase.bounds)
         lower[first:last], upper[first:last] = bounds.lower, bounds.upper
     return outside(history, lower[:, None], upper[:, None])
 
@@ -167,9 +167,11 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
     worst = {tolerance.name: (0.0, "") for tolerance in tolerances}
     kind = {unit: tolerance.name for tolerance in tolerances for unit in tolerance.units}
     boundaries = [problem.start, *(phase.end for phase in problem.phases)]
-    seen = np.hstack([iterate.state[:, :1], problem.arrivals(iterate.state)[:, np.array(problem.first_node[1:]) - 1]])
+    seen = np.hstack(
+        [iterate.state[:, :1], problem.states_before_jump(iterate.state)[:, np.array(problem.first_node[1:]) - 1]]
+    )
     for x, boundary in zip(seen.T, boundaries, strict=True):
-        values = observed(problem, boundary, x)
+        values = boundary_values(problem, boundary, x)
         for quantity, bounds, value in values:
             violation = float(outside(np.asarray(value), bounds.lower, bounds.upper))
             if np.isnan(violation) or violation >= worst[kind[quantity.unit]][0]:  # NaN is the worst, and stays it
@@ -183,7 +185,7 @@ def _boundary_items(problem: Problem, iterate: Iterate, tolerances: Sequence[Tol
     ]
 
 
-def observed(problem: Problem, boundary: Boundary, x: Array) -> list[tuple[Quantity, Interval, float]]:
+def boundary_values(problem: Problem, boundary: Boundary, x: Array) -> list[tuple[Quantity, Interval, float]]:
     """List (quantity, range, value) of everything that a boundary bounds, at the state x (n_x,) in SI."""
     declared: list[Quantity] = list(problem.system.states)
     values: list[float] = [float(value) for value in x]

@@ -49,8 +49,8 @@ class Shift:
     upper: float = 0.0
 
     @classmethod
-    def between(cls, strict: Interval, mild: Interval) -> "Shift":
-        return cls(_change(strict.lower, mild.lower), _change(strict.upper, mild.upper))
+    def between(cls, nominal: Interval, relaxed_problem: Interval) -> "Shift":
+        return cls(_change(nominal.lower, relaxed_problem.lower), _change(nominal.upper, relaxed_problem.upper))
 
     def __bool__(self) -> bool:
         return self.lower != 0.0 or self.upper != 0.0
@@ -80,22 +80,22 @@ class Moves:
         return bool(self.ranges or self.values or self.parameters.any())
 
 
-def moves(strict: Problem, mild: Problem) -> Moves:
+def difference(nominal: Problem, relaxed_problem: Problem) -> Moves:
     """Return what differs between two problems that a change of numbers has made of one."""
     ranges: dict[Owner, Mapping[str, Shift]] = {}
     values: dict[Owner, Array] = {}
-    for (owner, one), (_, other) in zip(_owners(strict), _owners(mild), strict=True):
+    for (owner, one), (_, other) in zip(_owners(nominal), _owners(relaxed_problem), strict=True):
         shifts = {name: Shift.between(at, other.bounds.get(name, at)) for name, at in one.bounds.items()}
         if shifted := {name: shift for name, shift in shifts.items() if shift}:
             ranges[owner] = shifted
         change = np.asarray(other.values, dtype=float) - np.asarray(one.values, dtype=float)
         if change.any():
             values[owner] = change
-    parameters = np.asarray(mild.parameters, dtype=float) - np.asarray(strict.parameters, dtype=float)
+    parameters = np.asarray(relaxed_problem.parameters, dtype=float) - np.asarray(nominal.parameters, dtype=float)
     return Moves(parameters, ranges, values)
 
 
-def elastic(strict: Problem, mild: Problem, *, weight: float, furthest: float = math.inf) -> Problem:
+def elastic(nominal: Problem, relaxed_problem: Problem, *, weight: float, furthest: float = math.inf) -> Problem:
     """Return the problem of giving way as little as possible.
 
     Args:
@@ -104,36 +104,36 @@ def elastic(strict: Problem, mild: Problem, *, weight: float, furthest: float = 
         weight: of a whole step from the one to the other, in the unit of the objective.
         furthest: the largest number of such steps.
     """
-    moved = moves(strict, mild)
-    lifted = _lifted(strict.system, _limited(strict.system))
+    moved = difference(nominal, relaxed_problem)
+    augment = _lifted(nominal.system, _limited(nominal.system))
     along = moved.ranges.get(PATH, {})
-    boundaries = [_elastic(one, moved, owner, strict.system) for owner, one in boundaries_of(strict)]
+    boundaries = [_elastic(one, moved, owner, nominal.system) for owner, one in boundaries_of(nominal)]
     phases = tuple(
-        dataclasses.replace(phase, end=end, watches=_watches(phase, index, moved, strict.system))
-        for index, (phase, end) in enumerate(zip(strict.phases, boundaries[1:], strict=True))
+        dataclasses.replace(phase, end=end, watches=_watches(phase, index, moved, nominal.system))
+        for index, (phase, end) in enumerate(zip(nominal.phases, boundaries[1:], strict=True))
     )
     objective = Objective(
-        time=strict.objective.time,
+        time=nominal.objective.time,
         terminal={RELAXED.name: weight},
-        regularisation=strict.objective.regularisation,
+        regularisation=nominal.objective.regularisation,
     )
     return dataclasses.replace(
-        strict,
-        system=_bounded(lifted, strict.system, along, furthest),
-        parameters=(*strict.parameters, *moved.parameters.tolist(), *_shifts(strict.system, along)),
+        nominal,
+        system=_bounded(augment, nominal.system, along, furthest),
+        parameters=(*nominal.parameters, *moved.parameters.tolist(), *_shifts(nominal.system, along)),
         start=boundaries[0],
         phases=phases,
         objective=objective,
     )
 
 
-def lifted(iterate: Iterate, relaxed: float) -> Iterate:
+def augment(iterate: Iterate, relaxed: float) -> Iterate:
     """Return a flight with the state that says how far the limits give way."""
     row = np.full((1, iterate.state.shape[1]), relaxed)
     return Iterate(iterate.durations, np.vstack([iterate.state, row]), iterate.control)
 
 
-def lowered(iterate: Iterate) -> tuple[Iterate, float]:
+def project(iterate: Iterate) -> tuple[Iterate, float]:
     """Return the flight of an elastic problem without that state, and its value."""
     return Iterate(iterate.durations, iterate.state[:-1], iterate.control), float(iterate.state[-1, -1])
 
@@ -211,7 +211,7 @@ def _shifts(system: System, along: Mapping[str, Shift]) -> Iterator[float]:
     yield from (along.get(name, NO_SHIFT).lower for name in names)
 
 
-def _bounded(lifted: System, system: System, along: Mapping[str, Shift], furthest: float) -> System:
+def _bounded(augment: System, system: System, along: Mapping[str, Shift], furthest: float) -> System:
     """Return the lifted system with bounds: of states where they stay, of path quantities where they give way."""
     path_names = {one.name for one in system.path}
     declared = {one.name: one for one in (*system.states, *system.path)}
@@ -232,9 +232,9 @@ def _bounded(lifted: System, system: System, along: Mapping[str, Shift], furthes
         return dataclasses.replace(one, lower=lower, upper=upper)
 
     return dataclasses.replace(
-        lifted,
+        augment,
         states=(*(state(one) for one in system.states), dataclasses.replace(RELAXED, upper=furthest)),
-        path=tuple(limit(row) for row in lifted.path),
+        path=tuple(limit(row) for row in augment.path),
     )
 
 
@@ -338,8 +338,8 @@ def _seen(
     )
 
 
-def _change(strict: float, mild: float) -> float:
+def _change(nominal: float, relaxed_problem: float) -> float:
     """Return by how much an end of a range moves; one that is gone at once moves by one unit."""
-    if math.isinf(strict):
+    if math.isinf(nominal):
         return 0.0
-    return mild - strict if math.isfinite(mild) else math.copysign(1.0, mild)
+    return relaxed_problem - nominal if math.isfinite(relaxed_problem) else math.copysign(1.0, relaxed_problem)

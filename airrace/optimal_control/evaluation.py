@@ -9,8 +9,8 @@ import time
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
+from airrace.optimal_control.kernels import BoundCall, Part, bind
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.mapping import Bound, Part, bound
 from airrace.trajectory import Array
 
 
@@ -200,7 +200,7 @@ class _Evaluated:
         self._given = self._y, np.zeros(self._own.shape), np.zeros((calls.batches, len(calls.shared)))
         self._taken_off: Array | None = None
         self._threads = threads
-        self._functions: dict[Part, Bound] = {}
+        self._functions: dict[Part, BoundCall] = {}
 
     def take_parameters(self, padded: Array) -> None:
         """Take what belongs to the calls out of (p, 0)."""
@@ -231,7 +231,7 @@ class _Evaluated:
             self._y -= self._taken_off
         if part not in self._functions:
             given = (*self._given, self._multipliers) if part is Part.HESSIAN else self._given
-            self._functions[part] = self._calls.kernel.bound(part, self._calls.batches, self._threads, given)
+            self._functions[part] = self._calls.kernel.bind(part, self._calls.batches, self._threads, given)
         call, results = self._functions[part]
         call()
         return results
@@ -245,8 +245,8 @@ class _EvaluatedFinal:
         self._y, self._own = np.zeros(len(cost.inputs)), np.zeros(len(cost.own))
         self._weights = np.zeros(len(cost.weights))
         nothing = np.zeros(0)
-        self._value = bound(cost.kernel.value, (self._y, self._own, nothing))
-        self._derivatives = bound(cost.kernel.hessian, (self._y, self._own, nothing, self._weights))
+        self._value = bind(cost.kernel.value, (self._y, self._own, nothing))
+        self._derivatives = bind(cost.kernel.hessian, (self._y, self._own, nothing, self._weights))
 
     def take_parameters(self, padded: Array) -> None:
         self._own[:] = padded[self.cost.own]

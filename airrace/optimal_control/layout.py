@@ -13,10 +13,19 @@ from functools import cached_property
 
 import numpy as np
 
-from airrace.optimal_control.outputs import OutputSample, boundaries_of, sightings_of
-from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.rows import Block, Indices, Limit, Row, Rows, limits_on, rows_of
-from airrace.optimal_control.validity import require_valid
+from airrace.optimal_control.constraint_rows import (
+    Block,
+    Indices,
+    Limit,
+    OutputSample,
+    Row,
+    Rows,
+    boundaries_of,
+    limits_on,
+    output_samples_of,
+    rows_of,
+)
+from airrace.optimal_control.problem import Iterate, Problem, require_valid
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
 from airrace.trajectory import Array
@@ -143,7 +152,7 @@ class Layout:
 
     @cached_property
     def _output_samples(self) -> tuple[list[OutputSample], list[tuple[float, ...]]]:
-        return sightings_of(self.problem, self.jump_at)
+        return output_samples_of(self.problem, self.jump_at)
 
     @property
     def output_samples(self) -> list[OutputSample]:
@@ -169,7 +178,7 @@ class Layout:
         the phase that begins.
         """
         path = self.problem.system.path
-        ranges = [{one.name: narrowed(one, phase.bounds) for one in path} for phase in self.problem.phases]
+        ranges = [{one.name: narrow_range(one, phase.bounds) for one in path} for phase in self.problem.phases]
         blocks: list[Block] = []
         for phase, (begin, end) in enumerate(itertools.pairwise(self.first_node.tolist())):
             meeting = phase > 0 and begin not in self.jump_at
@@ -268,12 +277,12 @@ class Layout:
         for index, phase in enumerate(self.problem.phases):
             first, last = self.first_node[index], self.first_node[index + 1]
             for component, quantity in enumerate(system.states):
-                bounds = narrowed(quantity, phase.bounds)
+                bounds = narrow_range(quantity, phase.bounds)
                 narrow(self.state_index[first : last if phase.jump else last + 1, component], bounds)
                 if phase.jump:
-                    narrow(int(self.state_index[last, component]), moved(bounds, float(jumps[component, index])))
+                    narrow(int(self.state_index[last, component]), shift_range(bounds, float(jumps[component, index])))
             for component, quantity in enumerate(system.controls):
-                narrow(self.control_index[first:last, component], narrowed(quantity, phase.bounds))
+                narrow(self.control_index[first:last, component], narrow_range(quantity, phase.bounds))
             place = self.duration_index[0] if index == 0 else self.duration_source[first - 1]
             narrow(int(place), phase.duration)
         names = [quantity.name for quantity in system.states]
@@ -282,7 +291,7 @@ class Layout:
                 if name in names:
                     component = names.index(name)
                     change = float(jumps[component, self._phase_before(node)]) if node else 0.0
-                    narrow(int(self.state_index[node, component]), moved(bounds, change))
+                    narrow(int(self.state_index[node, component]), shift_range(bounds, change))
         return lower / self.scale, upper / self.scale
 
     def constraint_bounds(self) -> tuple[Array, Array]:
@@ -335,11 +344,11 @@ class Layout:
         return f"{place}: {row.quantity.text or row.quantity.name}"
 
 
-def moved(bounds: Interval, change: float) -> Interval:
+def shift_range(bounds: Interval, change: float) -> Interval:
     """Return the range of `x + change` where `bounds` is that of x."""
     return Interval(bounds.lower + change, bounds.upper + change) if change else bounds
 
 
-def narrowed(quantity: Quantity, bounds: Mapping[str, Interval]) -> Interval:
+def narrow_range(quantity: Quantity, bounds: Mapping[str, Interval]) -> Interval:
     """Return a quantity's own range, narrowed by the entry of that name, if there is one."""
     return Interval(quantity.lower, quantity.upper).intersect(bounds.get(quantity.name, Interval()))

@@ -5,7 +5,7 @@ is held instead, the value is continuous and piecewise linear:
 
     x' = f(x, u, p),   u' = r,   r held.
 
-That is a system like any other, so shooting, multipliers, Hamiltonian, replay and audit are right for it as they are. A
+That is a system like any other, so shooting, multipliers, Hamiltonian, replay and constraint check are right for it as they are. A
 linear control follows a smooth optimum with an error that falls with the square of the interval, a held one with an
 error that falls with the interval itself.
 

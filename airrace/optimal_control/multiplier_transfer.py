@@ -49,7 +49,7 @@ Limits = Mapping[tuple[Kind, str], Limit]
 """All limits of a problem, by their kinds and names."""
 
 
-def carried(multipliers: Multipliers, there: Layout, here: Layout) -> Multipliers:
+def transfer_multipliers(multipliers: Multipliers, there: Layout, here: Layout) -> Multipliers:
     """Return the multipliers for another problem with as many phases.
 
     Args:

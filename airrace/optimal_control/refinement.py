@@ -54,7 +54,7 @@ def restrict(mesh: Sequence[Fractions], iterate: Iterate, kept: Marks) -> tuple[
     return coarser, Iterate(iterate.durations, iterate.state[:, kept], held)
 
 
-def resampled(
+def resample(
     mesh: Sequence[Fractions], iterate: Iterate, counts: Sequence[int], *, jumps: Array | None = None
 ) -> tuple[Mesh, Iterate]:
     """Carry an iterate over to so many equal intervals in each phase; a phase that has as many already keeps its own.
@@ -88,14 +88,14 @@ def resampled(
     return fractions, Iterate(iterate.durations, np.hstack(state), np.hstack(control))
 
 
-def inherited(parts: Indices) -> Marks:
+def inherited_nodes(parts: Indices) -> Marks:
     """Tell which nodes of a mesh that was divided into these parts were nodes before; shape (parts.sum() + 1,)."""
     kept = np.zeros(int(parts.sum()) + 1, dtype=np.bool_)
     kept[np.concatenate([[0], np.cumsum(parts)])] = True
     return kept
 
 
-def widened(marked: Marks) -> Marks:
+def widen(marked: Marks) -> Marks:
     """Mark the intervals beside marked ones as well: where one alone is made finer, what is wrong moves to the next."""
     wider = marked.copy()
     wider[1:] |= marked[:-1]

@@ -41,7 +41,7 @@ def solve(
         says so, its iterate is the guess, and its errors are NaN.
 
     Raises:
-        ValueError: the problem does not say what it seems to say, see `validity.py`, or the guess has other shapes.
+        ValueError: the problem does not say what it seems to say, see `problem.py`, or the guess has other shapes.
         SolverCrash: the solver process died, or could not work on the problem.
     """
     Layout(problem).pack(guess)  # refuses a guess of other shapes here, where the traceback leads to who made it

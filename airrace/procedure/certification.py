@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
-from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, audit
-from airrace.optimal_control.hamiltonian import errors_in_objective, hamiltonian
+from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, check_constraints
+from airrace.optimal_control.optimality import errors_in_objective, hamiltonian
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.replay import Replay, interval_durations, replay, replay_phases
 from airrace.procedure.settings import CertificateLimits
@@ -32,13 +32,13 @@ class Evidence:
 
     Attributes:
         flown: its controls flown again.
-        audit: limits and gates on that flight.
+        check: limits and gates on that flight.
         drift: how far the Hamiltonian is from minus the weight of time, shape (N,).
         integration: what each interval's error of integration takes off the race time, s; shape (N,).
     """
 
     flown: Replay
-    audit: ConstraintCheck
+    check: ConstraintCheck
     drift: Array
     integration: Array
 
@@ -47,7 +47,7 @@ def examine(problem: Problem, iterate: Iterate, constraint_multipliers: Array, l
     """Measure an optimum."""
     flown = replay(problem, iterate)
     drift = np.abs(hamiltonian(problem, iterate, constraint_multipliers) + problem.objective.time)
-    measured = audit(problem, iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
+    measured = check_constraints(problem, iterate, flown, tolerances=tolerances(limits), defect_limit=limits.replay)
     integration = errors_in_objective(problem, flown.defect, constraint_multipliers)
     return Evidence(flown, measured, drift, integration)
 
@@ -73,7 +73,7 @@ def certify(
             which never holds; None if none was looked for, which leaves the item out.
     """
     kkt = Item("kkt_error", kkt_error, limits.kkt_error, "scaled", "")
-    replayed, *between = evidence.audit.items
+    replayed, *between = evidence.check.items
     items = (
         *(claim, kkt, replayed, _missed_gates(problem, iterate, limits), *between),
         _hamiltonian(problem, iterate, evidence.drift, limits),

@@ -16,8 +16,8 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import build_kernels
-from airrace.optimal_control.kkt import kkt_error
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.optimality import kkt_error
 from airrace.optimal_control.refinement import Marks, restrict
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
@@ -182,7 +182,7 @@ def measured(race: Race, settings: Settings, trusted: TrustedData, service: Solv
         splits=gate_splits(flight, flown),
         bound_multipliers=bound_multipliers,
         regularisation=functions.f - flown.race_time,
-        defect=evidence.audit.defect,
+        defect=evidence.check.defect,
         drift=evidence.drift,
         items=certificate.items[1:],
     )

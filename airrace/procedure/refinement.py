@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited, restrict, widened
-from airrace.optimal_control.replay import Replay, estimated_error, interval_durations
+from airrace.optimal_control.refinement import Marks, Mesh, divide, inherited_nodes, restrict, widen
+from airrace.optimal_control.replay import Replay, estimate_error, interval_durations
 from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
@@ -146,9 +146,9 @@ def adapted(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, jo
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
     held, change = UNDERRATED * foreseen(optimum.problem, optimum.iterate), limits.race_time_of(optimum.race_time)
-    untrusted = ~(optimum.evidence.audit.defect <= UNTRUSTED_DEFECT)
+    untrusted = ~(optimum.evidence.check.defect <= UNTRUSTED_DEFECT)
     wanted = [
-        (RefinementReason.INTEGRATION, np.where(widened(untrusted), 4.0, 1.0)),
+        (RefinementReason.INTEGRATION, np.where(widen(untrusted), 4.0, 1.0)),
         (RefinementReason.HAMILTONIAN, _stepped(_worst_nearby(drift), SAFETY * limits.hamiltonian)),
         (RefinementReason.RACE_TIME, np.where(_dearest(held + np.abs(integration), SAFETY * change), 2.0, 1.0)),
     ]
@@ -170,7 +170,7 @@ def bisect_all(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal
     parts, why = _needed(optimum, limits, nearby=NEARBY)
     parts = np.maximum(parts, 2)
     divided = _divided(optimum, parts, why)
-    return MeshProposal(divided.mesh, divided.guess, divided.why, inherited(parts))
+    return MeshProposal(divided.mesh, divided.guess, divided.why, inherited_nodes(parts))
 
 
 def doubled(draft: MeshProposal, flown: Replay | None = None) -> MeshProposal:
@@ -201,7 +201,7 @@ def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshPr
         return None
     evidence = optimum.evidence
     ahead = [
-        (RefinementReason.INTEGRATION, _doubled_above(evidence.audit.defect, AHEAD_OF_ORDER * limits.replay)),
+        (RefinementReason.INTEGRATION, _doubled_above(evidence.check.defect, AHEAD_OF_ORDER * limits.replay)),
         (RefinementReason.HAMILTONIAN, _doubled_above(evidence.drift, AHEAD * limits.hamiltonian)),
     ]
     more, reasons = _most(optimum, ahead)
@@ -216,7 +216,7 @@ def provided(draft: MeshProposal, problem: Problem, limits: CertificateLimits) -
     Args:
         problem: on the mesh of the draft.
     """
-    error = np.abs(estimated_error(problem, draft.guess)).max(axis=0)
+    error = np.abs(estimate_error(problem, draft.guess)).max(axis=0)
     parts = np.where(error > SAFETY * limits.replay, 2, 1).astype(np.int64)
     mesh, guess = divide(draft.mesh, draft.guess, None, parts)
     why = np.where(parts > 1, RefinementReason.INTEGRATION, draft.why).astype(np.int8)
@@ -228,7 +228,7 @@ def reconsidered(optimum: MeshSolution, before: MeshSolution, limits: Certificat
 
     The intervals that are taken to have changed it most stay as fine as they are, all others become what they were.
     """
-    max_plan_penalty = widened(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time_of(optimum.race_time)))
+    max_plan_penalty = widen(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time_of(optimum.race_time)))
     fine = max_plan_penalty[np.cumsum(optimum.draft.coarser[:-1]) - 1]
     kept = optimum.draft.coarser.copy()
     kept[:-1] |= fine
@@ -248,7 +248,7 @@ def _changed_by(optimum: MeshSolution, before: MeshSolution) -> Array:
     if changed < 0.0:
         price = measured(optimum.problem, optimum.iterate, optimum.draft.coarser)
     else:
-        price = before.evidence.audit.excess * interval_durations(before.problem, before.iterate.durations)
+        price = before.evidence.check.excess * interval_durations(before.problem, before.iterate.durations)
     share = price / price.sum() if price.any() else np.full(len(price), 1.0 / len(price))
     return np.abs(integration) + abs(changed - integration.sum()) * share
 
@@ -271,12 +271,12 @@ def _needed(optimum: MeshSolution, limits: CertificateLimits, *, nearby: float) 
     """
     evidence = optimum.evidence
     order = optimum.problem.scheme.order + 1  # of what is left in one interval
-    defect = np.maximum(evidence.audit.defect, nearby * _worst_nearby(evidence.audit.defect))
+    defect = np.maximum(evidence.check.defect, nearby * _worst_nearby(evidence.check.defect))
     integration = np.ceil((defect / (SAFETY_OF_ORDER * limits.replay)) ** (1 / order))
     integration = np.where(defect <= limits.replay, 1, np.maximum(integration, 2))
     wanted = [
         (RefinementReason.INTEGRATION, integration),
-        (RefinementReason.LIMITS, _stepped(_worst_nearby(evidence.audit.excess), 1.0)),
+        (RefinementReason.LIMITS, _stepped(_worst_nearby(evidence.check.excess), 1.0)),
         (
             RefinementReason.HAMILTONIAN,
             np.where(_worst_nearby(evidence.drift) <= limits.hamiltonian, 1.0, 4.0),
@@ -321,11 +321,11 @@ def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: CertificateLimits
     """
     problem, evidence = optimum.problem, optimum.evidence
     busy = (
-        widened(parts > 1)
+        widen(parts > 1)
         | (interval_durations(problem, optimum.iterate.durations) > 0.5 * LONGEST_JOINED)
         | (_worst_nearby(evidence.drift) >= CALM * limits.hamiltonian)
-        | (evidence.audit.defect >= 0.5 * SAFETY * limits.replay)
-        | (evidence.audit.excess >= AT_REST)
+        | (evidence.check.defect >= 0.5 * SAFETY * limits.replay)
+        | (evidence.check.excess >= AT_REST)
     )
     joined = np.zeros(problem.intervals, dtype=np.bool_)
     for first, last in zip(problem.first_node, problem.first_node[1:], strict=False):

@@ -17,7 +17,7 @@ import numpy as np
 
 from airrace.errors import UsageError
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import carried
+from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.solver import Multipliers, Solution
@@ -215,7 +215,7 @@ def _multipliers(flight: Flight, optimum: StageResult, start: Start) -> Multipli
     stored = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     if stored.constraints.shape != (layout.constraints,) or stored.bounds.shape != (layout.unknowns,):
         return None
-    return carried(stored, layout, Layout(start.problem))
+    return transfer_multipliers(stored, layout, Layout(start.problem))
 
 
 def _other_way(flight: Flight, optimum: StageResult) -> str:
@@ -261,7 +261,9 @@ def _upcoming(
 
     moved = replace(finer, guess=_moved(finer, start.guess, solution.iterate))
     draft = provided(moved, start.flight.problem(moved.mesh), session.settings.certificate)
-    multipliers = carried(solution.multipliers, Layout(start.problem), Layout(start.flight.problem(draft.mesh)))
+    multipliers = transfer_multipliers(
+        solution.multipliers, Layout(start.problem), Layout(start.flight.problem(draft.mesh))
+    )
     compared = CoarseReference(float(solution.iterate.durations.sum()), measured)
     return RefinementState(
         draft, compared, min(1, session.settings.mesh.refinements_max), CARRIED_BARRIER, (solver,), multipliers

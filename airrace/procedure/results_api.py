@@ -13,7 +13,7 @@ import numpy as np
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
-from airrace.optimal_control.sampling import sample
+from airrace.optimal_control.replay import sample
 from airrace.planning.race import Race
 from airrace.points import at_points
 from airrace.procedure.fidelities import fidelity_of

@@ -128,7 +128,7 @@ def _from_another(
 ) -> _Found:
     """Start from another run, and look for a faster route beside it."""
     highest, *_ = starting_points(another, stages, race.course)
-    session.service.announce(*_flown(ladder, highest.stage))
+    session.service.preload(*_flown(ladder, highest.stage))
     with session.aside(ladder.find_faster_route(highest)) as search:
         restart = restarted(another, stages, race.course, ladder, session)
         faster = "" if restart.result is None else search.result()
@@ -145,7 +145,7 @@ def _climbed(
     """Climb the stages that are wanted, up to the last or to one that fails; yield each as it is finished."""
     remark, spare = found.remark, found.spare
     for first in wanted[:1]:
-        session.service.announce(*_flown(ladder, first))
+        session.service.preload(*_flown(ladder, first))
     while wanted:
         stage, *wanted = wanted
         session.progress.stage_started(stage)
@@ -156,7 +156,7 @@ def _climbed(
             if ladder.explores(stage):  # on every core: nothing would only wait meanwhile
                 prepare()
             else:
-                session.service.meanwhile(prepare)
+                session.service.defer(prepare)
         result = ladder.climb(stage, session)
         if spare is not None and is_better(spare, result):
             result, remark, spare = spare, f"{found.remark}, which led to nothing faster", None
@@ -169,7 +169,7 @@ def _climbed(
 
 def _prepare(ladder: FidelityContinuation, stage: Stage, service: SolverService) -> None:
     """Get a stage ready that is flown next."""
-    service.announce(*_flown(ladder, stage))
+    service.preload(*_flown(ladder, stage))
     ladder.make_ready(stage)
 
 

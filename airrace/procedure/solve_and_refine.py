@@ -11,7 +11,7 @@ from typing import Self
 
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import carried
+from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.solver import Multipliers, Solution
 from airrace.procedure.budget import BUDGET_EXHAUSTED
@@ -202,7 +202,7 @@ def refined_from(session: SolverSession, start: Start, first: RefinementState) -
 
 def carried_over(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
     """Return the multipliers of the limits of one problem for another one with as many phases."""
-    return carried(multipliers, Layout(there), Layout(here))
+    return transfer_multipliers(multipliers, Layout(there), Layout(here))
 
 
 def announced(session: SolverSession, problem: Problem, refinement: int) -> str:
@@ -263,7 +263,7 @@ def finished(
         mesh=MeshRecord(
             why=optimum.draft.why,
             coarser=optimum.draft.coarser,
-            defect=optimum.evidence.audit.defect,
+            defect=optimum.evidence.check.defect,
             drift=optimum.evidence.drift,
         ),
     )

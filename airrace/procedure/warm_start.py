@@ -15,7 +15,7 @@ from airrace.control.reference import Reference, from_optimum
 from airrace.control.simulation import TrackingSimulator, follow
 from airrace.control.trim import settle
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import carried
+from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import Marks
 from airrace.optimal_control.solvers.solver import Multipliers
@@ -71,7 +71,7 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
 def known_multipliers(source: Flight, optimum: StageResult, problem: Problem) -> Multipliers:
     """Return the multipliers of an optimum for another stage's problem: those of the limits that both have."""
     known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
-    return carried(known, Layout(source.problem(mesh_of(optimum.trajectory))), Layout(problem))
+    return transfer_multipliers(known, Layout(source.problem(mesh_of(optimum.trajectory))), Layout(problem))
 
 
 def _reference(source: Flight, optimum: StageResult) -> Reference:

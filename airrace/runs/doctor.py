@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 from airrace.errors import AirraceError, StorageError
 from airrace.extensions import extensions, load_extensions
 from airrace.native.library import library
-from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.optimal_control.solve import solve
 from airrace.process import available_cores
 from airrace.quantities import Interval, T, Vector, quantity, vector
@@ -98,7 +98,7 @@ def solved() -> str:
     start = Boundary(bounds={"position": rest, "speed": rest})
     problem = Problem(system, parameters=(), start=start, phases=phases)
     ends = (_Motion(position=0.0, speed=0.0), _Motion(position=0.4, speed=0.5), _Motion(position=1.0, speed=0.0))
-    solution = solve(problem, interpolated(problem, [1.5, 0.8], corners(*ends), [0.0]))
+    solution = solve(problem, interpolate(problem, [1.5, 0.8], corners(*ends), [0.0]))
     if not abs(solution.objective - 2.0) < 1e-5:
         raise AirraceError(f"{solution.objective:.6f} s instead of 2 s ({solution.status})")
     return f"a known answer in {time.perf_counter() - started:.1f} s"

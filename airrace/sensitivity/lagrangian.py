@@ -20,7 +20,7 @@ from airrace.inputs.variation import Variation
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels, build_kernels
-from airrace.optimal_control.layout import Layout, narrowed
+from airrace.optimal_control.layout import Layout, narrow_range
 from airrace.optimal_control.problem import Boundary, Iterate, Problem
 from airrace.procedure.models import iterate_of
 from airrace.procedure.perturbed import PerturbedProblem
@@ -250,7 +250,7 @@ def _depth(problem: Problem) -> int:
 
 
 def _control_limits(component: int, phase: int) -> Callable[[Problem], Interval]:
-    return lambda problem: narrowed(problem.system.controls[component], problem.phases[phase].bounds)
+    return lambda problem: narrow_range(problem.system.controls[component], problem.phases[phase].bounds)
 
 
 def _observed_limits(owner: Owner, name: str) -> Callable[[Problem], Interval]:
@@ -265,7 +265,7 @@ def _narrowed(problem: Problem, quantity: Quantity, place: Place) -> Interval:
     limits = Interval()
     for phase in place:
         if 0 <= phase < len(problem.phases):
-            limits = limits.intersect(narrowed(quantity, problem.phases[phase].bounds))
+            limits = limits.intersect(narrow_range(quantity, problem.phases[phase].bounds))
     return limits
 
 

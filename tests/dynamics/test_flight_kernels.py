@@ -16,7 +16,7 @@ from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.native.interpreter import Interpreter
 from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels, native_kernels
-from airrace.optimal_control.point_functions import casadi_function_at_points
+from airrace.optimal_control.replay import casadi_function_at_points
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5
 from airrace.points import dense
 from airrace.track.course import Rules

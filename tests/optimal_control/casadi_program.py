@@ -10,11 +10,9 @@ import casadi as ca
 import numpy as np
 
 from airrace.optimal_control.assembly import Assembly, Calls, FinalCost, Penalty
-from airrace.optimal_control.assembly_sums import Sums
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import Kernel, Kernels
+from airrace.optimal_control.kernels import Kernel, Kernels, Part, mapped
 from airrace.optimal_control.layout import Indices, Layout
-from airrace.optimal_control.mapping import Part, mapped
 from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.solvers.solver import (
     SOLVERS,
@@ -25,6 +23,7 @@ from airrace.optimal_control.solvers.solver import (
     SolverOptions,
     fatrop_options,
 )
+from airrace.optimal_control.sparse_assembly import SparseAssembly
 from airrace.records import record
 
 _NOTHING = ca.MX(0, 1)  # an observation shares nothing between its calls
@@ -179,7 +178,7 @@ def _drawn(column: ca.MX, places: Indices) -> ca.MX:
     return ca.reshape(column[places.ravel().tolist()], size, count)
 
 
-def _expression(sums: Sums, drawn: ca.MX) -> ca.MX:
+def _expression(sums: SparseAssembly, drawn: ca.MX) -> ca.MX:
     """Return a matrix of sums as a sparse expression of a dense column of drawn numbers."""
     count = len(sums.rows)
     values = ca.MX(0.0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from scipy.integrate import DOP853  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
 
-from airrace.optimal_control import dop853 as module
+from airrace.optimal_control import reference_integration as module
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def test_the_integrator_is_the_file_of_the_installed_scipy() -> None:
 
 
 def test_the_package_around_it_is_not_loaded() -> None:
-    program = "import sys; from airrace.optimal_control.dop853 import dop853; dop853()"
+    program = "import sys; from airrace.optimal_control.reference_integration import dop853; dop853()"
     look = f"{program}; print('scipy.integrate' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"

@@ -7,11 +7,10 @@ from small_problems import PROBLEMS, random_point
 
 from airrace.errors import SolverCrash
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.assembly_sums import Contributions
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kernels import casadi_kernels
+from airrace.optimal_control.kernels import bind, bind_all, casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.mapping import bound, bound_to_all
+from airrace.optimal_control.sparse_assembly import COOBuilder
 
 LAM_F = 0.6
 
@@ -71,7 +70,7 @@ def test_the_slope_is_the_gradient_of_the_curve(assembly: Assembly) -> None:
 def test_arguments_of_another_size_are_refused(assembly: Assembly) -> None:
     kernel = assembly.calls[0].kernel
     with pytest.raises(SolverCrash, match="argument 0 has another size"):
-        bound(kernel.value, (np.zeros(1), np.zeros(1), np.zeros(kernel.value.nnz_in(2))))
+        bind(kernel.value, (np.zeros(1), np.zeros(1), np.zeros(kernel.value.nnz_in(2))))
 
 
 @pytest.mark.parametrize("threads", [2, 3])
@@ -80,17 +79,17 @@ def test_calls_that_threads_cannot_share_evenly_are_made_as_well(assembly: Assem
     function, random = assembly.calls[0].kernel.hessian, np.random.default_rng(calls)
     sizes = [function.nnz_in(place) for place in range(function.n_in())]
     given = [random.uniform(0.5, 1.0, size=(calls, size)) for size in sizes]
-    call, results = bound_to_all(function, calls, threads, given)
+    call, results = bind_all(function, calls, threads, given)
     call()
     for number in range(calls):
-        alone, expected = bound(function, [one[number].copy() for one in given])
+        alone, expected = bind(function, [one[number].copy() for one in given])
         alone()
         for one, other in zip(results, expected, strict=True):
             assert one.reshape(calls, -1)[number].tobytes() == other.tobytes()
 
 
 def test_summands_that_meet_are_added_and_some_nonzeros_can_be_chosen() -> None:
-    matrix = Contributions(2, 2, symmetric=True)
+    matrix = COOBuilder(2, 2, symmetric=True)
     matrix.draw_from(2)
     matrix.add(np.array([0, 0]), np.array([0, 1]), np.array([2.0, 3.0]), np.array([0, 1]))
     matrix.draw_from(1)

@@ -54,7 +54,7 @@ class Matrix:
     def __post_init__(self) -> None:
         self.piece = Piece()
         self.library.blasfeo_allocate_dmat(self.rows, self.columns, ctypes.byref(self.piece))
-        size = interposition.lazily_loaded().blasfeo_memsize_dmat(self.rows, self.columns)
+        size = interposition.load_lazily().blasfeo_memsize_dmat(self.rows, self.columns)
         self.numbers = np.ctypeslib.as_array((ctypes.c_double * (size // 8)).from_address(self.piece.memory))
         self.numbers[:] = 0.0
 

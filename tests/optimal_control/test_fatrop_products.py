@@ -10,7 +10,7 @@ import pytest
 from same_bits import variants
 
 from airrace.optimal_control.solvers.fatrop import interposition
-from airrace.optimal_control.solvers.fatrop.interposition import PRODUCTS, lazily_loaded, same_bits
+from airrace.optimal_control.solvers.fatrop.interposition import PRODUCTS, load_lazily, same_bits
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="takes the place of functions on Linux")
 
@@ -49,7 +49,7 @@ print("answer", *(counts.values() if sys.argv[1] == "native" else ()), solution.
 
 
 def blasfeos() -> list[Any]:
-    return [lazily_loaded()[name] for name in PRODUCTS.values()]
+    return [load_lazily()[name] for name in PRODUCTS.values()]
 
 
 def natives(variant: str) -> list[Any]:

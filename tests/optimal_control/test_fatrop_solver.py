@@ -17,11 +17,10 @@ from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solvers.fatrop import solver as fatrop_solver
-from airrace.optimal_control.solvers.fatrop.one_sided_bounds import RELAXED, unrelaxed
 from airrace.optimal_control.solvers.fatrop.solver import LOST, NOT_FINITE, STATUS, FatropResult, FatropSolver
-from airrace.optimal_control.solvers.fatrop.stages import Bounds
+from airrace.optimal_control.solvers.fatrop.stages import RELAXED, Bounds, unrelaxed
 from airrace.optimal_control.solvers.solver import PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
@@ -159,7 +158,7 @@ def coasting(
 
 
 def level(problem: Problem, height: float) -> Iterate:
-    return interpolated(problem, [1.0], np.array([[height, height]]), [0.0])
+    return interpolate(problem, [1.0], np.array([[height, height]]), [0.0])
 
 
 def test_steps_to_where_a_constraint_has_no_value_are_taken_back() -> None:

@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from airrace.optimal_control.hamiltonian import costates, hamiltonian
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.optimality import costates, hamiltonian
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.solvers.process.worker import SolveServer
@@ -57,7 +57,7 @@ def walk(b: float, observation: Observation = AWAY) -> tuple[Problem, Iterate]:
     )
     phases = (Phase("walk", uniform(2), exactly(SECONDS / 3)), Phase("on", uniform(3), exactly(2 * SECONDS / 3)))
     problem = Problem(SYSTEM, (), Boundary("start", {"x": exactly(X)}), phases, objective)
-    return problem, interpolated(problem, [SECONDS / 3, 2 * SECONDS / 3], [[X, 2.0, 1.0]], [-0.1])
+    return problem, interpolate(problem, [SECONDS / 3, 2 * SECONDS / 3], [[X, 2.0, 1.0]], [-0.1])
 
 
 def least_cost(b: float) -> float:

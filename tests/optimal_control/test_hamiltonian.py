@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from airrace.optimal_control.hamiltonian import costates, errors_in_objective, hamiltonian
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.optimality import costates, errors_in_objective, hamiltonian
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
@@ -48,7 +48,7 @@ def least_time(intervals: int = 10, **objective: object) -> Problem:
 
 
 def solved(problem: Problem) -> Solution:
-    guess = interpolated(problem, (0.5, 0.5), [[0.0, 0.5, 1.0], [0.0, 1.0, 0.0]], (0.0,))
+    guess = interpolate(problem, (0.5, 0.5), [[0.0, 0.5, 1.0], [0.0, 1.0, 0.0]], (0.0,))
     options = SolverOptions(tolerance=1e-9)
     solution = solve(problem, guess, options=options)
     assert solution.success
@@ -107,7 +107,7 @@ def test_hamiltonian_counts_the_regularisation() -> None:
 def test_hamiltonian_strays_where_a_mesh_hides_the_switch() -> None:
     """One free phase on an odd number of intervals: the force cannot change sign in the middle of one."""
     whole = replace(least_time(), phases=(replace(least_time().phases[1], fractions=uniform(5)),))
-    guess = interpolated(whole, (1.0,), [[0.0, 1.0], [0.0, 0.0]], (0.0,))
+    guess = interpolate(whole, (1.0,), [[0.0, 1.0], [0.0, 0.0]], (0.0,))
     solution = solve(whole, guess, options=SolverOptions(tolerance=1e-9))
     drift = np.abs(hamiltonian(whole, solution.iterate, solution.multipliers.constraints) + 1.0)
     assert drift.argmax() == 2

@@ -8,14 +8,13 @@ import pytest
 from known_flights import LENS, exact, flight
 from small_problems import random_iterate, rich_problem, staged_problem
 
-from airrace.optimal_control.constraint_check import Tolerance, audit
-from airrace.optimal_control.hamiltonian import costates, hamiltonian
+from airrace.optimal_control.constraint_check import Tolerance, check_constraints
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolated, uniform
-from airrace.optimal_control.refinement import divide, resampled
-from airrace.optimal_control.replay import estimated_defect, interval_durations, replay, replay_phases
-from airrace.optimal_control.sampling import sample
+from airrace.optimal_control.optimality import costates, hamiltonian
+from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolate, uniform
+from airrace.optimal_control.refinement import divide, resample
+from airrace.optimal_control.replay import estimate_defect, interval_durations, replay, replay_phases, sample
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.process.messages import SolveRequest
 from airrace.optimal_control.solvers.process.worker import SolveServer
@@ -63,16 +62,16 @@ def test_arrivals_are_the_next_states_without_the_jumps() -> None:
     state = random_iterate(problem, 3).state
     taken_off = np.zeros((3, problem.intervals))
     taken_off[:, 2], taken_off[:, 4] = [-0.3, 0.0, 0.2], [0.0, 0.4, 0.0]
-    assert problem.arrivals(state) == pytest.approx(state[:, 1:] - taken_off)
-    assert (rich_problem().arrivals(state) == state[:, 1:]).all()
+    assert problem.states_before_jump(state) == pytest.approx(state[:, 1:] - taken_off)
+    assert (rich_problem().states_before_jump(state) == state[:, 1:]).all()
 
 
 def test_a_straight_guess_meets_its_corners_before_the_jumps() -> None:
     problem = staged_problem()
     at = np.array([[0.0, 1.0, 3.0, -1.0], [2.0, 2.0, 0.0, 5.0], [1.0, 0.0, 0.0, 4.0]])
-    guess = interpolated(problem, [1.0, 2.0, 3.0], at, [0.1, 0.2])
+    guess = interpolate(problem, [1.0, 2.0, 3.0], at, [0.1, 0.2])
     ends = np.array(problem.first_node[1:])
-    assert problem.arrivals(guess.state)[:, ends - 1] == pytest.approx(at[:, 1:])
+    assert problem.states_before_jump(guess.state)[:, ends - 1] == pytest.approx(at[:, 1:])
     assert guess.state[:, ends] == pytest.approx(at[:, 1:] + problem.jumps)
     assert guess.state[0, 3:6] == pytest.approx([0.7, 0.7 + 0.6 * 2.3, 3.0])
 
@@ -102,7 +101,7 @@ def kicked_flight(problem: Problem) -> Iterate:
 def test_an_exact_flight_with_a_jump_replays_onto_itself() -> None:
     stated, flown = kicked(), kicked_flight(kicked())
     assert np.abs(replay(stated, flown).defect).max() < EXACT
-    assert np.abs(estimated_defect(stated, flown)).max() < 1e-5
+    assert np.abs(estimate_defect(stated, flown)).max() < 1e-5
     assert np.abs(replay_phases(stated, flown)).max() < 1e-6
 
 
@@ -116,12 +115,12 @@ def test_a_jump_that_is_not_flown_shows_as_a_defect_where_it_should_be() -> None
 def test_a_boundary_is_audited_before_the_jump() -> None:
     stated = kicked(bounded=True)
     flown = kicked_flight(stated)
-    before = float(stated.arrivals(flown.state)[0, 2])
+    before = float(stated.states_before_jump(flown.state)[0, 2])
     bounds = {"distance": Interval(upper=before - 0.2 - 0.125), "v": exactly(float(flown.state[1, 3]))}
     strict = replace(stated, phases=(replace(stated.phases[0], end=replace(stated.phases[0].end, bounds=bounds)),
                                      stated.phases[1]))  # fmt: skip
     tolerances = (Tolerance("place", ("m",), 1e-3, 1e-3), Tolerance("speed", ("m/s", "W/kg", "N/kg"), 1e-3, 1e-3))
-    items = audit(strict, flown, replay(strict, flown), tolerances=tolerances, defect_limit=1e-6).items
+    items = check_constraints(strict, flown, replay(strict, flown), tolerances=tolerances, defect_limit=1e-6).items
     measured = {item.name: item.value for item in items}
     assert measured["gate_place"] == pytest.approx(0.125)
     assert measured["gate_speed"] == pytest.approx(abs(KICK[1]))
@@ -149,13 +148,13 @@ def test_a_finer_mesh_keeps_the_jump() -> None:
 def test_a_resampled_flight_is_straight_up_to_the_jump_and_from_it() -> None:
     stated = kicked()
     flown = kicked_flight(stated)
-    _, iterate = resampled(stated.mesh, flown, (6, 4), jumps=stated.jumps)
+    _, iterate = resample(stated.mesh, flown, (6, 4), jumps=stated.jumps)
     assert iterate.state[:, [0, 6, 10]] == pytest.approx(flown.state[:, [0, 3, 5]])
     nodes = np.array([0.2, 0.7, 1.0])
-    before = stated.arrivals(flown.state)
+    before = stated.states_before_jump(flown.state)
     expected = [np.interp(5 / 6, nodes, [flown.state[row, 1], flown.state[row, 2], before[row, 2]]) for row in (0, 1)]
     assert iterate.state[:, 5] == pytest.approx(expected)
-    _, kept = resampled(stated.mesh, flown, (3, 2), jumps=stated.jumps)
+    _, kept = resample(stated.mesh, flown, (3, 2), jumps=stated.jumps)
     assert (kept.state == flown.state).all()
 
 
@@ -197,7 +196,7 @@ def lightened(load: float = 3.0) -> tuple[Problem, Iterate]:
     problem = Problem(SLED, (), start, phases)
     light = 4.0 - load
     states = (Sled(x=0.0, v=0.0, m=4.0), Sled(x=0.5, v=1.0, m=4.0), Sled(x=0.7, v=2.0, m=light))
-    return problem, interpolated(problem, [0.5, 0.2, 0.2], corners(*states, Sled(x=1.0, v=0.0, m=light)), [0.0])
+    return problem, interpolate(problem, [0.5, 0.2, 0.2], corners(*states, Sled(x=1.0, v=0.0, m=light)), [0.0])
 
 
 def least_time(load: float) -> float:

@@ -9,9 +9,9 @@ import pytest
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
-from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated
+from airrace.optimal_control.optimality import KktError, kkt_error
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate
 from airrace.quantities import Interval, Quantity
 from airrace.system import System
 
@@ -34,7 +34,7 @@ def measured(duration: float, u: float, costate: float) -> tuple[KktError, np.nd
     problem = creep()
     layout = Layout(problem)
     functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
-    w = layout.pack(interpolated(problem, [duration], np.array([[0.0, 12.0]]), [u]))
+    w = layout.pack(interpolate(problem, [duration], np.array([[0.0, 12.0]]), [u]))
     lam_g = np.zeros(layout.constraints)
     lam_g[layout.gap_index[0, 0]] = costate
     return kkt_error(functions, layout, w, layout.parameter_values(), lam_g)

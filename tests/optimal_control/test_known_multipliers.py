@@ -8,10 +8,10 @@ from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import Kind, carried, limits_of
+from airrace.optimal_control.multiplier_transfer import Kind, limits_of, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
-from airrace.optimal_control.solvers.fatrop.one_sided_bounds import LEAST_FACTOR, PrimalDualPoint, plain, weighed
+from airrace.optimal_control.solvers.fatrop.stages import LEAST_FACTOR, PrimalDualPoint, plain, weighed
 from airrace.optimal_control.solvers.solver import SOLVERS, Multipliers, PreparedProblem, Solution, SolverOptions
 
 EVERYTHING = PROBLEMS["everything"]
@@ -103,7 +103,8 @@ def test_carried_to_the_same_problem_the_multipliers_of_limits_stay(name: str) -
     generator = np.random.default_rng(2)
     given = Multipliers(generator.normal(size=layout.constraints), generator.normal(size=layout.unknowns))
     both, again = (
-        np.concatenate([one.constraints, one.bounds]) for one in (given, carried(given, layout, Layout(PROBLEMS[name])))
+        np.concatenate([one.constraints, one.bounds])
+        for one in (given, transfer_multipliers(given, layout, Layout(PROBLEMS[name])))
     )
     places = np.concatenate([limit.places for limit in limits_of(layout).values()])
     assert again[places] == pytest.approx(both[places], rel=1e-12)
@@ -131,7 +132,7 @@ def test_on_a_finer_mesh_the_multipliers_of_a_limit_add_up_to_the_same() -> None
     for (kind, _), limit in limits.items():
         if kind in (Kind.NODE, Kind.INTERVAL):
             both[limit.places] = limit.weights
-    found = carried(Multipliers(both[: coarse.constraints], both[coarse.constraints :]), coarse, fine)
+    found = transfer_multipliers(Multipliers(both[: coarse.constraints], both[coarse.constraints :]), coarse, fine)
     there = np.concatenate([found.constraints, found.bounds])
     for key, limit in limits_of(fine).items():
         if key in limits and key[0] in (Kind.NODE, Kind.INTERVAL):
@@ -145,7 +146,7 @@ def test_multipliers_carried_to_a_finer_mesh_save_iterations() -> None:
     mesh, guess = divide(problem.mesh, first.iterate, None, np.full(problem.intervals, 2))
     (phase,) = problem.phases
     finer = replace(problem, phases=(replace(phase, fractions=mesh[0]),))
-    multipliers = carried(first.multipliers, Layout(problem), Layout(finer))
+    multipliers = transfer_multipliers(first.multipliers, Layout(problem), Layout(finer))
     cold, warm = (solved(finer, guess, one, barrier=1e-4) for one in (None, multipliers))
     assert warm.iterations <= cold.iterations
     assert warm.objective == pytest.approx(cold.objective, abs=1e-6)

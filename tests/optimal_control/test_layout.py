@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from small_problems import PROBLEMS, random_iterate, rich_problem
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, interpolated
+from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, interpolate
 from airrace.quantities import Interval
 
 
@@ -134,7 +134,7 @@ def test_each_duration_is_bounded_once() -> None:
 def test_interpolation_meets_the_corners_and_is_straight_in_time() -> None:
     problem = rich_problem()
     corners = np.array([[0.0, 1.0, 3.0, -1.0], [2.0, 2.0, 0.0, 5.0], [1.0, 0.0, 0.0, 4.0]])
-    guess: Iterate = interpolated(problem, [1.0, 2.0, 3.0], corners, [0.1, 0.2])
+    guess: Iterate = interpolate(problem, [1.0, 2.0, 3.0], corners, [0.1, 0.2])
     assert guess.state[:, problem.first_node] == pytest.approx(corners)
     assert guess.state[0, :4] == pytest.approx([0.0, 0.2, 0.7, 1.0])
     assert guess.control.shape == (2, problem.intervals)

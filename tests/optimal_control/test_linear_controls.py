@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from small_problems import gate, rich_system
 
-from airrace.optimal_control.hamiltonian import hamiltonian
 from airrace.optimal_control.linear_controls import of_first_states, with_linear_controls
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.optimality import hamiltonian
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.solver import SOLVERS, Solution, SolverOptions
@@ -95,7 +95,7 @@ def solved(problem: Problem, solver: str = "fatrop") -> Solution:
     n_x, n_u = len(problem.system.states), len(problem.system.controls)
     begin, end = np.zeros(n_x), np.zeros(n_x)
     end[0] = 1.0
-    guess = interpolated(problem, [1.0], np.stack([begin, end], axis=1), np.full(n_u, 0.1))
+    guess = interpolate(problem, [1.0], np.stack([begin, end], axis=1), np.full(n_u, 0.1))
     solution = solve(problem, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
     assert solution.success, solution.status
     return solution
@@ -135,7 +135,7 @@ def test_a_linear_control_goes_on_from_phase_to_phase(solver: str) -> None:
     (phase,) = problem.phases
     first = replace(phase, fractions=uniform(2), duration=exactly(1 / 3), end=Boundary())
     parts = replace(problem, phases=(first, replace(phase, fractions=uniform(4), duration=exactly(2 / 3))))
-    guess = interpolated(parts, [1 / 3, 2 / 3], np.array([[0, 0.5, 1], [0, 0, 0], [0, 5, 12], [0, 0, 0]]), [0.1])
+    guess = interpolate(parts, [1 / 3, 2 / 3], np.array([[0, 0.5, 1], [0, 0, 0], [0, 5, 12], [0, 0, 0]]), [0.1])
     split = solve(parts, guess, solver=solver, options=SolverOptions(tolerance=1e-9))
     assert split.iterate.state == pytest.approx(whole.iterate.state, abs=1e-6)
 

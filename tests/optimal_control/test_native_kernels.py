@@ -10,8 +10,7 @@ from same_bits import all_results, assert_as_casadi, assert_same_bits, random_in
 from small_problems import PROBLEMS, rich_system
 
 from airrace.errors import KernelError, SolverCrash
-from airrace.native.bytecode import bytecode, in_runs, operation_numbers
-from airrace.native.interpreter import Interpreter, interpreter
+from airrace.native.interpreter import Interpreter, bytecode, in_runs, interpreter, operation_numbers
 from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
@@ -23,7 +22,7 @@ from airrace.optimal_control.kernels import (
     path_functions,
 )
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.point_functions import casadi_function_at_points
+from airrace.optimal_control.replay import casadi_function_at_points
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
 from airrace.quantities import Quantity
 from airrace.system import System
@@ -129,7 +128,7 @@ def test_an_interval_that_cannot_be_evaluated_spoils_no_other() -> None:
 
 
 def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("airrace.optimal_control.mapping.MAP_IN_THREADS", 1)
+    monkeypatch.setattr("airrace.optimal_control.kernels.MAP_IN_THREADS", 1)
     step, _ = kernels_of(list(VARIANTS.values())[-1], rich_system(), RK4)
     given = intervals(step, 5 * step.lanes)
     alone = all_results(step, given)

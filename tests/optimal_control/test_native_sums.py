@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from airrace.optimal_control import assembly_sums as module
-from airrace.optimal_control.assembly_sums import Contributions, Sums
+from airrace.optimal_control import sparse_assembly as module
+from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly
 
 
 @pytest.fixture
-def sums() -> Sums:
+def sums() -> SparseAssembly:
     """Sums of one to about ten numbers, of sizes that differ by many orders."""
     random = np.random.default_rng(3)
-    contributions = Contributions(20, 30)
+    contributions = COOBuilder(20, 30)
     for count in (300, 2000):
         contributions.draw_from(500)
         weights = random.normal(size=count) * 10.0 ** random.integers(-9, 9, count)
@@ -20,14 +20,14 @@ def sums() -> Sums:
     return contributions.sums()
 
 
-def by_numpy(sums: Sums, drawn: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
+def by_numpy(sums: SparseAssembly, drawn: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
     assert module.library() is not None
     with monkeypatch.context() as patch:
         patch.setattr(module, "library", lambda: None)
         return sums.of(drawn)
 
 
-def test_sums_have_the_bits_of_numpy(sums: Sums, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(sums.turns) > 3
     drawn = np.random.default_rng(4).normal(size=1000)
     expected = by_numpy(sums, drawn, monkeypatch)
@@ -39,7 +39,7 @@ def test_sums_have_the_bits_of_numpy(sums: Sums, monkeypatch: pytest.MonkeyPatch
     assert (np.delete(memory, places) == np.pi).all()
 
 
-def test_chosen_sums_have_the_bits_of_numpy(sums: Sums, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_chosen_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(6)
     numbers = np.sort(random.integers(0, len(sums.rows), 400))
     chosen, drawn = sums.chosen(numbers, random.normal(size=400)), random.normal(size=1000)
@@ -47,7 +47,7 @@ def test_chosen_sums_have_the_bits_of_numpy(sums: Sums, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_both_tell_what_is_no_number(sums: Sums, number: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_tell_what_is_no_number(sums: SparseAssembly, number: float, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn, memory = np.ones(1000), np.zeros(len(sums.rows))
     drawn[int(sums.turns[-1].sources[0])] = number  # the last summand of a sum
     places = np.arange(len(memory))

@@ -8,7 +8,7 @@ import pytest
 
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate, uniform
 from airrace.optimal_control.solve import solve
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, Solution, SolverOptions
 from airrace.quantities import Interval, Quantity
@@ -44,7 +44,7 @@ def swing(*phases: Phase, system: System | None = None, torque_scale: float = 1.
 def guess(problem: Problem) -> Iterate:
     count = len(problem.phases)
     states = np.stack([np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 0.5, count + 1)])
-    return interpolated(problem, [2.0 / count] * count, states, [0.3])
+    return interpolate(problem, [2.0 / count] * count, states, [0.3])
 
 
 def optimum(problem: Problem, solver: str = "fatrop") -> Solution:
@@ -145,7 +145,7 @@ def test_a_problem_without_controls_is_solved_for_its_durations(solver: str) -> 
             Phase("two", uniform(2), Interval(0.01, 9.0), Boundary("ground", {"depth": exactly(4.0)})),
         ),
     )
-    start = interpolated(problem, [1.0, 1.0], np.array([[0.0, 1.0, 4.0], [0.0, 4.0, 8.0]]), [])
+    start = interpolate(problem, [1.0, 1.0], np.array([[0.0, 1.0, 4.0], [0.0, 4.0, 8.0]]), [])
     solution = solve(problem, start, solver=solver)
     assert solution.success, solution.status
     assert solution.iterate.durations == pytest.approx(np.sqrt(2 / 9.81), rel=1e-7)

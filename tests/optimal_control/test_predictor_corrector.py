@@ -8,7 +8,7 @@ from small_problems import PROBLEMS, random_iterate
 
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import carried
+from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
 from airrace.optimal_control.solvers import predictor_corrector, riccati
@@ -43,7 +43,7 @@ def bisect_all(name: str) -> tuple[Problem, Iterate, Multipliers]:
     mesh, guess = divide(problem.mesh, first.iterate, None, np.full(problem.intervals, 2))
     phases = tuple(replace(phase, fractions=cut) for phase, cut in zip(problem.phases, mesh, strict=True))
     finer = replace(problem, phases=phases)
-    return finer, guess, carried(first.multipliers, Layout(problem), Layout(finer))
+    return finer, guess, transfer_multipliers(first.multipliers, Layout(problem), Layout(finer))
 
 
 @pytest.mark.parametrize("name", ["everything", "jumps", "final cost", "one phase"])

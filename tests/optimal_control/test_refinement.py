@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from known_flights import exact, flight, node_times, problem
 
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import divide, inherited, restrict, widened
+from airrace.optimal_control.refinement import divide, inherited_nodes, restrict, widen
 from airrace.optimal_control.replay import interval_durations, replay
 
 STATED, FLOWN = problem(), flight(problem())
@@ -45,7 +45,7 @@ def test_every_interval_becomes_so_many_equal_parts(parts: np.ndarray) -> None:
 @given(counts)
 def test_old_nodes_durations_and_controls_are_kept(parts: np.ndarray) -> None:
     finer, iterate = divided(parts)
-    kept = inherited(parts)
+    kept = inherited_nodes(parts)
     assert node_times(finer)[kept] == pytest.approx(node_times(STATED))
     assert (iterate.state[:, kept] == FLOWN.state).all()
     assert (iterate.durations == FLOWN.durations).all()
@@ -76,7 +76,7 @@ def test_nodes_between_samples_are_near_the_flight() -> None:
 
 @given(counts)
 def test_dropping_the_new_nodes_leads_back(parts: np.ndarray) -> None:
-    again, iterate = restricted(*divided(parts), inherited(parts))
+    again, iterate = restricted(*divided(parts), inherited_nodes(parts))
     for phase, before in zip(again.phases, STATED.phases, strict=True):
         assert phase.fractions == pytest.approx(before.fractions, rel=1e-12)
     assert (iterate.state == FLOWN.state).all()
@@ -105,4 +105,4 @@ def test_node_between_phases_cannot_be_dropped() -> None:
 
 def test_neighbours_are_those_beside() -> None:
     marked = np.array([False, False, True, False, False, False, True])
-    assert widened(marked).tolist() == [False, True, True, True, False, True, True]
+    assert widen(marked).tolist() == [False, True, True, True, False, True, True]

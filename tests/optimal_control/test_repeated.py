@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from small_problems import PROBLEMS, random_point
 
-from airrace.optimal_control import stage_assembly
+from airrace.optimal_control import sparse_assembly
 from airrace.optimal_control.assembly import Assembly
-from airrace.optimal_control.assembly_sums import Contributions
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.solvers.fatrop.one_sided_bounds import PrimalDualPoint
-from airrace.optimal_control.solvers.fatrop.stages import INEQUALITIES, Bounds, Rows, Stages
-from airrace.optimal_control.stage_assembly import NO_FACTORS, Entries, Memory, StageAssembly, kinds
+from airrace.optimal_control.solvers.fatrop.stages import INEQUALITIES, Bounds, PrimalDualPoint, Rows, Stages
+from airrace.optimal_control.sparse_assembly import NO_FACTORS, COOBuilder, Entries, Memory, StageAssembly, unique_rows
 from airrace.trajectory import Array
 
 ROOM = 4000
@@ -50,8 +48,8 @@ def empty(stages: int, families: int) -> Memory:
 @pytest.fixture(params=["native", "numpy"])
 def added_up_by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.param == "numpy":
-        monkeypatch.setattr(stage_assembly, "library", lambda: None)
-    assert (stage_assembly.library() is not None) == (request.param == "native")
+        monkeypatch.setattr(sparse_assembly, "library", lambda: None)
+    assert (sparse_assembly.library() is not None) == (request.param == "native")
 
 
 @pytest.mark.usefixtures("added_up_by")
@@ -104,7 +102,7 @@ def test_a_finer_mesh_has_stages_of_the_same_kinds() -> None:
     for intervals in (20, 80):
         finer = replace(problem, phases=(replace(phase, fractions=(1.0 / intervals,) * intervals, watches=()),))
         assembly = Assembly(Layout(finer), casadi_kernels(finer.system, finer.scheme))
-        counts.append(len(kinds(assembly.alike(rows=True))[1]))
+        counts.append(len(unique_rows(assembly.alike(rows=True))[1]))
     assert counts[0] == counts[1] < 8
 
 
@@ -117,7 +115,7 @@ def test_inequalities_alone_have_factors(functions: Evaluation) -> None:
 
 
 def test_rows_are_of_a_kind_where_all_numbers_are_equal() -> None:
-    kind, first = kinds(np.array([[1, 2], [3, 4], [1, 2], [1, 4]]))
+    kind, first = unique_rows(np.array([[1, 2], [3, 4], [1, 2], [1, 4]]))
     assert kind[0] == kind[2]
     assert len(set(kind.tolist())) == 3
     assert [kind[one] for one in first] == [0, 1, 2]
@@ -126,7 +124,7 @@ def test_rows_are_of_a_kind_where_all_numbers_are_equal() -> None:
 
 def test_numbers_of_several_blocks_and_turns_are_added_in_order() -> None:
     """Two stages are alike: the third number of each is the sum of three, from two blocks."""
-    contributions = Contributions(4, 1)
+    contributions = COOBuilder(4, 1)
     numbers = np.arange(3)
     contributions.draw_from(6, np.array([0, 3]))
     contributions.add(numbers, np.zeros(3, dtype=np.int64), np.array([1.0, 10.0, 1e16]), numbers)

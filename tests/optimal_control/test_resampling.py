@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from known_flights import FREQUENCY, exact, flight, node_times, problem
 from scipy.linalg import expm
 
-from airrace.optimal_control.refinement import resampled
-from airrace.optimal_control.replay import estimated_defect, estimated_error, interval_durations, replay
+from airrace.optimal_control.refinement import resample
+from airrace.optimal_control.replay import estimate_defect, estimate_error, interval_durations, replay
 from airrace.optimal_control.runge_kutta import RK4
 
 STATED, FLOWN = problem(), flight(problem())
@@ -25,7 +25,7 @@ def edges(mesh: list[tuple[float, ...]]) -> list[int]:
 
 
 def test_phases_that_have_their_counts_already_are_left_alone() -> None:
-    mesh, iterate = resampled(STATED.mesh, FLOWN, OWN)
+    mesh, iterate = resample(STATED.mesh, FLOWN, OWN)
     assert mesh == STATED.mesh
     for name in ("durations", "state", "control"):
         np.testing.assert_array_equal(getattr(iterate, name), getattr(FLOWN, name))
@@ -33,7 +33,7 @@ def test_phases_that_have_their_counts_already_are_left_alone() -> None:
 
 @given(counts)
 def test_every_phase_has_its_count_of_intervals_which_are_equal_where_they_are_new(chosen: tuple[int, int]) -> None:
-    mesh, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    mesh, iterate = resample(STATED.mesh, FLOWN, chosen)
     for phase, own, count in zip(mesh, STATED.mesh, chosen, strict=True):
         assert phase == own if len(own) == count else phase == pytest.approx((1.0 / count,) * count)
         assert sum(phase) == pytest.approx(1.0)
@@ -43,14 +43,14 @@ def test_every_phase_has_its_count_of_intervals_which_are_equal_where_they_are_n
 
 @given(counts)
 def test_states_between_phases_and_durations_are_kept(chosen: tuple[int, int]) -> None:
-    mesh, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    mesh, iterate = resample(STATED.mesh, FLOWN, chosen)
     assert iterate.state[:, edges(mesh)] == pytest.approx(FLOWN.state[:, edges(STATED.mesh)], abs=1e-12)
     np.testing.assert_array_equal(iterate.durations, FLOWN.durations)
 
 
 @given(counts)
 def test_controls_add_up_to_the_same_in_every_phase(chosen: tuple[int, int]) -> None:
-    mesh, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    mesh, iterate = resample(STATED.mesh, FLOWN, chosen)
     for after, before, new, old in zip(
         itertools.pairwise(edges(mesh)), itertools.pairwise(edges(STATED.mesh)), mesh, STATED.mesh, strict=True
     ):
@@ -60,7 +60,7 @@ def test_controls_add_up_to_the_same_in_every_phase(chosen: tuple[int, int]) -> 
 
 @given(counts)
 def test_controls_stay_between_the_smallest_and_the_largest(chosen: tuple[int, int]) -> None:
-    _, iterate = resampled(STATED.mesh, FLOWN, chosen)
+    _, iterate = resample(STATED.mesh, FLOWN, chosen)
     assert iterate.control.min() >= FLOWN.control.min() - 1e-12
     assert iterate.control.max() <= FLOWN.control.max() + 1e-12
 
@@ -71,8 +71,8 @@ def test_finer_meshes_of_a_smooth_flight_come_near_to_it_and_coarser_ones_lead_b
     before, times = np.array([0.4, 1.1]), node_times(stated)
     whole = flight(stated)
     smooth = type(whole)(whole.durations, exact(before, 2.0, times), np.full((1, 40), 2.0))
-    mesh, finer = resampled(stated.mesh, smooth, (60, 60))
-    again, back = resampled(mesh, finer, (20, 20))
+    mesh, finer = resample(stated.mesh, smooth, (60, 60))
+    again, back = resample(mesh, finer, (20, 20))
     assert back.control == pytest.approx(smooth.control)
     assert back.state == pytest.approx(smooth.state, abs=1e-9)
     fine = problem(*mesh)
@@ -82,16 +82,16 @@ def test_finer_meshes_of_a_smooth_flight_come_near_to_it_and_coarser_ones_lead_b
 
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_estimated_defect_is_nearly_that_of_the_independent_integrator(count: int) -> None:
-    mesh, iterate = resampled(STATED.mesh, FLOWN, (count, count))
+    mesh, iterate = resample(STATED.mesh, FLOWN, (count, count))
     stated = problem(*mesh)
-    measured, estimated = replay(stated, iterate).defect, estimated_defect(stated, iterate)
+    measured, estimated = replay(stated, iterate).defect, estimate_defect(stated, iterate)
     assert estimated.shape == measured.shape == (2, len(interval_durations(stated, iterate.durations)))
     assert np.abs(measured).max() > 0.01  # there is something to be estimated
     assert np.abs(estimated - measured).max() < 0.01 * np.abs(measured).max()
 
 
 def test_exact_flight_has_no_estimated_defect() -> None:
-    assert np.abs(estimated_defect(STATED, FLOWN)).max() < 1e-3 * np.abs(FLOWN.state).max()
+    assert np.abs(estimate_defect(STATED, FLOWN)).max() < 1e-3 * np.abs(FLOWN.state).max()
 
 
 def test_nodes_that_do_not_join_are_no_error_of_the_integrator() -> None:
@@ -100,14 +100,14 @@ def test_nodes_that_do_not_join_are_no_error_of_the_integrator() -> None:
     force = FREQUENCY**2 * places[None, :-1]
     at_rest = type(FLOWN)(FLOWN.durations, np.stack([places, 0.0 * places]), force)
     stated = problem((0.05,) * 20, (0.05,) * 20)
-    assert np.abs(estimated_error(stated, at_rest)).max() < 1e-12
-    assert np.abs(estimated_defect(stated, at_rest)).max() > 0.1
+    assert np.abs(estimate_error(stated, at_rest)).max() < 1e-12
+    assert np.abs(estimate_defect(stated, at_rest)).max() > 0.1
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_error_of_the_integrator_is_what_its_series_leaves_out(count: int) -> None:
     """About rest under its force an oscillator turns by the duration of an interval; RK4 has four terms of that."""
-    mesh, iterate = resampled(STATED.mesh, FLOWN, (count, count))
+    mesh, iterate = resample(STATED.mesh, FLOWN, (count, count))
     stated = dataclasses.replace(problem(*mesh), scheme=RK4)
     k, ends = FREQUENCY**2, []
     steps = interval_durations(stated, iterate.durations)
@@ -117,4 +117,4 @@ def test_error_of_the_integrator_is_what_its_series_leaves_out(count: int) -> No
         ends.append((expm(turned) - series) @ (x - [u / k, 0.0]))
     missed = np.stack(ends, axis=1) / np.array([[one.scale] for one in stated.system.states])
     assert np.abs(missed).max() > 1e-5
-    assert np.abs(estimated_error(stated, iterate) - missed).max() < 0.01 * np.abs(missed).max()
+    assert np.abs(estimate_error(stated, iterate) - missed).max() < 0.01 * np.abs(missed).max()

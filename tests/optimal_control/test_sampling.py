@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from known_flights import exact, flight, node_times, problem
 
-from airrace.optimal_control.point_functions import function_at_points
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.replay import SAMPLES, replay
-from airrace.optimal_control.sampling import sample
+from airrace.optimal_control.replay import SAMPLES, function_at_points, replay, sample
 from airrace.trajectory import Array
 
 EXACT = 1e-7

@@ -223,8 +223,8 @@ def test_an_error_of_who_is_told_is_its_own_and_not_the_death_of_the_process() -
 def test_what_is_put_off_is_done_once_before_the_next_solution_is_waited_for() -> None:
     done: list[str] = []
     with SolverService() as service:
-        service.meanwhile(lambda: done.append("first"))
-        service.meanwhile(lambda: done.append("second"))
+        service.defer(lambda: done.append("first"))
+        service.defer(lambda: done.append("second"))
         assert not done
         solve(service, on_iteration=lambda _: done.append("iteration"))
         assert done[:3] == ["first", "second", "iteration"]
@@ -240,7 +240,7 @@ def test_what_is_announced_meanwhile_and_the_solution_do_not_wait_for_each_other
     problem, guess = rest_to_rest(2000)
     large = replace(problem.system, name="oscillator" * 100_000)
     with SolverService() as service:
-        service.meanwhile(lambda: service.announce(large, problem.scheme))
+        service.defer(lambda: service.preload(large, problem.scheme))
         watchdog = threading.Timer(LONGEST_SOLVE, service.end)
         watchdog.start()
         try:
@@ -258,7 +258,7 @@ def test_an_error_of_what_was_put_off_is_its_own_and_leaves_no_process() -> None
         raise ValueError("refused")
 
     with SolverService() as service:
-        service.meanwhile(refuse)
+        service.defer(refuse)
         worker = worker_of(before)
         with pytest.raises(ValueError, match="refused"):
             solve(service)
@@ -311,7 +311,7 @@ def test_announced_kernels_are_made_ready_once(monkeypatch: pytest.MonkeyPatch) 
     problem, guess = rest_to_rest()
     server = SolveServer()
     built = kernels_that_are_built(monkeypatch)
-    server.expect(PreloadRequest(problem.system, problem.scheme))
+    server.preload(PreloadRequest(problem.system, problem.scheme))
     assert built == [problem.system]
     monkeypatch.setattr(sys, "stdout", io.StringIO())  # what the solver prints
     request = SolveRequest(problem, guess, None, "fatrop", SolverOptions(), 1)
@@ -338,7 +338,7 @@ def test_a_process_that_died_is_announced_to_in_vain_and_told_by_the_next_solve(
         worker = worker_of(before)
         psutil.Process(worker).kill()
         wait_until_gone(worker)
-        service.announce(problem.system, problem.scheme)
+        service.preload(problem.system, problem.scheme)
         with pytest.raises(SolverCrash, match="the solver process died"):
             solve(service, (problem, guess))
         assert solve(service, (problem, guess)).success

@@ -10,8 +10,7 @@ import pytest
 from same_bits import all_results, random_intervals, results
 from small_problems import PROBLEMS, rich_system
 
-from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels
-from airrace.optimal_control.mapping import Part
+from airrace.optimal_control.kernels import NativeKernel, Part, build_kernels, casadi_kernels
 from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
 from airrace.quantities import Quantity
 from airrace.system import System

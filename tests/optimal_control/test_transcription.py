@@ -130,7 +130,7 @@ def test_constraints_are_path_and_boundary_values_in_units_of_their_scales(probl
             output_sample = layout.output_samples[row.source]
             first = len(problem.parameters) + layout.intervals + output_sample.offset
             parameters = layout.parameter_values()[first : first + len(output_sample.observation.parameters)]
-            seen = x if output_sample.jump is None else problem.arrivals(iterate.state)[:, row.node - 1]
+            seen = x if output_sample.jump is None else problem.states_before_jump(iterate.state)[:, row.node - 1]
             values = output_sample.observation.values(seen, parameters)
         assert g[place] == pytest.approx(float(values[row.component]) / row.quantity.scale, abs=1e-13)
 

@@ -7,8 +7,7 @@ import pytest
 from small_problems import PROBLEMS, ended_problem, rich_problem
 
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.problem import Objective, Problem, uniform
-from airrace.optimal_control.validity import WHOLE, require_valid
+from airrace.optimal_control.problem import WHOLE, Objective, Problem, require_valid, uniform
 from airrace.quantities import Interval
 
 RICH, ENDED = rich_problem(), ended_problem()

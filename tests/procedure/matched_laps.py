@@ -76,7 +76,7 @@ def passing() -> Array:
 
 def violations_of(problem: Problem, solution: Solution) -> tuple[Item, ...]:
     """What the optimum violates, between nodes and at gates."""
-    measured = examine(problem, solution.iterate, solution.multipliers.constraints, PLAN.certificate).audit
+    measured = examine(problem, solution.iterate, solution.multipliers.constraints, PLAN.certificate).check
     return tuple(item for item in measured.items if item.name != "replay_defect" and not item.holds)
 
 

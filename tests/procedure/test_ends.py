@@ -104,7 +104,7 @@ def certificate_items(race: Race, result: StageResult, slip: float) -> dict[str,
     state[[one.name for one in problem.system.states].index("n_y"), 0] += slip
     moved = dataclasses.replace(iterate, state=state)
     evidence = examine(problem, moved, result.constraint_multipliers, Settings().certificate)
-    return {item.name: item for item in evidence.audit.items}
+    return {item.name: item for item in evidence.check.items}
 
 
 def test_certificate_tells_a_start_that_is_not_settled() -> None:

@@ -31,12 +31,12 @@ def test_tightened_limit_grows_likewise() -> None:
 def test_certificate_measures_with_the_limit_of_its_race(races: float, share: float, holds: bool) -> None:
     duration = races * LONG_RACE
     optimum = flown(durations=(0.75 * duration, 0.25 * duration))
-    audited = dataclasses.replace(optimum.evidence.audit, items=(Item("replay_defect", 0.0, 1.0),))
+    audited = dataclasses.replace(optimum.evidence.check, items=(Item("replay_defect", 0.0, 1.0),))
     limit = LIMITS.race_time * max(1.0, races)
     certificate = certify(
         optimum.problem,
         optimum.iterate,
-        dataclasses.replace(optimum.evidence, audit=audited),
+        dataclasses.replace(optimum.evidence, check=audited),
         LIMITS,
         claim=Item("solver", 0.0, 0.0),
         status="solved",

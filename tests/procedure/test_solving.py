@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from races import RACES, SMALL, planned, prepared
 
-from airrace.optimal_control.kkt import KktError
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.optimality import KktError
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers.process.messages import IterationReport
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout

@@ -27,7 +27,7 @@ def flights_that_fly_are_certified(monkeypatch: pytest.MonkeyPatch) -> None:
     """Canned answers have no multipliers and know of no other mesh."""
 
     def certify(problem: Problem, iterate: Iterate, evidence: Evidence, *_: object, **__: object) -> Certificate:
-        return Certificate("canned", (*evidence.audit.items, Item(RACE_TIME_CHANGE, 0.0, 5e-3, "s")))
+        return Certificate("canned", (*evidence.check.items, Item(RACE_TIME_CHANGE, 0.0, 5e-3, "s")))
 
     monkeypatch.setattr(solve_and_refine, "certify", certify)
 

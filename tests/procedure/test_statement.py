@@ -26,7 +26,7 @@ from races import pylon as pylon_at
 from airrace.dynamics.point_mass import PointMassState
 from airrace.environment.air import Air
 from airrace.frames import quaternion
-from airrace.optimal_control.constraint_check import observed, outside
+from airrace.optimal_control.constraint_check import boundary_values, outside
 from airrace.optimal_control.problem import Boundary, Problem
 from airrace.planning.race import Race
 from airrace.procedure.formulation import piece_boundary
@@ -75,7 +75,7 @@ def violated(boundary: Boundary, problem: Problem, at: np.ndarray) -> set[str]:
     """Names of the conditions that a state does not keep."""
     return {
         quantity.name
-        for quantity, bounds, value in observed(problem, boundary, at)
+        for quantity, bounds, value in boundary_values(problem, boundary, at)
         if float(outside(np.asarray(value), bounds.lower, bounds.upper)) > 1e-9
     }
 

@@ -9,7 +9,7 @@ from statement import KnownAnswer, exactly
 
 from airrace.optimal_control import runge_kutta
 from airrace.optimal_control.kernels import casadi_kernels
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
 from airrace.optimal_control.runge_kutta import VERNER_7, RungeKutta
 from airrace.optimal_control.solvers.solver import SolverOptions
 from airrace.quantities import T, Vector, quantity, vector
@@ -85,7 +85,7 @@ def optimum_errors(scheme: RungeKutta, meshes: Sequence[int], reached: float = 0
             objective=Objective(time=0.0, regularisation={"u": 1.0}),
             scheme=scheme,
         )
-        guess = interpolated(problem, [1.0], corners(Population(x=begin), Population(x=reached)), [4.0])
+        guess = interpolate(problem, [1.0], corners(Population(x=begin), Population(x=reached)), [4.0])
         solution = KnownAnswer("population", problem, guess, (), SolverOptions(tolerance=1e-10)).solve()
         if not solution.success:
             raise ArithmeticError(f"{scheme.name}, {intervals} intervals: {solution.status}")

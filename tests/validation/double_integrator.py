@@ -2,7 +2,7 @@
 
 from statement import KnownAnswer, exactly, least_time
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 
@@ -34,6 +34,6 @@ def known_answers() -> tuple[KnownAnswer, ...]:
         ),
     )
     states = corners(State(x=1.0, v=0.0), State(x=0.5, v=-0.5), State(x=0.0, v=0.0))
-    guess = interpolated(problem, [1.5, 0.8], states, [0.0])
+    guess = interpolate(problem, [1.5, 0.8], states, [0.0])
     time = least_time(2.0, tolerance=1e-7)
     return (KnownAnswer("double integrator, free switch", problem, guess, (time,)),)

@@ -3,7 +3,7 @@
 import casadi as ca
 from statement import KnownAnswer, Value, exactly
 
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 
@@ -55,7 +55,7 @@ def known_answers() -> tuple[KnownAnswer, ...]:
         time_scale=100.0,
     )
     states = corners(State(x=0.0, y=1000.0, C_L=1.0, **velocity), State(x=1250.0, y=900.0, C_L=1.0, **velocity))
-    guess = interpolated(problem, [100.0], states, [0.0])
+    guess = interpolate(problem, [100.0], states, [0.0])
     source = "Bulirsch, Nerz, Pesch & von Stryk 1993"
     reached = Value("greatest range", "m", "1248.03", source, 0.005, lambda solution: -solution.objective)
     time = Value("its time", "s", "98.44", source, 0.005, lambda solution: float(solution.iterate.durations[0]))

@@ -11,7 +11,7 @@ import numpy as np
 from statement import KnownAnswer, Value, exactly
 
 from airrace.optimal_control.linear_controls import with_linear_controls
-from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolated
+from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, interpolate
 from airrace.optimal_control.solvers.solver import Solution
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
@@ -115,7 +115,7 @@ def reentry(hottest: float | None, guessed_time: float, intervals: int) -> tuple
     held = {"alpha": 17 * DEGREE, "beta": -50 * DEGREE}
     corners = ({**begin, **held}, {**end, "theta": 20 * DEGREE, "psi": 20 * DEGREE, **held})
     states = np.array([[corner[one.name] for one in SYSTEM.states] for corner in corners]).T
-    return problem, interpolated(problem, [guessed_time], states, [0.0, 0.0])
+    return problem, interpolate(problem, [guessed_time], states, [0.0, 0.0])
 
 
 def known_answers() -> tuple[KnownAnswer, ...]:

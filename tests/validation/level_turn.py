@@ -12,7 +12,7 @@ import math
 import casadi as ca
 from statement import KnownAnswer, exactly, least_time
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 
@@ -62,6 +62,6 @@ def known_answers() -> tuple[KnownAnswer, ...]:
     states = corners(
         State(chi=0.0, phi=0.0), State(chi=0.1, phi=1.3), State(chi=dchi - 0.1, phi=1.3), State(chi=dchi, phi=0.0)
     )
-    guess = interpolated(problem, [0.3, 5.0, 0.3], states, [0.0])
+    guess = interpolate(problem, [0.3, 5.0, 0.3], states, [0.0])
     time = least_time(2 * phi_m / p + (dchi - 2 * dr) * V / (g * math.tan(phi_m)), tolerance=5e-7)
     return (KnownAnswer("level turn, limited roll", problem, guess, (time,)),)

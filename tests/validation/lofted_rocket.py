@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from statement import KnownAnswer, Value, exactly
 
-from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Objective, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import T, Vector, quantity, vector
 from airrace.system import observation_of, system_of
 
@@ -74,7 +74,7 @@ def known_answers() -> tuple[KnownAnswer, ...]:
         time_scale=tau,
     )
     states = corners(State(x=0.0, y=0.0, vx=0.0, vy=0.0), State(x=3e4, y=1e4, vx=1000.0, vy=300.0))
-    guess = interpolated(problem, [tau], states, [0.9])
+    guess = interpolate(problem, [tau], states, [0.9])
     theta = best_angle()
     reached = Value(
         *("greatest range", "km", f"{range_at(theta) / 1e3:.10f}", "closed form", 1e-6),

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from statement import KnownAnswer, Value, exactly, objective
 
-from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 
@@ -74,7 +74,7 @@ def on_a_uniform_mesh(intervals: int) -> tuple[Problem, Iterate]:
     problem = Problem(SYSTEM, parameters=(), start=START, phases=(phase,), time_scale=10.0)
     states = corners(State(**attitude(0.0)), State(**attitude(TURN)))
     # some torque about every axis: from a turn about x alone the solvers stay in that slower optimum
-    return problem, interpolated(problem, [40.0], states, [10.0, 10.0, 10.0])
+    return problem, interpolate(problem, [40.0], states, [10.0, 10.0, 10.0])
 
 
 def switching_freely(intervals: int) -> tuple[Problem, Iterate]:
@@ -93,7 +93,7 @@ def switching_freely(intervals: int) -> tuple[Problem, Iterate]:
     problem = Problem(SYSTEM, parameters=(), start=START, phases=tuple(phases), time_scale=10.0)
     durations = [7.0, 6.0, 1.0, 6.0, 6.0, 4.0]
     states = corners(*(State(**attitude(TURN * time / 30.0)) for time in np.cumsum([0.0, *durations])))
-    straight = interpolated(problem, durations, states, [0.0, 0.0, 0.0])
+    straight = interpolate(problem, durations, states, [0.0, 0.0, 0.0])
     return problem, replace(straight, control=50.0 * np.repeat(SIGNS, intervals, axis=0).T)
 
 

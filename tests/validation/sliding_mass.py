@@ -4,7 +4,7 @@ import math
 
 from statement import KnownAnswer, exactly, least_time
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 
@@ -39,7 +39,7 @@ def sliding_mass(count: int) -> KnownAnswer:
     return KnownAnswer(
         f"sliding mass, {count} phase{'s' if count > 1 else ''}",
         problem,
-        interpolated(problem, [1.0 / count] * count, states, [0.0]),
+        interpolate(problem, [1.0 / count] * count, states, [0.0]),
         (least_time(2 / math.sqrt(20), tolerance=1e-7),),
     )
 

@@ -5,7 +5,7 @@ import math
 import casadi as ca
 from statement import KnownAnswer, Value, exactly, objective
 
-from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolated, uniform
+from airrace.optimal_control.problem import Boundary, Phase, Problem, corners, interpolate, uniform
 from airrace.quantities import Interval, T, Vector, quantity, vector
 from airrace.system import system_of
 
@@ -85,7 +85,7 @@ def known_answers() -> tuple[KnownAnswer, ...]:
     )
     top = State(gamma=0.0, V=280.0, x=7500.0, h=1500.0, alpha=0.0)
     states = corners(State(**launch, alpha=0.0), top, State(**target, alpha=0.0))
-    guess = interpolated(problem, [27.0, 14.0], states, [6000.0, 0.0])
+    guess = interpolate(problem, [27.0, 14.0], states, [6000.0, 0.0])
     source = "the problem of Subchan & Zbikowski 2007"
     time = Value("least time", "s", "40.912", source, 0.0005, objective)
     return (KnownAnswer("terminal bunt", problem, guess, (time,)),)

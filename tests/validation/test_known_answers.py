@@ -9,7 +9,7 @@ import reorientation
 from statement import KnownAnswer, objective
 from textbook import known_answers
 
-from airrace.optimal_control.problem import interpolated
+from airrace.optimal_control.problem import interpolate
 from airrace.optimal_control.solve import solve
 
 both_solvers = pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
@@ -73,7 +73,7 @@ def test_an_ascent_through_the_earth_is_given_up_in_time() -> None:
     states[:3] = np.outer(begin[:3], 1 - share) + np.outer(orbit, share)
     states[3:6] = np.outer([-7000.0, 7000.0, -2000.0], share)
     states[6] = begin[6] * (1 - share) + 7600.0 * share
-    straight = interpolated(problem, guess.durations, states, [0.0, 0.0])
+    straight = interpolate(problem, guess.durations, states, [0.0, 0.0])
     solution = solve(problem, straight, stall_seconds=4.0)
     assert not solution.success
     assert solution.status == "no iteration finished within 4 s"

@@ -12,8 +12,8 @@ import sys
 import numpy as np
 
 from airrace.optimal_control.evaluation import Evaluation
-from airrace.optimal_control.kkt import MULTIPLIER_SCALE
 from airrace.optimal_control.layout import Indices
+from airrace.optimal_control.optimality import MULTIPLIER_SCALE
 from airrace.optimal_control.solvers.fatrop.stages import Bounds
 from airrace.optimal_control.solvers.riccati import StageSystem
 from airrace.records import record
@@ -256,7 +256,7 @@ class _Run:
         return found if finite and np.isfinite(functions.f) and np.isfinite(found.stationarity).all() else None
 
     def _errors(self, point: _Point, residuals: _Residuals) -> tuple[float, float]:
-        """Return the largest error of the conditions of optimality, as `kkt.py` measures them, and the primal one."""
+        """Return the largest KKT error, as `kkt_error` measures it, and the primal one."""
         size = max(MULTIPLIER_SCALE, *(float(np.abs(one).mean()) for one in (point.y, point.z) if len(one)))
         primal = max(_largest(residuals.gaps), _largest(residuals.equalities), _largest(residuals.slacks))
         products = _largest((point.s + residuals.slacks) * point.z)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from airrace.native.library import library
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.layout import Indices
-from airrace.optimal_control.stage_assembly import Entries, Memory, StageAssembly, chosen, kinds
+from airrace.optimal_control.sparse_assembly import Entries, Memory, StageAssembly, chosen, unique_rows
 from airrace.trajectory import Array
 
 MOST_UNKNOWNS = 64
@@ -58,7 +58,7 @@ class StageSystem:
 
     @cached_property
     def _hessian(self) -> StageAssembly:
-        kind, first = kinds(self._assembly.alike(rows=False))
+        kind, first = unique_rows(self._assembly.alike(rows=False))
         sums = self._assembly.hessian_of(chosen(first, len(self._sizes)))
         stage = self._assembly.layout.stage_of_unknown[sums.rows]
         offsets = self._place[sums.columns] * self._sizes[stage] + self._place[sums.rows]
@@ -68,7 +68,7 @@ class StageSystem:
     def _jacobian(self) -> StageAssembly:
         """The Jacobian: of the gaps with the other sign and without the next states, of the rows as it is."""
         layout = self._assembly.layout
-        kind, first = kinds(self._assembly.alike(rows=True))
+        kind, first = unique_rows(self._assembly.alike(rows=True))
         sums = self._assembly.jacobian_of(chosen(first, len(self._sizes)))
         number = np.full(layout.constraints, -1)
         number[layout.gap_index] = np.arange(self._states)

@@ -15,8 +15,8 @@ import numpy as np
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import Kernels
-from airrace.optimal_control.kkt import KktError, kkt_error
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.optimality import KktError, kkt_error
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.solvers import riccati
 from airrace.optimal_control.solvers.fatrop.abi_check import require_known_interface

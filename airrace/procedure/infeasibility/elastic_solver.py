@@ -16,14 +16,14 @@ from airrace.optimal_control.elastic import (
     PATH,
     Moves,
     Owner,
+    augment,
     boundaries_of,
+    difference,
     elastic,
-    lifted,
-    lowered,
-    moves,
+    project,
 )
-from airrace.optimal_control.hamiltonian import costates
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.optimality import costates
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Problem
 from airrace.optimal_control.replay import interval_durations
 from airrace.optimal_control.solvers.solver import Solution, SolverOptions
@@ -143,7 +143,7 @@ class ElasticSolver:
     def blame(self, race: Race, relaxable: RelaxableParameter, at: Relaxed) -> float:
         """Return what a usual step of a parameter would spare, in steps of all parameters together."""
         strict, mild = self._varied.problem(race), self._varied.problem(relaxable.changed(race, relaxable.milder))
-        return _spared(moves(strict, mild), strict, at) / WEIGHT
+        return _spared(difference(strict, mild), strict, at) / WEIGHT
 
     def _least(
         self, strict: Race, mild: Race, start: Iterate, purpose: str, most: int, *, begin: float, furthest: float
@@ -153,7 +153,7 @@ class ElasticSolver:
         most = min(most, self._session.settings.solver.iterations_max)
         options = dataclasses.replace(OPTIONS, iterations_max=most)
         solution = self._session.attempt(
-            problem, lifted(start, begin), purpose, self._session.settings.solver.primary, options
+            problem, augment(start, begin), purpose, self._session.settings.solver.primary, options
         )
         if solution is None or not solution.success:
             return None
@@ -182,7 +182,7 @@ def _relaxed(problem: Problem, solution: Solution) -> Relaxed:
         phase = problem.phases[int(layout.phase_of_interval[max(row.node - 1, 0)])]
         at = layout.output_samples[row.source].name if owner[0] == "boundary" else phase.name
         places[at] = places.get(at, 0.0) + abs(pull * amounts.get((owner, name), 0.0))
-    flight, steps = lowered(solution.iterate)
+    flight, steps = project(solution.iterate)
     return Relaxed(flight, steps, pulls, along, costates(layout, lam)[:-1], places)
 
 
@@ -209,7 +209,7 @@ def _amounts(problem: Problem) -> dict[tuple[Owner, str], float]:
 
 def _with_places(at: Relaxed, strict: Problem, mild: Problem) -> Relaxed:
     """Return a relaxation with the blame of what boundaries observe and of what the equations do there as well."""
-    moved, places, nodes = moves(strict, mild), dict(at.places), strict.first_node
+    moved, places, nodes = difference(strict, mild), dict(at.places), strict.first_node
     for owner, boundary in boundaries_of(strict):
         change = moved.values.get(owner)
         if change is not None:

@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from airrace.errors import SolverCrash
-from airrace.optimal_control.hamiltonian import costates, errors_in_objective
 from airrace.optimal_control.layout import Layout
+from airrace.optimal_control.optimality import costates, errors_in_objective
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import resampled
-from airrace.optimal_control.replay import estimated_defect
+from airrace.optimal_control.refinement import resample
+from airrace.optimal_control.replay import estimate_defect
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService, SolverTimeout
 from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.planning.plan import Plan
@@ -136,7 +136,7 @@ def solve_coarse(service: SolverService, initial_guess: InitialGuess) -> CoarseS
     if found is None or not initial_guess.is_baseline:
         return found
     counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
-    mesh, iterate = resampled(found.problem.mesh, found.iterate, counts)
+    mesh, iterate = resample(found.problem.mesh, found.iterate, counts)
     return _coarse_solution(service, InitialGuess(found.flight, mesh, iterate, AGAIN_BARRIER)) or found
 
 
@@ -156,7 +156,7 @@ def _coarse_solution(service: SolverService, initial_guess: InitialGuess) -> Coa
         counts = _counts(found)
         if counts == [len(phase) for phase in mesh]:
             return found
-        mesh, iterate = resampled(mesh, found.iterate, counts)
+        mesh, iterate = resample(mesh, found.iterate, counts)
         barrier = AGAIN_BARRIER
     return found
 
@@ -188,7 +188,7 @@ def objective_error(problem: Problem, solution: Solution) -> Array:
 
     It is infinite where it cannot be told.
     """
-    defect = estimated_defect(problem, solution.iterate)
+    defect = estimate_defect(problem, solution.iterate)
     errors = errors_in_objective(problem, defect, solution.multipliers.constraints)
     by_phase: Array = np.add.reduceat(np.where(np.isfinite(errors), errors, math.inf), problem.first_node[:-1])
     return by_phase

@@ -6,7 +6,7 @@ import numpy as np
 
 from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.refinement import resampled
+from airrace.optimal_control.refinement import resample
 from airrace.planning.decisions_from_solution import plan_as_flown
 from airrace.points import at_points
 from airrace.procedure.multistart.budget import QUICK, scaled
@@ -86,7 +86,7 @@ def _initial_guess(point_mass: Flight, source: Flight, optimum: StageResult) -> 
     flown = optimum.trajectory
     mesh, iterate = mesh_of(flown), _as_point_mass(point_mass, source, optimum)
     counts = [intervals(seconds) for seconds in flown.durations.tolist()]
-    mesh, iterate = resampled(mesh, iterate, counts)
+    mesh, iterate = resample(mesh, iterate, counts)
     return InitialGuess(point_mass, mesh, iterate, NEAR_BARRIER)
 
 

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 
-from airrace.optimal_control.refinement import resampled
+from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
@@ -109,7 +109,7 @@ def _finals(pool: SolverPool, session: SolverSession, finalists: Sequence[Coarse
     def finer(service: SolverService, coarse: CoarseSolution) -> CoarseSolution:
         wanted = counts_of(coarse.iterate.durations.tolist(), session.settings.mesh)
         counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
-        mesh, iterate = resampled(coarse.problem.mesh, coarse.iterate, counts)
+        mesh, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
         return solve_coarse(service, InitialGuess(coarse.flight, mesh, iterate, AGAIN_BARRIER)) or coarse
 
     if len(finalists) < 2:

@@ -8,7 +8,7 @@ from explored_races import OFF, WOUND, optimum
 from races import SHIPPED, SMALL, prepared
 from search_fixtures import open_session, planned_coarse_solution
 
-from airrace.optimal_control.refinement import resampled
+from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
 from airrace.planning.plan import plan
 from airrace.planning.race import Race
@@ -149,7 +149,7 @@ def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
     """Other ways are proposed on the meshes of sketches, whatever mesh their flight was begun on."""
     rough = planned_coarse_solution(SMALL)
     counts = [2 * len(phase) for phase in rough.problem.mesh]
-    mesh, guess = resampled(rough.problem.mesh, rough.iterate, counts)
+    mesh, guess = resample(rough.problem.mesh, rough.iterate, counts)
     begun = InitialGuess(rough.flight, mesh, guess, coarse_solution.AGAIN_BARRIER, is_baseline=True)
     with open_session() as session:
         found = solve_coarse(session.service, begun)

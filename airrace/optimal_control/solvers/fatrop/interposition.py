@@ -61,7 +61,7 @@ def install() -> bool:
     if not sys.platform.startswith("linux") or native is None or path is None:
         return False
     try:
-        own, loaded = lazily_loaded(), ctypes.CDLL(str(path))
+        own, loaded = load_lazily(), ctypes.CDLL(str(path))
         products = [getattr(native.evaluator, name) for name in PRODUCTS]
         if not same_bits(products, [own[name] for name in PRODUCTS.values()]):
             logger.info("this blasfeo computes otherwise, and keeps its functions")
@@ -82,7 +82,7 @@ def begin_arena(native: ctypes.CDLL, large: int, kept: int) -> None:
         OSError: there is no blasfeo.
         AttributeError: it has no such functions.
     """
-    own = lazily_loaded()
+    own = load_lazily()
     addresses = [ctypes.cast(own[name], ctypes.c_void_p).value for name in _ASKED]
     native.arena_begin.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_size_t)
     native.arena_begin((ctypes.c_void_p * len(addresses))(*addresses), large, kept)
@@ -132,7 +132,7 @@ def _result(product: Product, given: Sequence[int | Array]) -> Array:
 
 
 @cache
-def lazily_loaded() -> ctypes.CDLL:
+def load_lazily() -> ctypes.CDLL:
     """Return blasfeo, loaded so that its calls are bound when they are made first; ctypes itself binds them at once.
 
     Raises:

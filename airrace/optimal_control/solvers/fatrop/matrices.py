@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from airrace.errors import SolverCrash
 from airrace.optimal_control.layout import Indices
 from airrace.optimal_control.solvers.fatrop.library import doubles_at, fatrop
-from airrace.optimal_control.stage_assembly import Memory, kinds
+from airrace.optimal_control.sparse_assembly import Memory, unique_rows
 from airrace.trajectory import Array
 
 _ROOM = 128  # bytes, more than any struct blasfeo_dmat
@@ -118,7 +118,7 @@ class MatrixFamily:
 
     def _by_shape(self, stages: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:
         """Yield every shape of the matrices of some stages, and which of the stages have it."""
-        kind, first = kinds(np.stack([self.rows[stages], self.columns[stages]], axis=1))
+        kind, first = unique_rows(np.stack([self.rows[stages], self.columns[stages]], axis=1))
         by_kind = np.argsort(kind, kind="stable")
         ends = np.searchsorted(kind[by_kind], np.arange(len(first) + 1))
         for number, one in enumerate(stages[first].tolist()):

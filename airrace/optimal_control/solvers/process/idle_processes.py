@@ -8,7 +8,7 @@ import subprocess
 
 from airrace import process
 
-_spares: list[subprocess.Popen[bytes]] = []
+_idle: list[subprocess.Popen[bytes]] = []
 
 
 def start() -> "subprocess.Popen[bytes]":
@@ -18,20 +18,20 @@ def start() -> "subprocess.Popen[bytes]":
 
 
 def start_early(count: int = 1) -> None:
-    """Start processes for the next calls of `take`, to load while the caller does something else.
+    """Start processes for the next calls of `acquire`, to load while the caller does something else.
 
     Those that nobody takes end with this process.
     """
-    if not _spares:
+    if not _idle:
         atexit.register(_discard)
-    while len(_spares) < count:
-        _spares.append(start())
+    while len(_idle) < count:
+        _idle.append(start())
 
 
-def take() -> "subprocess.Popen[bytes]":
+def acquire() -> "subprocess.Popen[bytes]":
     """Return a process that was started early, else a new one."""
-    while _spares:
-        taken = _spares.pop(0)
+    while _idle:
+        taken = _idle.pop(0)
         if taken.poll() is None:
             return taken
         taken.communicate()
@@ -40,6 +40,6 @@ def take() -> "subprocess.Popen[bytes]":
 
 def _discard() -> None:
     """End the processes that nobody took."""
-    for spare in _spares:
+    for spare in _idle:
         spare.kill()
         spare.communicate()

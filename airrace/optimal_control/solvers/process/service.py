@@ -20,7 +20,7 @@ from airrace import memory
 from airrace.errors import OutOfTime, SolverCrash
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
-from airrace.optimal_control.solvers.process.idle_processes import take
+from airrace.optimal_control.solvers.process.idle_processes import acquire
 from airrace.optimal_control.solvers.process.messages import (
     Inbox,
     IterationReport,
@@ -54,9 +54,9 @@ class SolverEnded(SolverCrash):
         super().__init__("the solver process was ended")
 
 
-PART_OF_WAITING = 1.0
+POLL_INTERVAL = 1.0
 """The time that is waited at once for an iteration, s."""
-LAST_WORDS = 0.5
+EXIT_GRACE = 0.5
 """The time that a process whose pipes are closed has to end by itself, so that its exit code tells why, s."""
 
 
@@ -87,7 +87,7 @@ class SolverService:
         self._ended = False
         self._stopping = threading.Lock()
         self._solving = False
-        self._chores: list[Callable[[], None]] = []
+        self._deferred: list[Callable[[], None]] = []
         self._start()
 
     def __enter__(self) -> Self:
@@ -98,7 +98,7 @@ class SolverService:
     ) -> None:
         self.stop()
 
-    def announce(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
+    def preload(self, system: System, scheme: RungeKutta = Problem.scheme) -> None:
         """Let the process make the kernels of a system ready that will be flown.
 
         While the process works on a problem, what is announced waits for the solution: the process reads nothing before
@@ -114,12 +114,12 @@ class SolverService:
         with contextlib.suppress(OSError, ValueError):
             self._sender.deliver()
 
-    def meanwhile(self, chore: Callable[[], None]) -> None:
+    def defer(self, call: Callable[[], None]) -> None:
         """Put something off until the process works on the next problem, while this one would only wait.
 
         It is done once, by the thread that waits, and its errors are those of `solve`.
         """
-        self._chores.append(chore)
+        self._deferred.append(call)
 
     def solve(
         self,
@@ -152,8 +152,8 @@ class SolverService:
             with self._alive():
                 self._sender.send(request)
             with self._working():
-                while self._chores:
-                    self._chores.pop(0)()
+                while self._deferred:
+                    self._deferred.pop(0)()
                 return self._answered(stall_seconds or self._stall_seconds, on_iteration)
         except BaseException:  # an interrupt, or an error of who is told, leaves the process in mid-solve: it is of no
             self.stop()  # more use
@@ -192,7 +192,7 @@ class SolverService:
             process = self._process
             if process is not None:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(LAST_WORDS)
+                    process.wait(EXIT_GRACE)
                 process.kill()  # whatever lives without its pipes is of no use
             status = None if process is None else process.wait()
             if self._ended:
@@ -228,7 +228,7 @@ class SolverService:
     def _start(self) -> None:
         if self._ended:
             raise SolverEnded
-        worker = take()
+        worker = acquire()
         assert worker.stdin is not None  # `start` asks for both
         assert worker.stdout is not None
         with self._stopping:
@@ -248,7 +248,7 @@ class SolverService:
         """
         left = patience
         while True:
-            part = max(0.0, min(left, PART_OF_WAITING, self._deadline - time.monotonic()))
+            part = max(0.0, min(left, POLL_INTERVAL, self._deadline - time.monotonic()))
             try:
                 reply: Reply = self._replies.next(part)
             except queue.Empty:

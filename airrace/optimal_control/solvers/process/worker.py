@@ -1,6 +1,6 @@
 """The solver process, which reads requests, solves them and reports iterations meanwhile.
 
-It is started by `spawn.py` through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
+`idle_processes.py` starts it through `airrace.memory`, as `python -m` starts a module. The solvers print their progress
 to Python's `sys.stdout` only; here it is read line by line and turned into reports. Solvers are kept ready per problem
 structure, so that a homotopy pays for its set-up once.
 """
@@ -106,9 +106,9 @@ class SolveServer:
         self._prepared[key], self._sizes[key] = prepared, layout.intervals
         return prepared.solve(layout, request.guess, request.multipliers)
 
-    def expect(self, announced: PreloadRequest) -> None:
+    def preload(self, request: PreloadRequest) -> None:
         """Make the kernels of a system ready."""
-        self._kernels_of(announced.system, announced.scheme)
+        self._kernels_of(request.system, request.scheme)
 
     def _make_room(self, intervals: int) -> None:
         """Forget the problems that were not asked for longest."""
@@ -164,7 +164,7 @@ def main() -> None:
         request = requests.next()
         try:
             if isinstance(request, PreloadRequest):
-                server.expect(request)
+                server.preload(request)
             else:
                 replies.send(server.solve(request))
         except BrokenPipeError:

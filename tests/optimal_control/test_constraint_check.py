@@ -8,7 +8,7 @@ import pytest
 from known_flights import FREQUENCY, LENS, SYSTEM, exact, flight, problem
 
 from airrace.optimal_control.certificate import Item
-from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, audit, outside
+from airrace.optimal_control.constraint_check import ConstraintCheck, Tolerance, check_constraints, outside
 from airrace.optimal_control.problem import Boundary, Iterate, PathConstraint, Problem
 from airrace.optimal_control.replay import replay
 from airrace.quantities import Interval, Quantity
@@ -37,7 +37,7 @@ def limited(**bounds: Interval) -> Problem:
 
 
 def audited(stated: Problem, iterate: Iterate, defect_limit: float = 1e-4) -> ConstraintCheck:
-    return audit(stated, iterate, replay(stated, iterate), tolerances=TOLERANCES, defect_limit=defect_limit)
+    return check_constraints(stated, iterate, replay(stated, iterate), tolerances=TOLERANCES, defect_limit=defect_limit)
 
 
 def wrong(measured: ConstraintCheck, defect_limit: float = 1e-4) -> np.ndarray:
@@ -158,7 +158,7 @@ def test_every_item_of_a_flight_that_is_not_a_number_fails() -> None:
     stated, flown = problem(), flight(problem())
     seen = replay(stated, flown)
     broken = replace(seen, defect=np.full_like(seen.defect, np.nan))
-    measured = audit(stated, flown, broken, tolerances=TOLERANCES, defect_limit=1e-4)
+    measured = check_constraints(stated, flown, broken, tolerances=TOLERANCES, defect_limit=1e-4)
     assert not item(measured, "replay_defect").holds
 
 
@@ -171,7 +171,7 @@ def test_gate_whose_values_are_not_numbers_is_not_passed() -> None:
     stated = replace(stated, phases=(stated.phases[0], replace(stated.phases[1], end=end)))
     seen = replay(problem(), flown)
     broken = replace(flown, state=state)
-    measured = audit(stated, broken, seen, tolerances=TOLERANCES, defect_limit=1e-4)
+    measured = check_constraints(stated, broken, seen, tolerances=TOLERANCES, defect_limit=1e-4)
     assert not item(measured, "gate_length").holds
 
 
@@ -217,4 +217,4 @@ def test_exact_measure_of_a_watch_counts_and_its_stand_in_does_not() -> None:
 def test_watched_quantity_without_a_tolerance_is_refused() -> None:
     stated = on_watch(height=Interval(upper=1.0))
     with pytest.raises(ValueError, match="no tolerance for height"):
-        audit(stated, swing(), replay(stated, swing()), tolerances=TOLERANCES[1:], defect_limit=1e-4)
+        check_constraints(stated, swing(), replay(stated, swing()), tolerances=TOLERANCES[1:], defect_limit=1e-4)
