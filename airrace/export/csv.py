@@ -17,10 +17,9 @@ from airrace.export.flight_table import (
     displayed,
     flight_tables,
     pieces,
-    split_columns,
 )
 from airrace.export.globe import printable
-from airrace.procedure.result import GateSplit, StageResult
+from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.results import Flight
 from airrace.trajectory import Array
@@ -79,18 +78,6 @@ def export_flight_csv(flight: Flight, stream: TextIO, *, rate_hz: float | None =
         stream.write(f"# {key}: {printable(value)}\n")
     parts = [flight] if rate_hz is None else (flight.at(times) for times in pieces(flight.times_at_rate(rate_hz)))
     _write_rows(map(_columns_and_phases, parts), stream)
-
-
-def export_splits_csv(splits: Sequence[GateSplit], stream: TextIO) -> None:
-    """Write the passages: when each was flown, how long after the one before, and how.
-
-    The first is counted from the start.
-    """
-    columns = split_columns(splits)
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["passage", *(column.header for column in columns)])
-    names = [split.name for split in splits]
-    writer.writerows(zip(names, *(_formatted(column.values) for column in columns), strict=True))
 
 
 def _write_comments(result: StageResult, provenance: Provenance | None, stream: TextIO) -> None:

@@ -1,7 +1,7 @@
-"""Flights and splits as tables: samples of a trajectory, columns with their units, data frames."""
+"""Flights as tables: samples of a trajectory, columns with their units, data frames."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from airrace.errors import UsageError
 from airrace.export.extras import extra
 from airrace.frames import rotation
-from airrace.procedure.result import GateSplit
 from airrace.quantities import KNOT, Quantity
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
@@ -262,31 +261,6 @@ def _table(trajectory: Trajectory, samples: Samples, derived: Derived) -> Flight
     return FlightTable(samples, (*trajectory.states, *trajectory.controls), tuple(columns), phases)
 
 
-def split_columns(splits: Sequence[GateSplit]) -> tuple[Column, ...]:
-    """Return when every passing was, how long since the one before, and how it was flown; each of shape (n,).
-
-    The first passing is the start, which is since itself.
-    """
-    time = np.array([split.time for split in splits], np.float64)
-    speed = np.array([split.V_K for split in splits], np.float64)
-    return (
-        Column("time_s", time),
-        Column("leg_s", np.diff(time, prepend=0.0)),
-        Column("V_K_m_s", speed),
-        Column("V_K_kt", speed / KNOT),
-        Column("height_m", np.array([split.height for split in splits], np.float64)),
-        Column("n_z", np.array([split.n_z for split in splits], np.float64)),
-        Column("bank_deg", np.array([split.bank for split in splits], np.float64) / DEGREE),
-        Column("climb_deg", np.array([split.climb for split in splits], np.float64) / DEGREE),
-        Column("heading_deg", _compass(np.array([split.heading for split in splits], np.float64))),
-    )
-
-
-def _compass(heading: Array) -> Array:
-    """Return headings in degrees from 0 up to, not including, 360, also after rounding."""
-    return np.mod(np.round(heading / DEGREE, 7), 360.0)
-
-
 def flight_frame(flight: FlightTable) -> "DataFrame":
     """Return a data frame of the flight, with one row per time.
 
@@ -301,14 +275,3 @@ def flight_frame(flight: FlightTable) -> "DataFrame":
     frame = pandas.DataFrame({column.header: column.values for column in columns}, index=index)
     frame["phase"] = pandas.Categorical(flight.phases, categories=list(dict.fromkeys(flight.phases)))
     return frame
-
-
-def splits_frame(splits: Sequence[GateSplit]) -> "DataFrame":
-    """Return a data frame of the gate splits, with one row per passing and its name, `passage`, as the index.
-
-    Raises:
-        UsageError: pandas is not installed.
-    """
-    pandas: Any = extra("pandas", "a data frame")  # Any: as above
-    index = pandas.Index([split.name for split in splits], name="passage")
-    return pandas.DataFrame({column.header: column.values for column in split_columns(splits)}, index=index)

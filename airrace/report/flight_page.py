@@ -8,44 +8,15 @@ import numpy as np
 from airrace.quantities import KNOT, Quantity
 from airrace.report.flight_contents import READINGS, contents_of, started
 from airrace.report.page import Page
-from airrace.report.sections import DASH, Cell, Head, TableRow, note, number, section, table
+from airrace.report.sections import number, table_section
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import near_misses
-from airrace.results.comparison import Comparison, LegComparison, compare_flights, conditions
-from airrace.results.leg_facts import LegFacts, Range, leg_facts
+from airrace.results.comparison import Comparison, compare_flights, conditions
+from airrace.results.leg_facts import Range, leg_facts
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
 from airrace.views.plan_svg import plan_svg
-
-FLIGHTS = (
-    Head("flight", text=True),
-    Head("aircraft", text=True),
-    Head("race time", "s"),
-    Head("difference", "s"),
-    Head("state", text=True),
-)
-LEGS = (
-    Head("to", text=True),
-    Head("at", "s"),
-    Head("leg", "s"),
-    Head("indicated", "kt"),
-    Head("over ground", "kt"),
-    Head("load factor", "g"),
-    Head("height", "m"),
-    Head("roll rate", "°/s, most"),
-    Head("energy height", "m, at the end"),
-    Head("nearest", "m"),
-    Head("required", "m"),
-    Head("to what", text=True),
-)
-LOST = (
-    Head("leg to", text=True),
-    Head("lost", "s"),
-    Head("in all", "s"),
-    Head("by the way", "s"),
-    Head("by speed", "s"),
-    Head("what it flies otherwise", text=True),
-)
+from airrace.views.tables import Cell, Column, Table
 
 
 def flights_section(flights: Sequence[Flight]) -> str:
@@ -53,68 +24,93 @@ def flights_section(flights: Sequence[Flight]) -> str:
     if len(flights) < 2:
         return ""
     first = flights[0]
+    columns = (
+        Column("flight"),
+        Column("aircraft"),
+        Column("race time", "s", ".3f"),
+        Column("difference", "s", "+z.3f"),
+        Column("state"),
+    )
     rows = [
-        TableRow((
+        (
             Cell(flight.label, flight=place),
             flight.aircraft.name,
-            number(flight.race_time, 3),
-            "" if flight is first else number(flight.race_time - first.race_time, 3, signed=True),
+            flight.race_time,
+            "" if flight is first else flight.race_time - first.race_time,
             flight.source.verdict or "recorded",
-        ))
+        )
         for place, flight in enumerate(flights)
-    ]  # fmt: skip
-    told = "The first flight is the one that the page is about; the others fly beside it on the same clock."
-    return section("Flights", table(FLIGHTS, rows) + note(told))
+    ]
+    remark = "The first flight is the one that the page is about; the others fly beside it on the same clock."
+    return table_section(Table("Flights", columns, rows, [remark]))
 
 
 def legs_section(flight: Flight) -> str:
     """Return a table of what a flight does leg by leg, and of what it comes near to."""
-    rows = [TableRow(_leg(flight, facts), passing=i) for i, facts in enumerate(leg_facts(flight))]
-    return section("Legs", table(LEGS, rows) + note(" ".join(filter(None, (_laps(flight), _near_misses(flight))))))
+    columns = (
+        Column("to"),
+        Column("at", "s", ".3f"),
+        Column("leg", "s", ".3f"),
+        Column("indicated", "kt", ".0f"),
+        Column("over ground", "kt", ".0f"),
+        Column("load factor", "g", ".1f"),
+        Column("height", "m", ".0f"),
+        Column("roll rate", "°/s, most", ".0f"),
+        Column("energy height", "m, at the end", ".0f"),
+        Column("nearest", "m", "z.1f"),
+        Column("required", "m", "z.1f"),
+        Column("to what"),
+    )
+    begin = started(flight)
+    rows: list[tuple[Cell | str | float | None, ...]] = []
+    for one in leg_facts(flight):
+        leg, nearest = one.leg, one.clearances[0] if one.clearances else None
+        rows.append(
+            (
+                Cell(leg.name, time=leg.before.time - begin if leg.before.found else None),
+                leg.after.time - begin,
+                leg.time,
+                _span(one.V_I, KNOT, 0),
+                _span(one.V_K, KNOT, 0),
+                _span(one.n_z, 1.0, 1),
+                _span(one.height, 1.0, 0),
+                math.degrees(one.roll_rate),
+                one.energy_out,
+                *((None, None, "") if nearest is None else (nearest.distance, nearest.required, nearest.text)),
+            )
+        )
+    notes = [one for one in (_laps(flight), _near_misses(flight)) if one]
+    return table_section(Table("Legs", columns, rows, notes, by_leg=True))
 
 
 def comparison_section(comparison: Comparison) -> str:
     """Return a table of the legs on which another flight loses its time, and of what it flies otherwise there."""
-    label = comparison.other.label
-    rows = [TableRow(_lost(leg, comparison)) for leg in comparison.by_loss]
-    others = [
-        f"{what[:1].upper()}{what[1:]}: {its} against {mine}."
-        for what, mine, its in conditions(comparison.reference, comparison.other)
+    columns = (
+        Column("leg to"),
+        Column("lost", "s", "+z.3f"),
+        Column("in all", "s", "+z.3f"),
+        Column("by the way", "s", "+z.3f"),
+        Column("by speed", "s", "+z.3f"),
+        Column("what it flies otherwise"),
+    )
+    begin = started(comparison.reference)
+    rows = [
+        (
+            Cell(leg.name, time=leg.reference.before.time - begin if leg.reference.before.found else None),
+            "a tie" if leg.tie else leg.difference,
+            leg.cumulative,
+            leg.by_way,
+            leg.by_speed,
+            ", ".join(one.text for one in leg.differences),
+        )
+        for leg in comparison.by_loss
     ]
-    told = f"Positive where it is slower than {comparison.reference.label}; the legs on which it loses most come first."
-    return section(f"Where {label} loses and wins", table(LOST, rows) + note(" ".join((told, *others))))
-
-
-def _leg(flight: Flight, facts: LegFacts) -> tuple[Cell | str, ...]:
-    leg, begin = facts.leg, started(flight)
-    nearest = facts.clearances[0] if facts.clearances else None
-    return (
-        Cell(leg.name, time=leg.before.time - begin) if leg.before.found else leg.name,
-        number(leg.after.time - begin, 3),
-        number(leg.time, 3),
-        _span(facts.V_I, KNOT, 0),
-        _span(facts.V_K, KNOT, 0),
-        _span(facts.n_z, 1.0, 1),
-        _span(facts.height, 1.0, 0),
-        number(math.degrees(facts.roll_rate), 0),
-        number(facts.energy_out, 0),
-        DASH if nearest is None else number(nearest.distance, 1),
-        DASH if nearest is None else number(nearest.required, 1),
-        "" if nearest is None else nearest.text,
-    )
-
-
-def _lost(leg: LegComparison, comparison: Comparison) -> tuple[Cell | str, ...]:
-    before = leg.reference.before
-    otherwise = ", ".join(one.text for one in leg.differences)
-    return (
-        Cell(leg.name, time=before.time - started(comparison.reference)) if before.found else leg.name,
-        "a tie" if leg.tie else number(leg.difference, 3, signed=True),
-        number(leg.cumulative, 3, signed=True),
-        number(leg.by_way, 3, signed=True),
-        number(leg.by_speed, 3, signed=True),
-        otherwise,
-    )
+    reference, other = comparison.reference, comparison.other
+    notes = [
+        f"Positive where it is slower than {reference.label}; the legs on which it loses most come first.",
+        *(f"{what[:1].upper()}{what[1:]}: {its} against {mine}." for what, mine, its in conditions(reference, other)),
+    ]
+    return table_section(Table(f"Where {other.label} loses and wins", columns, rows, notes))
 
 
 def _span(values: Range, unit: float, digits: int) -> str:
@@ -151,6 +147,7 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
     """
     first = flights[0]
     comparisons = [compare_flights(first, other) for other in flights[1:]]
+    losses = [comparison_section(one) for one in comparisons]
     seen = map_model(first.race)
     return Page(
         title=first.course.name,
@@ -160,14 +157,10 @@ def flight_page(flights: Sequence[Flight], sections: Sequence[str] = (), footer:
         good=not first.source.doubtful,
         readings=[one for one in READINGS if one.history in first],
         plan=plan_svg(seen, _ground_track(first)),
-        sections=[one for one in (*_flight_sections(flights, comparisons), *sections) if one],
+        sections=[one for one in (flights_section(flights), legs_section(first), *losses, *sections) if one],
         footer=footer,
         contents=contents_of(flights, comparisons, seen),
     )
-
-
-def _flight_sections(flights: Sequence[Flight], comparisons: Sequence[Comparison]) -> list[str]:
-    return [flights_section(flights), legs_section(flights[0]), *(comparison_section(one) for one in comparisons)]
 
 
 def _subtitle(flight: Flight) -> str:

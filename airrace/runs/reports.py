@@ -6,13 +6,12 @@ from airrace.errors import NotCertified
 from airrace.procedure.result import Stage
 from airrace.report.flight_page import flight_page
 from airrace.report.sections import (
-    breaches_section,
     certificate_section,
-    data_section,
     inputs_section,
-    prices_section,
     recording_section,
-    ways_section,
+    search_section,
+    sensitivities_section,
+    violations_section,
 )
 from airrace.runs.flight_sources import opened_file, opened_flights
 from airrace.runs.log_view import LogView
@@ -53,9 +52,9 @@ def log_sections(flown: LogView) -> list[str]:
     log = flown.recorded.log
     told = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
     return [
-        breaches_section(flown.breaches, flown.penalty),
+        violations_section(flown.breaches, flown.penalty),
         recording_section([*told, ("start", f"{log.offset:.3f} s after the first sample")], flown.remarks),
-        data_section(flown.inputs, [], flown.recorded.versions),
+        inputs_section(flown.inputs, [], flown.recorded.versions),
     ]
 
 
@@ -90,11 +89,13 @@ def stage_sections(flown: StageView, explored: StageView | None = None, *, price
     Raises:
         NotCertified: prices were asked for, and the stage is no certified optimum.
     """
+    result = flown.result
+    solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
     return [
-        ways_section((explored or flown).result),
-        prices_section(flown.sensitivities() if priced else None),
+        search_section((explored or flown).result),
+        sensitivities_section(flown.sensitivities() if priced else None),
         certificate_section(flown.certificate),
-        inputs_section(flown.inputs, flown.result, flown.versions),
+        inputs_section(flown.inputs, [("stage", solved)], flown.versions),
     ]
 
 

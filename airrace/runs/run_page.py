@@ -9,10 +9,16 @@ from airrace.runs.splits import Splits
 from airrace.views.map_model import map_model
 from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
-from airrace.views.tables import html_table
+from airrace.views.stage_tables import certificate_table
+from airrace.views.tables import Column, Table
 
-HEADS = ("stage", "race time s", "state", "iterations", "wall s")
-ITEMS = ("item", "value", "limit", "unit", "holds")
+STAGES = (
+    Column("stage"),
+    Column("race time", "s", ".3f"),
+    Column("state"),
+    Column("iterations", form="d"),
+    Column("wall", "s", ".1f"),
+)
 
 
 def run_line(name: str, results: Sequence[StageResult]) -> str:
@@ -28,7 +34,7 @@ def run_line(name: str, results: Sequence[StageResult]) -> str:
 def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
     """Return the stages, the gate splits of the last one, and its flight from above, as HTML."""
     title = f"{race.course.name}, flown by {race.aircraft.name}"
-    stages = html_table(title, HEADS, [_stage_cells(result) for result in results])
+    stages = Table(title, STAGES, [_stage_cells(result) for result in results]).html()
     sentence = verdict(results)[1] if results else "no stage is finished yet"
     remark = f"<p>{escaped(sentence)}</p>" if sentence else ""
     return f"<div>{stages}{remark}{_flight(race, results[-1]) if results else ''}</div>"
@@ -36,25 +42,15 @@ def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
 
 def stage_page(race: Race, result: StageResult) -> str:
     """Return one stage as HTML: its gate splits, its flight from above, and its certificate."""
-    certificate = result.certificate
-    measured = ""
+    certificate, measured = result.certificate, ""
     if certificate is not None:
-        cells = [
-            (item.name, f"{item.value:.3g}", f"{item.limit:.3g}", item.unit, "yes" if item.holds else "NO")
-            for item in certificate.items
-        ]
-        measured = html_table(f"certificate ({certificate.solver_status})", ITEMS, cells)
+        measured = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
     return f"<div><p><b>{escaped(run_line(race.course.name, [result]))}</b></p>{_flight(race, result)}{measured}</div>"
 
 
-def _stage_cells(result: StageResult) -> tuple[str, ...]:
-    return (
-        result.stage.value,
-        f"{result.trajectory.race_time:.3f}" if result.is_flight else result.outcome.value,
-        result.state.value,
-        str(result.iterations),
-        f"{result.timings.wall:.1f}",
-    )
+def _stage_cells(result: StageResult) -> tuple[str | float, ...]:
+    race_time = result.trajectory.race_time if result.is_flight else result.outcome.value
+    return result.stage.value, race_time, result.state.value, result.iterations, result.timings.wall
 
 
 def _flight(race: Race, result: StageResult) -> str:

@@ -1,6 +1,5 @@
 """The prices of a stage, the largest first."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -9,14 +8,13 @@ from airrace.errors import UsageError
 from airrace.export.extras import extra
 from airrace.inputs import Inputs
 from airrace.procedure.result import StageResult
+from airrace.report.sections import sensitivities_table
 from airrace.sensitivity.lagrangian import prices
-from airrace.sensitivity.sensitivity import Activity, ParameterGroup, Price
-from airrace.views.tables import html_table, text_table
+from airrace.sensitivity.sensitivity import ParameterGroup, Price
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-HEADS = ("key", "value", "unit", "s per unit", "step", "step up ms")
 SHOWN = 30
 """The largest number of prices that are shown; a data frame has all of them."""
 
@@ -58,17 +56,10 @@ class Prices(Mapping[str, Price]):
         return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
 
     def __repr__(self) -> str:
-        return text_table(HEADS, self._cells())
+        return sensitivities_table(self.by_key, SHOWN).text()
 
     def _repr_html_(self) -> str:
-        return html_table("sensitivities", HEADS, self._cells())
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        """Return the cells of the dearest prices, and how many there are besides."""
-        dear = [price for price in self.by_key.values() if price.activity is not Activity.FREE][:SHOWN]
-        rows = [_cells(price) for price in dear]
-        others = len(self) - len(dear)
-        return [*rows, (f"and {others} more", *[""] * (len(HEADS) - 1))] if others else rows
+        return sensitivities_table(self.by_key, SHOWN).html()
 
 
 def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
@@ -88,16 +79,3 @@ def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices
         raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
     groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
     return Prices(prices(inputs, result, groups=groups))
-
-
-def _cells(price: Price) -> tuple[str, ...]:
-    cost = price.cost_up
-    shown = f"{1e3 * cost:+.3f}" if math.isfinite(cost) else "-"
-    return (
-        price.key,
-        f"{price.value:.6g}",
-        price.unit,
-        f"{price.price:+.4g}",
-        f"{price.usual_step:.3g}",
-        shown,
-    )

@@ -1,22 +1,16 @@
 """The gate splits of a flight as a table: when and how every gate was passed."""
 
-import io
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from airrace.export.csv import export_splits_csv
-from airrace.inputs.units import KNOT
 from airrace.procedure.result import GateSplit
 from airrace.runs.output import write_text
-from airrace.views.tables import html_table, text_table
+from airrace.views.stage_tables import splits_table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-HEADS = ("gate", "time s", "leg s", "speed kt", "height m", "load g", "bank deg", "climb deg")
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,9 +52,7 @@ class Splits(Sequence[GateSplit]):
         Raises:
             UsageError: pandas is not installed.
         """
-        from airrace.export.flight_table import splits_frame
-
-        return splits_frame(self.rows)
+        return splits_table(self.rows).dataframe("passage")
 
     def to_csv(self, path: str | Path | None = None) -> str:
         """Return the table that `airrace export csv --splits` writes, as comma-separated values.
@@ -74,35 +66,17 @@ class Splits(Sequence[GateSplit]):
         Raises:
             StorageError: the system refused.
         """
-        stream = io.StringIO(newline="")
-        export_splits_csv(self.rows, stream)
+        text = splits_table(self.rows).csv(".10g")
         if path is not None:
-            write_text(Path(path), stream.getvalue())
-        return stream.getvalue()
+            write_text(Path(path), text)
+        return text
 
     def __repr__(self) -> str:
-        return text_table(HEADS, self._cells())
+        return splits_table(self.rows).text()
 
     def to_html(self) -> str:
         """Return the table as HTML, as notebooks show it."""
-        return html_table("gate splits", HEADS, self._cells())
+        return splits_table(self.rows).html()
 
     def _repr_html_(self) -> str:
         return self.to_html()
-
-    def _cells(self) -> list[tuple[str, ...]]:
-        befores = [self.rows[0].time if self.rows else 0.0, *(row.time for row in self.rows)]
-        return [_cells(row, before) for row, before in zip(self.rows, befores, strict=False)]
-
-
-def _cells(row: GateSplit, before: float) -> tuple[str, ...]:
-    return (
-        row.name,
-        f"{row.time:.3f}",
-        f"{row.time - before:.3f}",
-        f"{row.V_K / KNOT:.1f}",
-        f"{row.height:.1f}",
-        f"{row.n_z:z.2f}",
-        f"{math.degrees(row.bank):z.1f}",
-        f"{math.degrees(row.climb):z.1f}",
-    )

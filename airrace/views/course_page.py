@@ -15,7 +15,7 @@ from airrace.track.polygons import Point
 from airrace.views.map_model import MapModel
 from airrace.views.plain_text import escaped
 from airrace.views.plan_svg import plan_svg
-from airrace.views.tables import html_table
+from airrace.views.tables import Column, Table
 
 
 @record
@@ -173,7 +173,14 @@ def _place_object(place: Point) -> dict[str, object]:
     return {"north_m": place.north, "east_m": place.east}
 
 
-HEADS = ("passage", "type", "north m", "east m", "height m", "heading deg")
+COLUMNS = (
+    Column("passage"),
+    Column("type"),
+    Column("north", "m", ".1f", missing="free"),
+    Column("east", "m", ".1f", missing="free"),
+    Column("height", "m", ".1f", missing="free"),
+    Column("heading", "deg", ".0f", missing="free"),
+)
 ROWS_MAX = 60
 """The largest number of passages in the table; of more, only the first are listed."""
 
@@ -181,25 +188,9 @@ ROWS_MAX = 60
 def course_page(race: Race, seen: MapModel, warnings: Sequence[str]) -> str:
     """Return the passages, the course from above as planned, and what a race director would ask about it, as HTML."""
     cells = [
-        (
-            row.passage.name,
-            row.kind,
-            _cell_text(row.north),
-            _cell_text(row.east),
-            _cell_text(row.height),
-            _whole_degrees(row.heading),
-        )
-        for row in rows(race)
+        (row.passage.name, row.kind, row.north, row.east, row.height, _degrees(row.heading))
+        for row in rows(race)[:ROWS_MAX]
     ]
-    title = f"{race.course.name}, flown by {race.aircraft.name}"
+    table = Table(f"{race.course.name}, flown by {race.aircraft.name}", COLUMNS, cells)
     listed = "".join(f"<li>{escaped(text)}</li>" for text in warnings)
-    remarks = f"<ul>{listed}</ul>" if listed else ""
-    return f"<div>{html_table(title, HEADS, cells[:ROWS_MAX])}{plan_svg(seen)}{remarks}</div>"
-
-
-def _cell_text(value: float | None) -> str:
-    return "free" if value is None else f"{value:.1f}"
-
-
-def _whole_degrees(angle: float | None) -> str:
-    return "free" if angle is None else f"{math.degrees(angle):.0f}"
+    return f"<div>{table.html()}{plan_svg(seen)}{f'<ul>{listed}</ul>' if listed else ''}</div>"

@@ -1,34 +1,234 @@
-"""Tables of ready texts, as lines of text and as HTML for notebooks: a column of names, then columns of numbers."""
+"""Tables: one model, shown as text, on a terminal, as HTML and Markdown, and written as CSV and JSON."""
 
-from collections.abc import Sequence
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
+from airrace.export.extras import extra
+from airrace.records import record
 from airrace.views.plain_text import escaped
 
-STYLE = "text-align: right; padding: 0 0.6em; white-space: nowrap"
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from rich.table import Table as RichTable
+
+Value = str | float | None
+"""What stands in a cell: words, or a number that the column formats; None or NaN where nothing is known."""
+
+STYLE = "text-align: {}; padding: 0 0.6em; white-space: nowrap"
+DASH, MINUS = "\N{EN DASH}", "\N{MINUS SIGN}"
 
 
-def text_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return columns side by side, names to the left and numbers to the right, without rules."""
-    widths = [max(len(cell) for cell in column) for column in zip(heads, *rows, strict=True)]
-    return "\n".join(_line(row, widths) for row in (heads, *rows))
+@record
+class Column:
+    """A column of a table.
+
+    Attributes:
+        name: stands above it, for people; empty where CSV and JSON alone have it.
+        unit: of its numbers.
+        form: of its numbers, as of `format`; empty for words, which are set to the left.
+        key: its name in CSV and JSON; empty where people alone see it.
+        missing: stands where nothing is known.
+        wraps: whether its words are broken into lines where they are too long.
+    """
+
+    name: str = ""
+    unit: str = ""
+    form: str = ""
+    key: str = ""
+    missing: str = "-"
+    wraps: bool = False
+
+    @property
+    def shown(self) -> bool:
+        """Whether people see it."""
+        return bool(self.name) or not self.key
+
+    def text(self, value: Value) -> str:
+        """Return what stands in a cell."""
+        if isinstance(value, str):
+            return value
+        return self.missing if value is None or not math.isfinite(value) else format(value, self.form)
+
+    def html(self, value: Value) -> str:
+        """Return what stands in a cell of a page; numbers have a typographic minus."""
+        text = self.text(value)
+        if not self.form:
+            return escaped(text)
+        return escaped(DASH if text == "-" else text.replace("-", MINUS))
 
 
-def html_table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return the columns as an HTML table; whatever the texts hold is escaped."""
-    head = "".join(_cell("th", text, first=not number) for number, text in enumerate(heads))
-    body = "".join(
-        f"<tr>{''.join(_cell('td', text, first=not number) for number, text in enumerate(row))}</tr>" for row in rows
-    )
-    caption = f'<caption style="text-align: left; font-weight: bold">{escaped(title)}</caption>' if title else ""
-    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+@record
+class Cell:
+    """A cell that is more than its value.
+
+    Attributes:
+        value: as of any other cell.
+        time: s, to which a click on it leads in a report; None for nowhere.
+        flight: number of the flight that a box in it shows and hides in a report; None without a box.
+        bad: whether it tells of something that should not be.
+    """
+
+    value: Value
+    time: float | None = None
+    flight: int | None = None
+    bad: bool = False
 
 
-def _line(row: Sequence[str], widths: Sequence[int]) -> str:
-    first, *others = row
-    numbers = [text.rjust(width) for text, width in zip(others, widths[1:], strict=True)]
-    return "  ".join([first.ljust(widths[0]), *numbers]).rstrip()
+@record
+class Table:
+    """A table.
+
+    Attributes:
+        title: stands above it; often empty.
+        columns: from left to right.
+        rows: as many cells as there are columns.
+        notes: sentences that belong to it.
+        by_leg: whether row `i` tells of leg `i`, to which it leads in a report.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Cell | Value]]
+    notes: Sequence[str] = ()
+    by_leg: bool = False
+
+    def texts(self) -> list[list[str]]:
+        """Return what people see, the heads first: the texts of the cells, row by row."""
+        heads = [f"{column.name} {column.unit}".strip() for column in self.columns if column.shown]
+        return [heads, *([column.text(cell.value) for column, cell in row] for row in self._shown())]
+
+    def text(self) -> str:
+        """Return columns side by side, names to the left and numbers to the right, without rules."""
+        texts, shown = self.texts(), [column for column in self.columns if column.shown]
+        widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
+        lines = [
+            "  ".join(
+                cell.rjust(width) if column.form else cell.ljust(width)
+                for column, cell, width in zip(shown, line, widths, strict=True)
+            )
+            for line in texts
+        ]
+        return "\n".join([*(line.rstrip() for line in lines), *self.notes])
+
+    def html(self, *, inline: bool = True) -> str:
+        """Return a `table` element; all texts are escaped.
+
+        Args:
+            inline: whether it carries its style, its title and its notes itself, as notebooks need it.
+        """
+        head = "".join(_html_cell("th", column, column.name, inline) for column in self.columns if column.shown)
+        rows = [
+            "".join(_html_cell("td", column, cell, inline) for column, cell in row) for row in self._shown()
+        ]  # fmt: skip
+        places = (f' data-passing="{number}"' if self.by_leg else "" for number in range(len(rows)))
+        body = "".join(f"<tr{place}>{row}</tr>" for place, row in zip(places, rows, strict=True))
+        caption, notes = "", ""
+        if inline:
+            bold = '<caption style="text-align: left; font-weight: bold">'
+            caption = f"{bold}{escaped(self.title)}</caption>" if self.title else ""
+            notes = "".join(f"<p>{escaped(note)}</p>" for note in self.notes)
+        return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{notes}"
+
+    def markdown(self) -> str:
+        """Return the cells as a table of GitHub's Markdown."""
+        heads, *lines = [f"| {' | '.join(map(_markdown, row))} |" for row in self.texts()]
+        rules = "|".join("---:" if column.form else "---" for column in self.columns if column.shown)
+        return "\n".join([heads, f"|{rules}|", *lines])
+
+    def csv(self, form: str = "", end: str = "\n") -> str:
+        """Return comma-separated values below the columns' keys; nothing stands where nothing is known.
+
+        Args:
+            form: of all numbers; empty for full precision.
+            end: of the lines.
+        """
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator=end)
+        writer.writerow(self._keys())
+        for row in self._stored():
+            writer.writerow([format(one + 0.0, form) if form and isinstance(one, float) else one for one in row])
+        return text.getvalue()
+
+    def objects(self) -> list[dict[str, Value]]:
+        """Return the rows as objects by the columns' keys, for JSON."""
+        rows = (
+            [None if isinstance(one, float) and not math.isfinite(one) else one for one in row]
+            for row in self._stored()
+        )
+        return [dict(zip(self._keys(), row, strict=True)) for row in rows]
+
+    def dataframe(self, index: str) -> "DataFrame":
+        """Return a data frame of pandas by the columns' keys.
+
+        Args:
+            index: the key of the column that is its index.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
+        return pandas.DataFrame(list(self._stored()), columns=self._keys()).set_index(index)
+
+    def rich(self) -> "RichTable":
+        """Return the table for a terminal."""
+        from rich import box  # imported here, for most tables are not drawn and rich takes 0.05 s to load
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(
+            title=Text(self.title),
+            title_justify="left",
+            box=box.SIMPLE,
+            pad_edge=False,
+            collapse_padding=True,
+            show_edge=False,
+        )
+        for column in self.columns:
+            if column.shown:
+                head = f"{column.name}\n{column.unit}" if column.unit else column.name
+                table.add_column(head, justify="right" if column.form else "left", no_wrap=not column.wraps)
+        for row in self._shown():
+            table.add_row(*(Text(column.text(cell.value), "bold red" if cell.bad else "") for column, cell in row))
+        if self.notes:
+            table.caption, table.caption_justify = Text("\n".join(self.notes)), "left"
+        return table
+
+    def _shown(self) -> Iterator[list[tuple[Column, Cell]]]:
+        for row in self.rows:
+            pairs = zip(self.columns, row, strict=True)
+            yield [(column, one if isinstance(one, Cell) else Cell(one)) for column, one in pairs if column.shown]
+
+    def _keys(self) -> list[str]:
+        return [column.key for column in self.columns if column.key]
+
+    def _stored(self) -> Iterator[list[Value]]:
+        for row in self.rows:
+            pairs = zip(self.columns, row, strict=True)
+            yield [one.value if isinstance(one, Cell) else one for column, one in pairs if column.key]
 
 
-def _cell(tag: str, text: str, *, first: bool) -> str:
-    style = STYLE.replace("right", "left") if first else STYLE
-    return f'<{tag} style="{style}">{escaped(text)}</{tag}>'
+def _html_cell(tag: str, column: Column, cell: Cell | str, inline: bool) -> str:
+    """Return a cell, or the head of a column, with what a report's script finds it by."""
+    one = cell if isinstance(cell, Cell) else Cell(cell)
+    if tag == "th":
+        text = escaped(column.name) + (f" <small>{escaped(column.unit)}</small>" if column.unit else "")
+    else:
+        text = column.html(one.value)
+    if one.time is not None:
+        text = f'<button data-time="{one.time:.6f}" title="To this instant">{text}</button>'
+    if one.flight is not None:
+        text = f'<label><input type="checkbox" data-flight="{one.flight}" checked> {text}</label>'
+    classes = " ".join([*([] if column.form else ["text"]), *(["no"] if one.bad else [])])
+    attributes = ' scope="col"' if tag == "th" else ""
+    if inline:
+        attributes += f' style="{STYLE.format("right" if column.form else "left")}"'
+    elif classes:
+        attributes += f' class="{classes}"'
+    return f"<{tag}{attributes}>{text}</{tag}>"
+
+
+def _markdown(text: str) -> str:
+    return " ".join(text.split()).replace("<", "&lt;").replace("|", "\\|")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from test_export_csv import PROVENANCE, SPLITS, flight, result
 
-from airrace.export.csv import export_csv, export_splits_csv
-from airrace.export.flight_table import flight_frame, flight_table, splits_frame
+from airrace.export.csv import export_csv
+from airrace.export.flight_table import flight_frame, flight_table
 from airrace.export.netcdf import flight_dataset
+from airrace.views.stage_tables import splits_table
 
 
 @pytest.mark.parametrize("rate", [None, 4.0])
@@ -28,9 +29,9 @@ def test_a_data_frame_is_the_table_of_the_csv_file(rate: float | None) -> None:
 
 def test_a_data_frame_of_splits_is_the_table_of_the_csv_file() -> None:
     stream = io.StringIO()
-    export_splits_csv(SPLITS, stream)
+    stream.write(splits_table(SPLITS).csv(".10g"))
     heads, *rows = csv.reader(stream.getvalue().splitlines())
-    frame = splits_frame(SPLITS)
+    frame = splits_table(SPLITS).dataframe("passage")
     assert [frame.index.name, *frame.columns] == heads
     assert frame.index.tolist() == [row[0] for row in rows]
     np.testing.assert_allclose(frame.to_numpy(), [[float(cell) for cell in row[1:]] for row in rows], rtol=1e-9)

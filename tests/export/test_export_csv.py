@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from airrace.errors import UsageError
 from airrace.export import flight_table
-from airrace.export.csv import Provenance, export_csv, export_splits_csv
+from airrace.export.csv import Provenance, export_csv
 from airrace.export.flight_table import at_nodes, at_rate, unit_suffix
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, Timings
 from airrace.quantities import Quantity
 from airrace.trajectory import Array, Trajectory
+from airrace.views.stage_tables import splits_table
 
 INTERVALS = 12
 NODES = np.arange(INTERVALS + 1)
@@ -241,9 +242,7 @@ def test_without_comments_the_header_is_the_first_line() -> None:
 
 
 def test_splits_are_exported_with_their_legs() -> None:
-    stream = io.StringIO(newline="")
-    export_splits_csv(result().splits, stream)
-    columns = table(stream.getvalue())
+    columns = table(splits_table(result().splits).csv(".10g"))
     expected = {
         "passage": ["1:g1", "1:g2"],
         "time_s": [1.25, 3.75],
@@ -264,17 +263,14 @@ def test_splits_are_exported_with_their_legs() -> None:
 
 @given(heading=st.floats(-20.0, 20.0))
 def test_a_heading_lies_on_the_compass(heading: float) -> None:
-    stream = io.StringIO(newline="")
-    export_splits_csv((replace(SPLITS[0], heading=heading),), stream)
-    degrees = float(table(stream.getvalue())["heading_deg"][0])
+    splits = splits_table((replace(SPLITS[0], heading=heading),))
+    degrees = float(table(splits.csv(".10g"))["heading_deg"][0])
     assert 0.0 <= degrees < 360.0
     assert math.remainder(degrees - math.degrees(heading), 360.0) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_flight_without_passages_has_an_empty_table_of_splits() -> None:
-    stream = io.StringIO(newline="")
-    export_splits_csv((), stream)
-    assert table(stream.getvalue())["passage"] == []
+    assert table(splits_table(()).csv())["passage"] == []
 
 
 def test_a_table_of_any_rate_is_made_in_pieces_and_stays_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

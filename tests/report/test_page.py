@@ -12,10 +12,11 @@ from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, 
 
 from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page
-from airrace.report.sections import Cell, Head, TableRow, number, table
+from airrace.report.sections import number
 from airrace.results.comparison import compare_flights
 from airrace.results.leg_facts import leg_facts
 from airrace.runs.reports import opened_report, report_page, stage_sections
+from airrace.views.tables import Cell, Column, Table
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
 
@@ -138,10 +139,11 @@ def test_a_table_shows_numbers_as_people_write_them() -> None:
         "0.0",
         "\N{EN DASH}",
     )
-    shown = table([Head("a", "m"), Head("b", text=True)], [TableRow(["<1>", Cell("&", bad=True)])], "caption <")
+    shown = Table("caption <", (Column("a", "m", ".1f"), Column("b")), [("<1>", Cell("&", bad=True))])
+    assert "caption &lt;" in shown.html()
+    shown = shown.html(inline=False)
     assert "&lt;1&gt;" in shown
     assert '<td class="text no">&amp;</td>' in shown
-    assert "caption &lt;" in shown
 
 
 def test_the_legs_of_a_comparison_come_with_what_differs() -> None:

@@ -1,0 +1,93 @@
+"""The tables of a stage's result: gate splits, certificate and the routes that were tried."""
+
+import math
+from collections.abc import Sequence
+
+from airrace.optimal_control.certificate import Certificate
+from airrace.procedure.result import GateSplit, SearchReport
+from airrace.quantities import KNOT
+from airrace.views.tables import Cell, Column, Table
+
+_SPLITS = (
+    Column("gate", key="passage"),
+    Column("time", "s", ".3f", "time_s"),
+    Column("leg", "s", ".3f", "leg_s"),
+    Column("speed", "m/s", ".1f", "V_K_m_s"),
+    Column("speed", "kt", ".1f", "V_K_kt"),
+    Column("height", "m", ".1f", "height_m"),
+    Column("load", "g", "z.2f", "n_z"),
+    Column("bank", "deg", "z.1f", "bank_deg"),
+    Column("climb", "deg", "z.1f", "climb_deg"),
+    Column(key="heading_deg"),
+)
+
+
+def splits_table(splits: Sequence[GateSplit], title: str = "gate splits") -> Table:
+    """Return a table of the passings; `leg` is the time since the passing before, of the first one since the start."""
+    befores = (0.0, *(split.time for split in splits))
+    rows = [
+        (
+            split.name,
+            split.time,
+            split.time - before,
+            split.V_K,
+            split.V_K / KNOT,
+            split.height,
+            split.n_z,
+            math.degrees(split.bank),
+            math.degrees(split.climb),
+            round(math.degrees(split.heading), 7) % 360.0,
+        )
+        for split, before in zip(splits, befores, strict=False)
+    ]
+    return Table(title, _SPLITS, rows)
+
+
+_CERTIFICATE = (
+    Column("item"),
+    Column("value", form=".3g"),
+    Column("limit", form=".3g"),
+    Column("unit"),
+    Column("holds"),
+    Column("worst at"),
+)
+
+
+def certificate_table(certificate: Certificate, title: str, notes: Sequence[str] = ()) -> Table:
+    """Return a table of all items with their limits, angles in degrees, and where a value that is not zero is worst."""
+    rows: list[tuple[Cell | str | float, ...]] = []
+    for item in certificate.items:
+        turned = item.unit in ("rad", "rad/s")
+        factor, unit = (math.degrees(1.0), item.unit.replace("rad", "deg")) if turned else (1.0, item.unit)
+        holds = Cell("yes") if item.holds else Cell("NO", bad=True)
+        where = item.where if item.value else ""
+        rows.append((item.name, factor * item.value, factor * item.limit, unit, holds, where))
+    return Table(title, _CERTIFICATE, rows, notes)
+
+
+_SEARCH = (
+    Column("way", wraps=True),
+    Column("rough time", "s", ".3f"),
+    Column("behind", "s", "+.3f"),
+    Column("priced"),
+)
+
+
+def search_table(search: SearchReport, title: str = "", most: int | None = None, notes: Sequence[str] = ()) -> Table:
+    """Return a table of the best route and those that came next, on a coarse mesh.
+
+    Args:
+        search: of a stage.
+        title: empty for one that tells how many routes were tried.
+        most: routes to be listed; None for all.
+        notes: sentences that belong to it.
+    """
+    flights = search.led + search.elsewhere + search.lost
+    tried = f"routes: {len(search.ways)} tried in {search.seconds:.1f} s"
+    rows: list[tuple[str | float, ...]] = [
+        (way.text, way.race_time, "best" if number == 0 else way.difference, way.priced)
+        for number, way in enumerate(search.ways[:most])
+    ]
+    if len(rows) < len(search.ways):
+        rows.append((f"and {len(search.ways) - len(rows)} more", "", "", ""))
+    return Table(title or f"{tried}, {search.led} of {flights} flights led to the best", _SEARCH, rows, notes)
