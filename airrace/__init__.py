@@ -14,7 +14,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # as type checkers take it; `typing` would be loaded before anybody listens to Ctrl-C
 if TYPE_CHECKING:
     from airrace.aircraft.aircraft import Aircraft
-    from airrace.api import check, open, optimize, resume, tracks
+    from airrace.api import check, import_log, open, optimize, resume, tracks
     from airrace.environment.air import Air, Profile, StaticWind, Thermal
     from airrace.errors import AirraceError
     from airrace.inputs import Inputs, load_inputs
@@ -25,9 +25,7 @@ if TYPE_CHECKING:
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
-    from airrace.runs.course_check import Checked
-    from airrace.runs.init import init
-    from airrace.runs.log_import import import_log
+    from airrace.runs.courses import Checked, init
     from airrace.runs.log_view import LogView
     from airrace.runs.run import Run
     from airrace.runs.stage_view import StageView
@@ -97,12 +95,10 @@ _HOMES = {
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
-    "airrace.runs.course_check": ("Checked",),
-    "airrace.api": ("check", "open", "optimize", "resume", "tracks"),
+    "airrace.runs.courses": ("Checked", "init"),
+    "airrace.api": ("check", "import_log", "open", "optimize", "resume", "tracks"),
     "airrace.runs.log_view": ("LogView",),
     "airrace.runs.stage_view": ("StageView",),
-    "airrace.runs.log_import": ("import_log",),
-    "airrace.runs.init": ("init",),
     "airrace.runs.run": ("Run",),
     "airrace.track.course": ("Course", "Direction", "EndState", "Origin", "Passage", "Rules"),
     "airrace.track.gates": ("Gate", "Manoeuvre", "Passing", "Pylon", "Tolerances"),

@@ -4,36 +4,72 @@ Nothing is printed unless it is asked for, and nothing is written but the files 
 """
 
 import logging
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from airrace.aircraft.aircraft import Aircraft
+from airrace.environment.air import Air
 from airrace.errors import UsageError
+from airrace.inputs import Document, load_inputs
+from airrace.inputs.batch import set_texts
+from airrace.inputs.objects import Scene, document_of_objects
+from airrace.planning.race import Race
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
-from airrace.runs.beginning import new_task, settings_texts
-from airrace.runs.course_check import Checked, checked
-from airrace.runs.execution import flown
-from airrace.runs.given import (
-    AircraftGiven,
-    SettingsGiven,
-    TrackGiven,
-    Values,
-    aircraft_of,
-    document_or_path,
-    stage_name,
-    value_texts,
-)
+from airrace.runs.courses import Checked, ShippedTrack, checked, shipped
+from airrace.runs.execute import flown
+from airrace.runs.log_view import LogView, flown_through
 from airrace.runs.output import ensure_free
-from airrace.runs.resuming import changed_task, continued_task
-from airrace.runs.run import Run
-from airrace.runs.shipped import ShippedTrack, shipped
-from airrace.runs.starting import Changes, other_run
-from airrace.runs.stored_inputs import opened_run
-from airrace.runs.task import Task
+from airrace.runs.plan import Changes, Task, changed_task, continued_task, new_task, other_run, settings_texts
+from airrace.runs.run import Run, opened_run
+from airrace.track.course import Course
 from airrace.views.progress_view import watching
+
+TrackGiven = str | Path | Course | Race
+"""A course by name, its file, or an object: a course in calm standard air, or a race with aircraft and air."""
+AircraftGiven = str | Path | Aircraft
+"""An aircraft by name, its file, or an object."""
+SettingsGiven = str | Path
+"""A settings file, by its path."""
+Values = Mapping[str, str | int | float | bool] | Sequence[str]
+"""Single values by their keys, or texts `key=value`."""
+
+
+def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | Document | None:
+    """Return a name or a path as it is, and an object as the document that holds it."""
+    match given:
+        case Race(course, _, air):
+            return document_of_objects(Scene(course, air), _file_name(course.name))
+        case Course():
+            return document_of_objects(Scene(given, Air(elevation=given.origin.elevation)), _file_name(given.name))
+        case Aircraft():
+            return document_of_objects(given, _file_name(given.name))
+        case _:
+            return given
+
+
+def aircraft_of(track: TrackGiven | None, aircraft: AircraftGiven | None) -> AircraftGiven | None:
+    """Return the aircraft that is asked for: the one that is named, else that of a race."""
+    return track.aircraft if aircraft is None and isinstance(track, Race) else aircraft
+
+
+def value_texts(values: Values) -> list[str]:
+    """Return values as `key=value` texts, as `--set` takes them."""
+    return set_texts(values) if isinstance(values, Mapping) else [values] if isinstance(values, str) else list(values)
+
+
+def stage_name(stage: str | Stage | None) -> str | None:
+    """Return the name of a stage."""
+    return stage.value if isinstance(stage, Stage) else stage
+
+
+def _file_name(name: str) -> str:
+    """Return a name as a file could bear it: runs are called after it."""
+    return "_".join("".join(letter if letter.isalnum() else " " for letter in name).lower().split()) or "course"
+
 
 # Without a handler Python itself prints the warnings of a library.
 logging.getLogger("airrace").addHandler(logging.NullHandler())
@@ -260,3 +296,52 @@ def _watched(task: Task, progress: bool | Progress) -> Generator[Progress, None,
             yield view
     else:
         yield Silent()
+
+
+def import_log(
+    log: str | Path,
+    track: TrackGiven,
+    *,
+    aircraft: AircraftGiven | None = None,
+    set: Values = (),
+    mapping: str | Path | None = None,
+    columns: Sequence[str] = (),
+    time_zone: str | None = None,
+    noise: float | None = None,
+    run: int | None = None,
+    name: str | None = None,
+) -> LogView:
+    """Read a log of a flight, and find, smooth and judge its run through a course.
+
+    Args:
+        log: a CSV, GPX, IGC or ACMI file; the last also zipped.
+        track: see `airrace.optimize`.
+        aircraft: see `airrace.optimize`.
+        set: single values of course and aircraft that are otherwise, see `airrace.optimize`.
+        mapping: a mapping of the columns, a file of the language `airrace/log/1`.
+        columns: columns on top of those of the mapping, `NAME=HEADER [UNIT]` each.
+        time_zone: of times that name none, `+02:00` or `Europe/Zagreb`; None for what the mapping says, else UTC.
+        noise: standard deviation of the positions, m; None to estimate it from them.
+        run: which of several runs through the course, counted from 1; None for the one that passes most closely.
+        name: of the aircraft of an ACMI recording that holds several.
+
+    Raises:
+        InputError: course, mapping or log are not valid, or the log does not pass the course; it names file and line.
+        UsageError: an argument says nothing sensible.
+    """
+    from airrace.inputs.log_layout import read_layout, with_columns, with_zone
+    from airrace.logs.recording import ColumnLayout
+
+    named = document_or_path(track)
+    if named is None:
+        raise UsageError("a course is needed: a name, a file or an object")
+    flown_by = document_or_path(aircraft_of(track, aircraft))
+    inputs = load_inputs(named, aircraft=flown_by, overrides=value_texts(set))
+    layout, known_noise = (ColumnLayout(), None) if mapping is None else read_layout(Path(mapping))
+    layout = with_columns(layout, columns)
+    layout = layout if time_zone is None else with_zone(layout, time_zone)
+    if noise is not None and not 0.0 < noise <= 100.0:
+        raise UsageError(f"a noise of {noise:g} m makes no sense: it must lie above 0 and not above 100")
+    return flown_through(
+        Path(log), inputs, layout=layout, noise=known_noise if noise is None else noise, run=run, name=name
+    )

@@ -33,7 +33,7 @@ from airrace.batch.planning import make_plan  # noqa: E402
 from airrace.batch.record import FileMark, JobRecord, checkpoint_path, record_path, write_record  # noqa: E402
 from airrace.batch.sources import Manner, find_sources, parse_sweeps  # noqa: E402
 from airrace.inputs import load_inputs  # noqa: E402
-from airrace.runs.stored_inputs import library_versions  # noqa: E402
+from airrace.runs.run import library_versions  # noqa: E402
 
 COMMAND = (sys.executable, "-P", "-m", "airrace")
 SMALL = 8  # passings of a course of the battery, at most

@@ -36,8 +36,7 @@ from airrace.jsbsim.accelerations import at_geopotential_height, differences, ra
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
 from airrace.jsbsim.simulation import fly_course, simulate
 from airrace.procedure import results_api
-from airrace.runs.run import Run
-from airrace.runs.stored_inputs import stored_run
+from airrace.runs.run import Run, stored_run
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540

@@ -20,7 +20,7 @@ from airrace.planning.race import Race
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
-from airrace.runs.run_object import stage_object
+from airrace.runs.json_objects import stage_object
 
 TURN = math.radians(37.0)
 NORTH, EAST = 1234.0, -567.0  # m

@@ -28,7 +28,7 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solver_session import SolverSession
-from airrace.runs.stored_inputs import stored_run
+from airrace.runs.run import stored_run
 from airrace.sensitivity.lagrangian import STEP, prices
 from airrace.sensitivity.sensitivity import Activity, Price
 

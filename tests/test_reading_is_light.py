@@ -6,12 +6,12 @@ import sys
 import pytest
 
 READERS = (
-    "airrace.runs.exports",
-    "airrace.runs.show_view",
+    "airrace.runs.flight_sources",
+    "airrace.cli.stored_stages",
     "airrace.cli.show_texts",
-    "airrace.runs.comparison",
+    "airrace.runs.json_objects",
     "airrace.cli.compare_tables",
-    "airrace.runs.reports",
+    "airrace.runs.flight_sources",
     "airrace.views.flight_figure",
     "airrace.views.comparison_figure",
 )
@@ -51,8 +51,6 @@ def test_readers_of_runs_load_nothing_that_only_solving_needs(reader: str) -> No
 
 
 def test_what_solving_needs_is_named_as_it_is_loaded() -> None:
-    program = "import airrace.runs.execution, airrace.runs.sensitivities, airrace.runs.log_import, scipy"
-    program += (
-        "\nimport airrace.optimal_control.solvers.process.worker, multiprocessing, airrace.sensitivity.lagrangian"
-    )
+    program = "import airrace.runs.execute, airrace.runs.stage_view, airrace.logs.log_flight, scipy, multiprocessing"
+    program += "\nimport airrace.optimal_control.solvers.process.worker, airrace.sensitivity.lagrangian"
     assert set(SOLVING) <= loaded(program)

@@ -35,7 +35,7 @@ from airrace.batch.executor import (
 from airrace.batch.process import GRACE
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import StorageError
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 WORKERS_WAIT = 600.0
 """The time for which a batch waits for a worker when there is none, s."""

@@ -19,7 +19,7 @@ from airrace.batch.job import Job
 from airrace.batch.local import LocalExecutor
 from airrace.errors import AirraceError
 from airrace.records import record
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 POLL = 0.5
 """The time between two looks whether the job is still wanted, s."""

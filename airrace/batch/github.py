@@ -6,7 +6,7 @@ from pathlib import Path
 
 from airrace.batch.ranking import RankingRow
 from airrace.errors import Finding, StorageError
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 ANNOTATIONS_MAX = 50
 """The largest number of annotations; GitHub shows ten of a step."""

@@ -18,8 +18,7 @@ from airrace import interrupts, memory, process
 from airrace.optimal_control.solvers.process.idle_processes import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
-from airrace.runs.answer import Answer, empty_result, record_failure
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import Answer, ExitCode, empty_result, record_failure
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
@@ -80,9 +79,9 @@ def main() -> None:
 def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
     """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
     from airrace.inputs import inputs_from_documents
-    from airrace.runs.execution import fly_stages
-    from airrace.runs.resuming import continued_task
-    from airrace.runs.stored_inputs import new_run, taken_up
+    from airrace.runs.execute import fly_stages
+    from airrace.runs.plan import continued_task
+    from airrace.runs.run import new_run, taken_up
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
     run = taken_up(new_run(inputs, path))

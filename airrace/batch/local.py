@@ -8,7 +8,7 @@ from typing import Self
 
 from airrace.batch.executor import Attempt, AttemptResult, Ended, Event, FailureKind, Started
 from airrace.batch.process import JobProcess
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 POLL = 0.2
 """The time between two looks at time limits, s."""

@@ -9,7 +9,7 @@ from airrace.batch.record import JobRecord, checkpoint_path, record_path
 from airrace.batch.sweep import Combination
 from airrace.errors import Finding
 from airrace.records import record
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 
 @record

@@ -25,7 +25,7 @@ from airrace.batch.executor import Attempt, AttemptResult, Ended, Event, Failure
 from airrace.errors import Finding
 from airrace.process import ONE_THREAD, python_command, started_apart
 from airrace.records import record
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 GRACE = 5.0
 """The time that a process which is told to stop may take, s."""

@@ -12,7 +12,7 @@ from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
 from airrace.inputs.units import KNOT
 from airrace.records import record
 from airrace.results.comparison import TIE
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 STATES: Mapping[int, str] = {
     ExitCode.DONE: "certified",

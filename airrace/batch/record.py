@@ -18,8 +18,8 @@ from airrace.batch.job import Fingerprint, Job
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import AirraceError, Finding, StorageError, UsageError
 from airrace.records import record
-from airrace.runs.exit_codes import ExitCode
-from airrace.runs.run_lock import held
+from airrace.runs.command_result import ExitCode
+from airrace.runs.execute import held
 
 SCHEMA = "airrace/job/1"
 SIZE_MAX = 64 * 1024 * 1024

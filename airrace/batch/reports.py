@@ -22,7 +22,7 @@ from xml.etree.ElementTree import Element, SubElement
 from airrace.batch.plan import JobResult
 from airrace.batch.ranking import RankingRow, WindSummary, counts, wind_words
 from airrace.batch.record import RecordError, checkpoint_path, read_record
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 COLUMNS = ("name", "course", "track", "aircraft")
 MEASURED = ("state", "code", "stage", "race_time_s", "behind_s", "laps_s", "wall_s", "kept", "retries", "message")

@@ -24,7 +24,7 @@ from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, result_of
 from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, record_path, write_record
 from airrace.errors import StorageError
 from airrace.records import record
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 PATIENCE = 0.25
 """The time between two looks whether to stop, s."""

@@ -8,9 +8,16 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
-from airrace.checkpoint.envelope import Sign, Signature
-from airrace.checkpoint.log_checkpoint import Recorded, RecordedLog, StoredHistory, StoredPassing
-from airrace.checkpoint.store import read_checkpoint, read_sealed, read_stored, write_checkpoint, write_recorded
+from airrace.checkpoint.log_layout import Recorded, RecordedLog, StoredHistory, StoredPassing
+from airrace.checkpoint.store import (
+    Sign,
+    Signature,
+    read_checkpoint,
+    read_sealed,
+    read_stored,
+    write_checkpoint,
+    write_recorded,
+)
 
 __all__ = [
     "Checkpoint",

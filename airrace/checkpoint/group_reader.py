@@ -1,4 +1,4 @@
-"""A group of a tree that nobody vouches for, asked for its members by name and kind."""
+"""Reading of a tree that nobody vouches for: members by name and kind, and numbers that a flight can have."""
 
 from collections.abc import Mapping
 from typing import Never
@@ -6,10 +6,11 @@ from typing import Never
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.checkpoint.tree import Column, Group, Node, Numbers, Series, Table
+from airrace.checkpoint.hdf5 import Column, Group, Node, Numbers, Series, Table
 from airrace.errors import CheckpointError
+from airrace.procedure.result import GateSplit, StageResult
 from airrace.records import record
-from airrace.trajectory import Array
+from airrace.trajectory import Array, Trajectory
 
 
 @record
@@ -68,3 +69,97 @@ class Place:
 
     def _wrong(self, name: str, kind: str) -> Never:
         raise CheckpointError(f"{self.path}/{name} is not {kind}")
+
+
+ROUNDED = 1e-9
+"""The largest difference between the durations of the phases and the times of their nodes, as a fraction of the race
+time: both are sums of the same numbers in another order."""
+
+LARGEST = 1e30
+"""The largest magnitude of a number of a flight, in SI units.
+
+No quantity of a flight comes near it, and products of a few such numbers still are finite.
+"""
+QUATERNION = ("q0", "q1", "q2", "q3")
+LENGTH_ERROR = 0.1
+"""The largest distance of the length of an attitude's quaternion from 1; a flight keeps it at 1 but for rounding."""
+
+
+def ensure_possible(result: StageResult, path: str) -> None:
+    """Refuse a stage whose flight nobody can have flown.
+
+    Where no flight was found the numbers are those at which the solver gave up, and anything goes.
+
+    Args:
+        result: the stage as it was read.
+        path: its place in the file.
+
+    Raises:
+        CheckpointError: histories, times, multipliers or splits are not finite or larger than `LARGEST`; time runs
+            backwards, does not begin at 0, or does not pass as the durations of the phases have it; a quaternion is
+            no attitude.
+    """
+    if not result.is_flight:
+        return
+    flown = result.trajectory
+    for name, values in (
+        ("durations", flown.durations),
+        ("time", flown.time),
+        ("states", flown.state),
+        ("controls", flown.control),
+        ("constraint_multipliers", result.constraint_multipliers),
+        ("bound_multipliers", result.bound_multipliers),
+    ):
+        ensure_sizes(values, f"{path}/{name}")
+    ensure_sizes(np.array([_numbers(split) for split in result.splits]), f"{path}/splits")
+    _ensure_time_passes(flown, path)
+    rows = {one.name: values for one, values in zip(flown.states, flown.state, strict=True)}
+    ensure_attitudes(rows, f"{path}/states")
+
+
+def _numbers(split: GateSplit) -> list[float]:
+    """Return all numbers of a gate split."""
+    return [value for value in vars(split).values() if isinstance(value, float)]
+
+
+def ensure_sizes(values: Array, path: str) -> None:
+    """Refuse numbers that nothing can be calculated with.
+
+    Args:
+        values: of any shape and any unit of SI.
+        path: their place in the file.
+
+    Raises:
+        CheckpointError: one of them is not finite, or larger than `LARGEST`.
+    """
+    if not np.isfinite(values).all():
+        raise CheckpointError(f"{path}: holds numbers that are not finite")
+    if (np.abs(values) > LARGEST).any():
+        raise CheckpointError(f"{path}: holds numbers larger than {LARGEST:g}")
+
+
+def ensure_attitudes(histories: Mapping[str, Array], path: str) -> None:
+    """Refuse quaternions that are no attitudes; nothing is asked where there are none.
+
+    Args:
+        histories: by their names, each of shape (n,).
+        path: their place in the file.
+
+    Raises:
+        CheckpointError: the length of a quaternion is not within `LENGTH_ERROR` of 1.
+    """
+    if not all(name in histories for name in QUATERNION):
+        return
+    length: Array = np.sqrt(sum(histories[name] ** 2 for name in QUATERNION))
+    if not (np.abs(length - 1.0) <= LENGTH_ERROR).all():
+        raise CheckpointError(f"{path}: the quaternion {', '.join(QUATERNION)} is not of length 1")
+
+
+def _ensure_time_passes(flown: Trajectory, path: str) -> None:
+    if not (flown.durations > 0.0).all():
+        raise CheckpointError(f"{path}/durations: a phase takes no time")
+    if flown.time[0] != 0.0 or not (np.diff(flown.time) > 0.0).all():
+        raise CheckpointError(f"{path}/time: does not run forwards from 0")
+    passed: Array = np.diff(flown.time[flown.first_node])
+    if not (np.abs(passed - flown.durations) <= ROUNDED * flown.race_time).all():
+        raise CheckpointError(f"{path}/time: does not pass as the durations of the phases have it")

@@ -12,8 +12,7 @@ import typer
 
 from airrace import interrupts
 from airrace.errors import UsageError
-from airrace.runs.answer import Answer, record_failure
-from airrace.runs.exit_codes import ExitCode, of_error
+from airrace.runs.command_result import Answer, ExitCode, of_error, record_failure
 from airrace.standard_streams import STANDARD, abandon_stdout
 from airrace.views.plain_text import one_line, styled
 

@@ -80,8 +80,8 @@ def batch(
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_live import watching_batch
-        from airrace.runs.stage_names import stage_named
-        from airrace.runs.stored_inputs import library_versions
+        from airrace.runs.plan import stage_named
+        from airrace.runs.run import library_versions
 
         ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
         started = time.perf_counter()
@@ -113,7 +113,7 @@ def _executor(cluster: str | None, jobs: int | None, timeout: float | None) -> "
     """
     from airrace.batch.process import JOB_COMMAND
     from airrace.process import available_cores
-    from airrace.runs.stored_inputs import library_versions
+    from airrace.runs.run import library_versions
 
     if cluster is None:
         from airrace.batch.local import LocalExecutor

@@ -15,8 +15,7 @@ from airrace.cli.batch_tables import ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError
 from airrace.records import record
-from airrace.runs.answer import Answer
-from airrace.runs.exit_codes import ExitCode, worst
+from airrace.runs.command_result import Answer, ExitCode, worst
 from airrace.runs.output import ensure_free, identity, write_text
 from airrace.standard_streams import STANDARD
 

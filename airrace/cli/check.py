@@ -37,7 +37,7 @@ def check(
         from airrace.cli.course_tables import course_tables, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
-        from airrace.runs.course_check import checked
+        from airrace.runs.courses import checked
 
         course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course.as_object())

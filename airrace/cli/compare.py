@@ -36,8 +36,8 @@ def compare(
             ensure_free(plot, force=force, sources=names)
         from airrace.cli.compare_tables import comparison_texts
         from airrace.results.comparison import compare_flights
-        from airrace.runs.comparison import compared_object
         from airrace.runs.flight_sources import opened_flights
+        from airrace.runs.json_objects import compared_object
 
         reference, *others = opened_flights(names, stage=stage)
         comparisons = [compare_flights(reference, other) for other in others]

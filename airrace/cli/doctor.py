@@ -12,8 +12,8 @@ def doctor(as_json: AsJson = False, verbose: Verbose = False) -> None:
     with answering({"healthy": False, "components": []}, as_json=as_json, verbose=verbose) as answer:
         from dataclasses import asdict
 
-        from airrace.runs.doctor import examined
-        from airrace.runs.exit_codes import ExitCode
+        from airrace.cli.installation import examined
+        from airrace.runs.command_result import ExitCode
 
         components = examined()
         width = max(len(one.name) for one in components)

@@ -64,9 +64,8 @@ def csv_table(
         from airrace.errors import UsageError
         from airrace.runs.flight_sources import opened_file, source_of
         from airrace.runs.log_view import LogView
-        from airrace.runs.output import ensure_free
-        from airrace.runs.sources import Named
-        from airrace.runs.splits import Splits
+        from airrace.runs.output import Named, ensure_free
+        from airrace.runs.stage_view import Splits
         from airrace.views.streams import PlainStream
 
         if splits and rate is not None:
@@ -128,7 +127,7 @@ def _subcommand(form: "Format") -> Any:  # Any: as above
         verbose: Verbose = False,
     ) -> None:
         with answering(as_json=as_json, verbose=verbose) as answer:
-            from airrace.runs.exports import output_of, write_flights
+            from airrace.runs.flight_sources import output_of, write_flights
 
             path = output or output_of(form.name, names)
             ensure_room(path, as_json=as_json)

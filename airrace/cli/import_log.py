@@ -59,9 +59,9 @@ def import_log(
         path = output or beside(log, "h5")
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
+        from airrace.api import import_log as imported
         from airrace.cli.flown_tables import flown_texts
-        from airrace.runs.log_import import import_log as imported
-        from airrace.runs.log_object import flown_object
+        from airrace.runs.json_objects import flown_object
 
         flown = imported(
             log,

@@ -41,7 +41,7 @@ def init(
     beside it, lets editors complete its keys and mark mistakes. - is stdout.
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.init import init as written
+        from airrace.runs.courses import init as written
 
         ensure_room(name, as_json=as_json)
         path = written(name, like=like, from_=from_, force=force)

@@ -26,7 +26,7 @@ from airrace.cli.sensitivity import sensitivity
 from airrace.cli.show import show
 from airrace.cli.tracks import tracks
 from airrace.cli.verify import verify
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 app = typer.Typer(
     name="airrace",

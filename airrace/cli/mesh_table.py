@@ -6,7 +6,7 @@ from rich.text import Text
 
 from airrace.cli.tables import plain_table
 from airrace.procedure.result import RefinementReason, StageResult
-from airrace.runs.run_object import REASONS
+from airrace.runs.json_objects import REASONS
 from airrace.trajectory import Array
 
 

@@ -24,7 +24,7 @@ from airrace.cli.options import (
     output_option,
 )
 from airrace.procedure.settings import GuessKind, SearchEffort
-from airrace.runs.answer import empty_result
+from airrace.runs.command_result import empty_result
 from airrace.standard_streams import STANDARD, stem_of
 
 
@@ -77,8 +77,8 @@ def optimize(
             start_early(1 if search is SearchEffort.OFF else min(2, threads))  # the other is for what is tried
         from airrace.cli.running import describe_task, fly
         from airrace.errors import UsageError
-        from airrace.runs.beginning import new_task, settings_texts
         from airrace.runs.output import NO_PIPE, ensure_free
+        from airrace.runs.plan import new_task, settings_texts
         from airrace.runs.signing import signer_of
 
         signer = None if sign is None else signer_of(sign)

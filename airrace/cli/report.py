@@ -32,8 +32,8 @@ def report(
 ) -> None:
     """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
     with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.flight_sources import opened_report
         from airrace.runs.output import beside, ensure_free, write_text
-        from airrace.runs.reports import opened_report
 
         path = output or beside(run_file, "html")
         names = [str(run_file), *(flights or [])]

@@ -24,10 +24,10 @@ from airrace.cli.options import (
     Verbose,
     output_option,
 )
-from airrace.runs.answer import empty_result
+from airrace.runs.command_result import empty_result
 
 if TYPE_CHECKING:
-    from airrace.runs.starting import Changes
+    from airrace.runs.plan import Changes
 
 
 def resume(
@@ -81,11 +81,9 @@ def resume(
         if not dry_run:
             start_early()
         from airrace.cli.running import describe_task, fly
-        from airrace.runs.beginning import settings_texts
-        from airrace.runs.resuming import changed_task, continued_task
+        from airrace.runs.plan import Changes, changed_task, continued_task, other_run, settings_texts
+        from airrace.runs.run import opened_run
         from airrace.runs.signing import ensure_own, signer_of
-        from airrace.runs.starting import Changes, other_run
-        from airrace.runs.stored_inputs import opened_run
 
         signer = None if sign is None else signer_of(sign)
         changes = Changes(track, aircraft, settings, tuple(overrides or ()))

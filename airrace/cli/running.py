@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 from airrace.procedure.result import StageResult
-from airrace.runs.answer import Answer
-from airrace.runs.execution import fly_stages
-from airrace.runs.exit_codes import ExitCode
-from airrace.runs.task import Step, Task, described
+from airrace.runs.command_result import Answer, ExitCode
+from airrace.runs.execute import fly_stages
+from airrace.runs.plan import Step, Task, described
 from airrace.views.progress_view import watching
 
 

@@ -37,7 +37,7 @@ def sensitivity(
         from airrace.cli.price_tables import prices_csv, prices_text
         from airrace.cli.tables import terminal_columns
         from airrace.errors import UsageError
-        from airrace.runs.stored_inputs import opened_run
+        from airrace.runs.run import opened_run
 
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")

@@ -10,7 +10,7 @@ from airrace.cli.options import AsJson, RunFile, TrustedKey, Verbose
 
 if TYPE_CHECKING:
     from airrace.checkpoint import Recorded
-    from airrace.runs.answer import Answer
+    from airrace.runs.command_result import Answer
 
 
 def show(
@@ -31,7 +31,7 @@ def show(
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.checkpoint import Recorded, read_sealed, read_stored
         from airrace.cli.show_texts import shown_texts
-        from airrace.runs.show_view import shown_object, shown_of
+        from airrace.cli.stored_stages import shown_object, shown_of
         from airrace.runs.signing import ensure_signed
 
         stored = read_stored(run_file)
@@ -52,7 +52,7 @@ def show(
 def _show_flown(answer: "Answer", stored: "Recorded", stage: str | None, *, legs: bool, as_json: bool) -> None:
     from airrace.cli.flown_tables import flown_texts
     from airrace.runs.flight_sources import source_of
-    from airrace.runs.log_object import flown_object
+    from airrace.runs.json_objects import flown_object
     from airrace.runs.log_view import opened_log
 
     flown = opened_log(stored)

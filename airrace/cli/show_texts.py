@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from airrace.cli.clearance_tables import near_misses_text
 from airrace.cli.leg_tables import laps_line, leg_tables
 from airrace.cli.mesh_table import mesh_table
+from airrace.cli.stored_stages import Shown
 from airrace.cli.tables import PAGE, certificate_line, rendered, result_tables, stages_table
 from airrace.procedure.result import UNVERIFIABLE, StageResult
-from airrace.runs.show_view import Shown
 
 UNVERIFIED = "\n".join(
     textwrap.wrap(

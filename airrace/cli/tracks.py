@@ -13,7 +13,7 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
         from textwrap import fill
 
         from airrace.cli.tables import plain_table, rendered
-        from airrace.runs.shipped import shipped
+        from airrace.runs.courses import shipped
 
         listed = shipped()
         answer.fields.update(listed.as_object())

@@ -33,9 +33,9 @@ def verify(
         from airrace.cli.tables import certificate_table, rendered
         from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
-        from airrace.runs.exit_codes import ExitCode
+        from airrace.runs.command_result import ExitCode
+        from airrace.runs.run import readable, stored_run
         from airrace.runs.signing import ensure_signed, signer_of
-        from airrace.runs.stored_inputs import readable, stored_run
         from airrace.runs.verification import verified
         from airrace.standard_streams import STANDARD
 

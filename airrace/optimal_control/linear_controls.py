@@ -5,9 +5,9 @@ is held instead, the value is continuous and piecewise linear:
 
     x' = f(x, u, p),   u' = r,   r held.
 
-That is a system like any other, so shooting, multipliers, Hamiltonian, replay and constraint check are right for it as they are. A
-linear control follows a smooth optimum with an error that falls with the square of the interval, a held one with an
-error that falls with the interval itself.
+That is a system like any other, so shooting, multipliers, Hamiltonian, replay and constraint check are right for it as
+they are. A linear control follows a smooth optimum with an error that falls with the square of the interval, a held
+one with an error that falls with the interval itself.
 
 The value's bounds hold at the nodes and therefore everywhere. It goes on from phase to phase; a control that has to be
 free to jump there stays a held one. An objective that weighs the value's square takes it from a state whose rate is

@@ -1,21 +1,27 @@
-"""Flights by the names that every door takes.
+"""Flights by the names that every command takes: opened, exported, reported.
 
 `RUN.h5` is the last stage of a run, `RUN.h5:STAGE` another one, `FLOWN.h5` an imported log, and `LOG.csv` a log itself.
 """
 
+import math
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 from airrace.checkpoint import Recorded, read_stored
-from airrace.errors import UsageError
+from airrace.checkpoint.atomic import replace_file
+from airrace.errors import NotCertified, UsageError
+from airrace.export.formats import formats
+from airrace.export.globe import BEGIN, on_globe
 from airrace.logs.reading import is_log
+from airrace.procedure.result import Stage
 from airrace.results import Flight
-from airrace.runs.log_view import LogView, opened_log
-from airrace.runs.run import Run
-from airrace.runs.sources import Named
+from airrace.runs.log_view import LogView, flown_through, opened_log
+from airrace.runs.output import Named, beside, ensure_free
+from airrace.runs.run import Run, readable, stored_run
 from airrace.runs.stage_view import StageView
-from airrace.runs.stored_inputs import readable, stored_run
 from airrace.standard_streams import stem_of
+from airrace.track.course import Origin
 
 
 def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
@@ -77,9 +83,6 @@ def _source(name: Named, kept: Mapping[Path, Run | LogView], stage: str | None) 
         raise UsageError(
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
         )
-    # Imported here: runs and imported logs are read without whatever makes a flight of a log.
-    from airrace.runs.log_import import flown_through
-
     return flown_through(name.path, next(iter(kept.values())).inputs)
 
 
@@ -96,3 +99,180 @@ def _labels(names: Sequence[Named], sources: Sequence[StageView | LogView]) -> l
     if len(set(short)) < len(short):
         short = [f"{label} ({number})" for number, label in enumerate(short, start=1)]
     return short
+
+
+EXPORT_RATES = 1e-3, 1e4
+"""Samples per second that may be asked for, Hz."""
+
+
+def write_flights(
+    format_name: str,
+    names: Sequence[str],
+    output: Path | None = None,
+    *,
+    stage: str | None = None,
+    rate: float | None = None,
+    origin: str | None = None,
+    start: str | None = None,
+    force: bool = False,
+) -> None:
+    """Write flights into a file, as `airrace export FORMAT` does.
+
+    Args:
+        format_name: one of `airrace.export.formats.formats()`.
+        names: of the flights, as of `opened_flights`.
+        output: the file; None for one beside the first run, with the suffix of the format.
+        stage: of the runs that name none; None for their last ones.
+        rate: samples per second; None for what suits the format.
+        origin: where the courses lie, `LAT,LON` or `LAT,LON,ELEV` (degrees, m); None for what they say.
+        start: when the clock starts, ISO 8601, UTC unless it says otherwise.
+        force: whether an existing file is replaced.
+
+    Raises:
+        UsageError: the file exists or is that of a flight, an argument says nothing sensible, a course has no origin
+            where the format needs one, or a library that it needs is not installed.
+        StorageError: the system refused.
+    """
+    chosen, where = formats()[format_name], None if origin is None else origin_of(origin)
+    path = output or output_of(format_name, names)
+    ensure_free(path, force=force, sources=names)
+    begin = BEGIN if start is None else begin_of(start)
+    low, high = EXPORT_RATES
+    if rate is not None and not low <= rate <= high:
+        raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {low:g} and {high:g}")
+    flights = opened_flights(names, stage=stage)
+    if chosen.globe or where is not None:
+        flights = [on_globe(flight, where) for flight in flights]
+    hertz = chosen.rate_hz if rate is None else rate
+    if hertz is not None:
+        flights = [flight.at_rate(hertz) for flight in flights]
+    replace_file(path, chosen.write(flights, begin))
+
+
+def output_of(format_name: str, names: Sequence[str]) -> Path:
+    """Return the file into which flights are written unless another one is named."""
+    return beside(names[0], formats()[format_name].suffix or format_name)
+
+
+def origin_of(text: str) -> Origin:
+    """Return the place that `LAT,LON,ELEV` names; without an elevation at the level of the sea.
+
+    Raises:
+        UsageError: it names none.
+    """
+    try:
+        latitude, longitude, *rest = (float(one) for one in text.split(","))
+        (elevation,) = rest or [0.0]
+    except ValueError as error:
+        raise UsageError(f"--origin {text}: expected LAT,LON,ELEV, e.g. 45.08,13.63,0") from error
+    sensible = abs(latitude) < 90.0 and abs(longitude) <= 180.0 and -500.0 <= elevation <= 9000.0
+    if not sensible:
+        raise UsageError(f"--origin {text}: no place has this latitude, longitude (degrees) and elevation (m)")
+    return Origin(math.radians(latitude), math.radians(longitude), elevation)
+
+
+def begin_of(text: str) -> datetime:
+    """Return the instant that an ISO 8601 text names, UTC unless it says otherwise.
+
+    Raises:
+        UsageError: it names none.
+    """
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise UsageError(f"--start {text}: expected a time such as 2014-04-13T12:00:00Z") from error
+    if not 1 < when.year < 9999:
+        raise UsageError(f"--start {text}: expected a time such as 2014-04-13T12:00:00Z")
+    return when if when.tzinfo is not None else when.replace(tzinfo=UTC)
+
+
+def opened_report(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
+    """Return the page as text.
+
+    Args:
+        names: `RUN.h5`, `RUN.h5:STAGE` or a flown log each; the report is about the first of them, the others fly
+            beside it.
+        stage: for those that name none; None for the last one of the run.
+        priced: whether the prices of the inputs' numbers are computed and told, which takes some seconds.
+
+    Raises:
+        CheckpointError: a file is no whole, undamaged checkpoint.
+        InputError: this version of airrace no longer accepts its inputs.
+        UsageError: a run has no such stage, or that found no flight, or a flight is of a course with other passings.
+        NotCertified: prices were asked for, and the stage is no certified optimum, or the first flight is a log.
+    """
+    from airrace.report.flight_page import flight_page
+
+    first = Named.of(names[0])
+    kept = opened_file(first.path)
+    flights = opened_flights(names, stage=stage)
+    if isinstance(kept, LogView):
+        if priced:
+            raise NotCertified(f"{first.path} is a flown log: it has no sensitivities")
+        return flight_page(flights, log_sections(kept), f"airrace {flights[0].source.version}").as_html()
+    flown = kept.stage(first.stage or stage)
+    sections = stage_sections(flown, explored_stage(kept, flown), priced=priced)
+    return flight_page(flights, sections, footer_of(flown)).as_html()
+
+
+def log_sections(flown: LogView) -> list[str]:
+    """Return what a flown log knows besides its flight: passings that break rules, remarks, inputs."""
+    from airrace.report.sections import inputs_section, recording_section, violations_section
+
+    log = flown.recorded.log
+    told = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
+    return [
+        violations_section(flown.breaches, flown.penalty),
+        recording_section([*told, ("start", f"{log.offset:.3f} s after the first sample")], flown.remarks),
+        inputs_section(flown.inputs, [], flown.recorded.versions),
+    ]
+
+
+def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, priced: bool = False) -> str:
+    """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
+    errors are those of `opened_report`.
+    """
+    from airrace.report.flight_page import flight_page
+
+    flown = run.stage(stage)
+    flights = [flown.flight(), *opened_flights(others)]
+    sections = stage_sections(flown, explored_stage(run, flown), priced=priced)
+    return flight_page(flights, sections, footer_of(flown)).as_html()
+
+
+def explored_stage(run: Run, flown: StageView) -> StageView:
+    """Return the stage that tried the routes from which a stage was climbed: itself, or the last one before it
+    that tried any; itself where none did.
+    """
+    names = [one.name for one in run]
+    before = run.stages[: names.index(flown.name) + 1]
+    return next((one for one in reversed(before) if one.result.search.ways), flown)
+
+
+def stage_sections(flown: StageView, explored: StageView | None = None, *, priced: bool = False) -> list[str]:
+    """Return what a run knows of a stage: routes that were tried, prices, certificate, inputs; each is HTML, and empty
+    where there is nothing to tell.
+
+    Args:
+        flown: the stage.
+        explored: the stage before it that tried routes; None for itself.
+        priced: whether prices are computed and told.
+
+    Raises:
+        NotCertified: prices were asked for, and the stage is no certified optimum.
+    """
+    from airrace.report.sections import certificate_section, inputs_section, search_section, sensitivities_section
+
+    result = flown.result
+    solved = f"{result.stage.value}, {result.iterations} iterations, {result.timings.wall:.1f} s of wall time"
+    return [
+        search_section((explored or flown).result),
+        sensitivities_section(flown.sensitivities() if priced else None),
+        certificate_section(flown.certificate),
+        inputs_section(flown.inputs, [("stage", solved)], flown.versions),
+    ]
+
+
+def footer_of(flown: StageView) -> str:
+    """Return a line that says which airrace has computed a stage, and what users should know of it."""
+    return "; ".join(text for text in (f"airrace {flown.versions['airrace']}", flown.message, flown.stale) if text)

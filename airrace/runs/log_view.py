@@ -1,4 +1,4 @@
-"""A flown log: the flight that was made of it, what it would be penalised for, and what there is to tell of it."""
+"""A flown log: the flight that was made of it, and what it would be penalised for."""
 
 import math
 from collections.abc import Sequence
@@ -8,13 +8,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from airrace.checkpoint import (
-    Recorded,
-    RecordedLog,
-    StoredHistory,
-    StoredPassing,
-    write_recorded,
-)
+from airrace.checkpoint import Recorded, RecordedLog, StoredHistory, StoredPassing, write_recorded
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.inputs import Inputs, inputs_from_documents
@@ -22,11 +16,13 @@ from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Crossing, Flight, History, Source
 from airrace.runs.output import written_or_returned
-from airrace.runs.splits import Splits
-from airrace.runs.stored_inputs import document_of, library_versions, stored_inputs
+from airrace.runs.run import document_of, library_versions, stored_inputs
+from airrace.runs.stage_view import Splits
+from airrace.standard_streams import stem_of
 
 if TYPE_CHECKING:
     from airrace.logs.log_flight import Flown
+    from airrace.logs.recording import ColumnLayout
 
 RATES = 1e-3, 1e4
 """Rows per second that may be asked for, Hz."""
@@ -178,3 +174,22 @@ def opened_log(recorded: Recorded) -> LogView:
 
 def _without_settings(overrides: Sequence[str]) -> list[str]:
     return [one for one in overrides if not one.strip().startswith("settings.")]
+
+
+def flown_through(
+    log: Path,
+    inputs: Inputs,
+    *,
+    layout: "ColumnLayout | None" = None,
+    noise: float | None = None,
+    run: int | None = None,
+    name: str | None = None,
+) -> LogView:
+    """Return a log as a flight through a course that is at hand; arguments and errors are those of `import_log`."""
+    # Imported here: imported logs are read without whatever makes a flight of a log.
+    from airrace.logs.log_flight import flown_flight
+    from airrace.logs.reading import read_log
+
+    recording = read_log(log, layout, aircraft=name)
+    flown = flown_flight(recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run)
+    return new_flown_log(inputs, flown)

@@ -1,4 +1,4 @@
-"""Files that commands write: where they go; refused before anything is computed, and replaced as a whole."""
+"""Flights as they are asked for: a file, and a stage of the run in it."""
 
 import io
 import os
@@ -12,8 +12,30 @@ from airrace.errors import StorageError, UsageError
 from airrace.extensions import extensions
 from airrace.inputs import Document, Inputs
 from airrace.inputs.shipped import AIRCRAFT, TRACKS
-from airrace.runs.sources import Named
+from airrace.records import record
 from airrace.standard_streams import STANDARD
+
+
+@record
+class Named:
+    """A flight as it was asked for: a file, and a stage or None for the last one."""
+
+    path: Path
+    stage: str | None
+
+    @classmethod
+    def of(cls, text: str) -> "Named":
+        """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first.
+
+        Raises:
+            UsageError: nothing stands behind the colon.
+        """
+        file, colon, stage = text.rpartition(":")
+        named = colon and not Path(text).exists() and "/" not in stage and "\\" not in stage
+        if named and not stage:
+            raise UsageError(f"{text} names no stage behind the colon; leave the colon out for the last one")
+        return cls(Path(file), stage) if named else cls(Path(text), None)
+
 
 Source = str | Path | Document | None
 """An input of a command: a file, the name of what comes along, a flight as `RUN.h5:STAGE`, a document, or None."""

@@ -1,30 +1,40 @@
-"""A run: what it was asked for, and what is finished of it."""
+"""A run: what it was asked for, what is finished of it, and its conversion from and to a checkpoint."""
 
+import json
 import math
+import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from airrace.checkpoint import Checkpoint, Sign, inputs_hash, stale_stages, write_checkpoint
-from airrace.errors import UsageError
-from airrace.inputs import Inputs
+from airrace.checkpoint import (
+    Checkpoint,
+    Sign,
+    StoredDocument,
+    StoredInputs,
+    inputs_hash,
+    read_checkpoint,
+    stale_stages,
+    write_checkpoint,
+)
+from airrace.errors import CheckpointError, UsageError
+from airrace.extensions import extension_versions
+from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.planning.race import Race
+from airrace.procedure import results_api
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshCheck
 from airrace.procedure.split_comparison import SplitComparison, compared, last_common
-from airrace.runs.leg_object import stages_object
-from airrace.runs.run_object import is_certified, run_object, standing, verdict
-from airrace.runs.run_page import run_line, run_page
-from airrace.runs.splits import Splits
-from airrace.runs.stage_view import StageView
+from airrace.runs.json_objects import near_misses_object, run_object, stage_object
+from airrace.runs.stage_view import Prices, Splits, StageView, is_certified, run_line, run_page, standing, verdict
 from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
+    from airrace.api import AircraftGiven, SettingsGiven, TrackGiven, Values
     from airrace.results import Flight
-    from airrace.runs.given import AircraftGiven, SettingsGiven, TrackGiven, Values
-    from airrace.runs.sensitivities import Prices
     from airrace.runs.verification import Verification
 
 
@@ -214,7 +224,7 @@ class Run:
 
         return verified(self)
 
-    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> "Prices":
+    def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Prices:
         """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
         return self.stage(stage).sensitivities(by)
 
@@ -261,8 +271,8 @@ class Run:
             NotCertified: sensitivities were asked for, and the stage is no certified optimum.
             StorageError: the system refused.
         """
+        from airrace.runs.flight_sources import report_page
         from airrace.runs.output import write_text
-        from airrace.runs.reports import report_page
 
         write_text(Path(path), report_page(self, stage, others, priced=sensitivities))
         return Path(path)
@@ -287,3 +297,116 @@ class Run:
 def wall_of(results: Sequence[StageResult]) -> float:
     """Return the wall time of all stages together, s."""
     return sum(result.timings.wall for result in results)
+
+
+def new_run(inputs: Inputs, path: Path | None = None) -> Run:
+    """Return a run of which nothing is finished yet."""
+    return Run(inputs, Checkpoint(stored_inputs(inputs), made_with()), path)
+
+
+def stored_inputs(inputs: Inputs) -> StoredInputs:
+    """Return the inputs as runs and flown logs store them."""
+    return StoredInputs(
+        track=_stored(inputs.track),
+        aircraft=_stored(inputs.aircraft),
+        settings=None if inputs.settings_file is None else _stored(inputs.settings_file),
+        overrides=tuple(inputs.overrides),
+        resolved=resolved_text(inputs),
+    )
+
+
+def made_with() -> dict[str, str]:
+    """Return the versions that a run which is made now tells of."""
+    return {**library_versions(), "python": platform.python_version()}
+
+
+def library_versions() -> dict[str, str]:
+    """Return the versions of airrace, of the libraries and of the extensions that its numbers depend on."""
+    return {name: version(name) for name in ("airrace", "casadi", "numpy", "scipy")} | extension_versions()
+
+
+def resolved_text(inputs: Inputs) -> str:
+    """Return the resolved configuration as a text; equal configurations give equal texts."""
+    return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
+
+
+def opened_run(path: Path) -> Run:
+    """Return the run in a file.
+
+    Raises:
+        CheckpointError: there is no such file, it is not a whole, undamaged checkpoint, or its flights are not those
+            of its stages' models.
+        InputError: this version of airrace no longer accepts its inputs.
+    """
+    return readable(stored_run(read_checkpoint(path), path))
+
+
+def readable(run: Run) -> Run:
+    """Return a run whose flights can be read by the models of their stages.
+
+    Raises:
+        CheckpointError: a stage has other histories, or another number of legs.
+    """
+    for result in run.results:
+        results_api.ensure_matches_model(run.race, result)
+    return run
+
+
+def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:
+    """Return a run read from its checkpoint; its inputs are understood anew from their stored texts.
+
+    Raises:
+        InputError: this version of airrace no longer accepts them.
+    """
+    stored = checkpoint.inputs
+    inputs = inputs_from_documents(
+        document_of(stored.track),
+        document_of(stored.aircraft),
+        None if stored.settings is None else document_of(stored.settings),
+        stored.overrides,
+    )
+    # Stages link to the configuration they were computed from; new ones to the one understood now.
+    current = replace(checkpoint, inputs=replace(stored, resolved=resolved_text(inputs)))
+    return Run(inputs, current, path)
+
+
+def taken_up(run: Run) -> Run:
+    """Return a new run together with the stages that still stand of the checkpoint at its path.
+
+    What is damaged, of other inputs or from other versions, is left aside.
+    """
+    if run.path is None:
+        return run
+    try:
+        earlier = read_checkpoint(run.path)
+    except CheckpointError:
+        return run
+    if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
+        return run
+    stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
+    standing = tuple(one for one in earlier.stages if one.result.stage not in stale)
+    return replace(run, checkpoint=replace(run.checkpoint, stages=standing))
+
+
+def document_of(stored: StoredDocument) -> Document:
+    """Return a stored document as it was read."""
+    return Document(stored.path, stored.text)
+
+
+def _stored(document: Document) -> StoredDocument:
+    return StoredDocument(document.path, document.text)
+
+
+def stages_object(inputs: Inputs, results: Sequence[StageResult]) -> list[dict[str, object]]:
+    """Return `stages` of a run: the last one that found a flight has `near_misses`.
+
+    Args:
+        inputs: of the run.
+        results: its stages as they may be told, in order.
+    """
+    stages = [stage_object(result) for result in results]
+    for result, stage in zip(reversed(results), reversed(stages), strict=True):
+        if result.is_flight:
+            stage["near_misses"] = near_misses_object(StageView(inputs, result, {}).flight())
+            break
+    return stages

@@ -1,34 +1,225 @@
-"""A finished stage of a run: its flight, and what can be told of it."""
+"""A finished stage of a run: its flight, its verdict, and its tables of gate splits and sensitivities."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO, overload
 
 import numpy as np
 
 from airrace.errors import CheckpointError, NotCertified, UsageError
 from airrace.export.csv import Provenance, export_csv
+from airrace.export.extras import extra
 from airrace.export.flight_table import Derived, FlightTable, Sampler, flight_table
 from airrace.inputs import Inputs
 from airrace.optimal_control.certificate import Certificate
+from airrace.planning.race import Race
 from airrace.procedure import results_api
-from airrace.procedure.result import Stage, StageResult
+from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, State
+from airrace.report.sections import sensitivities_table
 from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
-from airrace.runs.output import written_or_returned
-from airrace.runs.run_object import stage_object
-from airrace.runs.run_page import run_line, stage_page
-from airrace.runs.splits import Splits
+from airrace.runs.command_result import ExitCode, worst
+from airrace.runs.json_objects import stage_object
+from airrace.runs.output import write_text, written_or_returned
+from airrace.sensitivity.sensitivity import ParameterGroup, Price
 from airrace.trajectory import Trajectory
-from airrace.views.plain_text import one_line
+from airrace.views.map_model import map_model
+from airrace.views.plain_text import escaped, one_line
+from airrace.views.plan_svg import plan_svg
+from airrace.views.stage_tables import certificate_table, splits_table
+from airrace.views.tables import Column, Table
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-    from airrace.runs.sensitivities import Prices
+
+@dataclass(frozen=True, repr=False)
+class Splits(Sequence[GateSplit]):
+    """The passings of a flight in their order; each is a `GateSplit` in SI units and radians.
+
+    Examples:
+        >>> run.splits[0].name, run.splits[-1].name
+        ('0:entry', '1:exit')
+        >>> abs(run.splits[-1].time - run.race_time) < 1e-9
+        True
+
+    Attributes:
+        rows: one per passing.
+    """
+
+    rows: tuple[GateSplit, ...]
+
+    @overload
+    def __getitem__(self, index: int) -> GateSplit: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> "Splits": ...
+
+    def __getitem__(self, index: int | slice) -> "GateSplit | Splits":
+        return Splits(self.rows[index]) if isinstance(index, slice) else self.rows[index]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[GateSplit]:
+        return iter(self.rows)
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return the table that `airrace export csv --splits` writes, one row per passing, as a data frame of pandas.
+
+        Columns name their units; angles are in degrees, speeds in m/s and in knots.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        return splits_table(self.rows).dataframe("passage")
+
+    def to_csv(self, path: str | Path | None = None) -> str:
+        """Return the table that `airrace export csv --splits` writes, as comma-separated values.
+
+        Args:
+            path: a file to be written; None for none.
+
+        Returns:
+            The text.
+
+        Raises:
+            StorageError: the system refused.
+        """
+        text = splits_table(self.rows).csv(".10g")
+        if path is not None:
+            write_text(Path(path), text)
+        return text
+
+    def __repr__(self) -> str:
+        return splits_table(self.rows).text()
+
+    def to_html(self) -> str:
+        """Return the table as HTML, as notebooks show it."""
+        return splits_table(self.rows).html()
+
+    def _repr_html_(self) -> str:
+        return self.to_html()
+
+
+SENSITIVITIES_SHOWN = 30
+"""The largest number of prices that are shown; a data frame has all of them."""
+
+
+@dataclass(frozen=True, repr=False)
+class Prices(Mapping[str, Price]):
+    """The prices of a stage by the keys of `set`, the largest first.
+
+    Examples:
+        >>> prices = run.sensitivities(by="rules")
+        >>> prices["rules.n_z_max"].price < 0.0
+        True
+
+    Attributes:
+        by_key: one per number that can be changed alone.
+    """
+
+    by_key: Mapping[str, Price]
+
+    def __getitem__(self, key: str) -> Price:
+        return self.by_key[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.by_key)
+
+    def __len__(self) -> int:
+        return len(self.by_key)
+
+    def to_dataframe(self) -> "DataFrame":
+        """Return all prices as a data frame of pandas, one row per key.
+
+        An entry is empty where the inputs allow no value to that side.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        pandas: Any = extra("pandas", "a data frame")  # Any: without pandas there are no types
+        rows = {key: price.as_object() for key, price in self.by_key.items()}
+        return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("key")
+
+    def __repr__(self) -> str:
+        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).text()
+
+    def _repr_html_(self) -> str:
+        return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).html()
+
+
+def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
+    """Return the prices of a stage.
+
+    Args:
+        inputs: what the run was given.
+        result: the stage.
+        by: only the numbers of this group; None for all.
+
+    Raises:
+        UsageError: there is no such group, or course or aircraft were built in Python.
+        NotCertified: the stage is no optimum, certified or solved.
+    """
+    from airrace.sensitivity.lagrangian import prices  # takes compiled functions, which no reader of runs needs
+
+    known = {group.value: group for group in ParameterGroup}
+    if by is not None and by not in known:
+        raise UsageError(f"there are no sensitivities by {by!r}; known are {', '.join(known)}")
+    groups = frozenset(ParameterGroup) if by is None else frozenset([known[by]])
+    return Prices(prices(inputs, result, groups=groups))
+
+
+STAGES = (
+    Column("stage"),
+    Column("race time", "s", ".3f"),
+    Column("state"),
+    Column("iterations", form="d"),
+    Column("wall", "s", ".1f"),
+)
+
+
+def run_line(name: str, results: Sequence[StageResult]) -> str:
+    """Return a line that says which run it is, how far it has come and whether it is certified."""
+    if not results:
+        return f"{name}: no stage is finished yet"
+    last = results[-1]
+    race_time = f"{last.trajectory.race_time:.3f} s" if last.is_flight else last.outcome.value
+    solved = "solved on one mesh, " if last.state is State.SOLVED else ""
+    return f"{name}: {last.stage.value}, {race_time}, {solved}{'' if is_certified(results) else 'not '}certified"
+
+
+def run_page(race: Race, name: str, results: Sequence[StageResult]) -> str:
+    """Return the stages, the gate splits of the last one, and its flight from above, as HTML."""
+    title = f"{race.course.name}, flown by {race.aircraft.name}"
+    stages = Table(title, STAGES, [_stage_cells(result) for result in results]).html()
+    sentence = verdict(results)[1] if results else "no stage is finished yet"
+    remark = f"<p>{escaped(sentence)}</p>" if sentence else ""
+    return f"<div>{stages}{remark}{_flight_html(race, results[-1]) if results else ''}</div>"
+
+
+def stage_page(race: Race, result: StageResult) -> str:
+    """Return one stage as HTML: its gate splits, its flight from above, and its certificate."""
+    certificate, measured = result.certificate, ""
+    if certificate is not None:
+        measured = certificate_table(certificate, f"certificate ({certificate.solver_status})").html()
+    line = escaped(run_line(race.course.name, [result]))
+    return f"<div><p><b>{line}</b></p>{_flight_html(race, result)}{measured}</div>"
+
+
+def _stage_cells(result: StageResult) -> tuple[str | float, ...]:
+    race_time = result.trajectory.race_time if result.is_flight else result.outcome.value
+    return result.stage.value, race_time, result.state.value, result.iterations, result.timings.wall
+
+
+def _flight_html(race: Race, result: StageResult) -> str:
+    """Return splits and picture as HTML; empty if no flight was found."""
+    if not result.is_flight:
+        return ""
+    return f"{Splits(result.splits).to_html()}{plan_svg(map_model(race), result.trajectory)}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,7 +365,7 @@ class StageView:
         derived, sampler = self._derived, self._sampler(rate)
         export_csv(self.result, stream, rate_hz=rate, derived=derived, sampler=sampler, provenance=self._provenance)
 
-    def sensitivities(self, by: str | None = None) -> "Prices":
+    def sensitivities(self, by: str | None = None) -> Prices:
         """Return the sensitivity of the race time to every number of the inputs, in seconds per unit (shadow prices).
 
         Nothing is solved again. The dearest numbers come first.
@@ -186,7 +377,6 @@ class StageView:
             NotCertified: the stage is no optimum, certified or solved, or no longer stands.
             UsageError: there is no such group, or course or aircraft were built in Python.
         """
-        from airrace.runs.sensitivities import priced
 
         if self.stale:
             raise NotCertified(f"{self.name} has no sensitivities: {self.stale}")
@@ -222,3 +412,76 @@ class StageView:
     def _flight(self, rate: float | None) -> FlightTable:
         trajectory = self.result.trajectory
         return flight_table(trajectory, rate_hz=rate, derived=self._derived, sampler=self._sampler(rate))
+
+
+_CODES = {
+    Outcome.SOLVED: ExitCode.DONE,
+    Outcome.NOT_CERTIFIED: ExitCode.NOT_CERTIFIED,
+    Outcome.NOT_CONVERGED: ExitCode.NOT_CERTIFIED,
+    Outcome.INFEASIBLE: ExitCode.INFEASIBLE,
+    Outcome.TIMEOUT: ExitCode.TIMEOUT,
+}
+
+
+def verdict(results: Sequence[StageResult]) -> tuple[ExitCode, str]:
+    """Return how stages end a run: the gravest of their codes, and the sentence of the first stage that has it."""
+    codes = _codes(results)
+    code = worst(codes)
+    if code is ExitCode.DONE:
+        return code, ""
+    result = results[codes.index(code)]
+    return code, f"{result.stage.value}: {_verdict(result)}"
+
+
+def is_certified(results: Sequence[StageResult]) -> bool:
+    """Tell whether a run may call itself certified: its last stage is, and none before it failed.
+
+    Stages before it may be merely solved on one mesh.
+    """
+    return bool(results) and worst(_codes(results)) is ExitCode.DONE
+
+
+def standing(result: StageResult, stale: str) -> StageResult:
+    """Return a stage as it may be told: one that no longer stands is not certified, and says why.
+
+    Args:
+        result: as stored.
+        stale: why it no longer stands, a clause; empty where it does.
+    """
+    if not stale:
+        return result
+    message = "; ".join(text for text in (f"it no longer stands: {stale}", result.message) if text)
+    outcome = Outcome.NOT_CERTIFIED if result.outcome is Outcome.SOLVED else result.outcome
+    return replace(result, outcome=outcome, message=message)
+
+
+def unproved(result: StageResult) -> str:
+    """Return the sentence on a stage that was solved on one mesh where a certified one was wanted."""
+    return result.remarks or "it is solved, but its race time was not confirmed on a second mesh"
+
+
+def _codes(results: Sequence[StageResult]) -> list[ExitCode]:
+    return [_code(result, last=result is results[-1]) for result in results]
+
+
+def _code(result: StageResult, *, last: bool) -> ExitCode:
+    """Return the exit code that a stage deserves.
+
+    A stage that is a mere guess by design, or was solved on one mesh, is no failure, unless the run ends with it.
+    """
+    if result.outcome is not Outcome.SOLVED:
+        return _CODES[result.outcome]
+    if result.certificate is None:
+        return ExitCode.NOT_CERTIFIED if last else ExitCode.DONE
+    return ExitCode.DONE if result.certified or (result.holds and not last) else ExitCode.NOT_CERTIFIED
+
+
+def _verdict(result: StageResult) -> str:
+    if result.outcome is not Outcome.SOLVED:
+        return result.remarks or result.outcome.value
+    if result.certificate is None:
+        return "the run ends with a guess, which is not certified"
+    if result.state is State.SOLVED:
+        return unproved(result)
+    failed = ", ".join(item.name for item in result.certificate.failed)
+    return f"not certified: {failed or 'nothing was measured'}"

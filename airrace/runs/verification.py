@@ -1,17 +1,253 @@
-"""The verification of a run: all that its file tells, measured again or held against what was measured."""
+"""The verification of a run: all that its file tells, measured again or held against what was measured.
 
-from collections.abc import Iterator, Sequence
+Timings, solver attempts, messages and the log of the search cannot be measured again: they are only checked for
+consistency.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+
+import numpy as np
 
 from airrace.errors import NotCertified
-from airrace.optimal_control.certificate import Certificate
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
 from airrace.procedure import run as procedure
-from airrace.procedure.result import Outcome, StageResult
+from airrace.procedure.fidelities import fidelity_of
+from airrace.procedure.fidelity_continuation import wanted_stages
+from airrace.procedure.result import GateSplit, NoteKind, Outcome, SearchReport, StageResult
+from airrace.procedure.settings import Settings
+from airrace.procedure.stage import STAGES, Stage
+from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.runs.discrepancies import discrepancies, in_one_sentence
-from airrace.runs.provenance_checks import contradictions, missing_stages, other_versions
-from airrace.runs.run import Run
-from airrace.runs.run_object import certificate_object
-from airrace.runs.stored_inputs import made_with
+from airrace.runs.json_objects import certificate_object
+from airrace.runs.run import Run, made_with
+from airrace.trajectory import Array
+
+ROUNDED = 1e-6
+"""The largest difference between two evaluations of one formula, as a fraction of the value, or of 1 where that is
+less. Meshes are stored as times, so the fractions of their phases come back rounded; measured: 3e-8."""
+INTEGRATED = 1e-3
+"""The largest difference between two measurements of one flight, as a fraction of the value. An integrator may choose
+another step on another machine; on one machine the largest difference was 3e-8."""
+NOTHING = 1e-6
+"""The share of an item's limit below which a value is nothing but rounding."""
+SOLVED_AGAIN = 2e-2
+"""The share of its limit for the race time on a coarser mesh, which is solved for anew from another start: 1e-4 s.
+
+Optima that are found from different starts, all within the solver's tolerance, differ by what an interior point method
+leaves of its barrier. Measured: 7e-7 s on a course of 9 s, 8e-5 s on Abu Dhabi in a wind, a race of 53 s.
+"""
+TOLD = 4
+"""The number of discrepancies that a sentence tells one by one."""
+
+
+def discrepancies(stored: StageResult, again: StageResult) -> list[str]:
+    """Return a clause for everything that is stored otherwise than it was measured; nothing where all agrees.
+
+    Args:
+        stored: the stage as it was read.
+        again: what follows from its histories and multipliers, see `airrace.procedure.recomputation`.
+    """
+    found = [*_flight(stored, again), *_splits(stored.splits, again.splits), *_numbers(stored, again)]
+    if stored.certificate is not None and again.certificate is not None:
+        found += _certificate(stored.certificate, again.certificate)
+    elif stored.certificate is not again.certificate:
+        found.append("it has no certificate" if stored.certificate is None else "a guess has a certificate")
+    for number, (alternative, measured) in enumerate(
+        zip(stored.alternatives, again.alternatives, strict=True), start=1
+    ):
+        found += [f"alternative {number}: {clause}" for clause in discrepancies(alternative, measured)]
+    return found
+
+
+def in_one_sentence(clauses: Sequence[str]) -> str:
+    """Return clauses as one; of many only the first are told."""
+    told, more = "; ".join(clauses[:TOLD]), len(clauses) - TOLD
+    return f"{told}; and {more} more" if more > 0 else told
+
+
+def _flight(stored: StageResult, again: StageResult) -> Iterator[str]:
+    mine, its = stored.trajectory, again.trajectory
+    yield from _declared("state", mine.states, its.states)
+    yield from _declared("control", mine.controls, its.controls)
+    for name, called in zip(mine.phases, its.phases, strict=True):
+        if name != called:
+            yield f"a leg is called {name!r}, and the course calls it {called!r}"
+    yield from _series("time", mine.time, its.time, ROUNDED * 1e-3 * its.race_time)
+
+
+def _declared(kind: str, stored: Sequence[Quantity], declared: Sequence[Quantity]) -> Iterator[str]:
+    for mine, other in zip(stored, declared, strict=True):
+        others = [one.name for one in fields(Quantity) if getattr(mine, one.name) != getattr(other, one.name)]
+        if others:
+            yield f"the {kind} {mine.name} is declared with another {', '.join(others)}"
+
+
+def _splits(stored: Sequence[GateSplit], again: Sequence[GateSplit]) -> Iterator[str]:
+    if len(stored) != len(again):
+        yield f"{len(stored)} gate splits are stored of {len(again)}"
+        return
+    for mine, its in zip(stored, again, strict=True):
+        if mine.name != its.name:
+            yield f"a gate split is called {mine.name!r} instead of {its.name!r}"
+        for name in (one.name for one in fields(GateSplit) if one.name != "name"):
+            value, measured = getattr(mine, name), getattr(its, name)
+            apart = value - measured
+            if name in ("bank", "heading"):
+                apart = math.remainder(apart, 2.0 * math.pi) if math.isfinite(apart) else apart
+            if not abs(apart) <= ROUNDED * max(1.0, abs(measured)):
+                yield _two(f"gate split {its.name}, {name}", value, measured)
+
+
+def _numbers(stored: StageResult, again: StageResult) -> Iterator[str]:
+    mine, its = stored.provenance.regularisation, again.provenance.regularisation
+    if not abs(mine - its) <= ROUNDED:
+        yield _two("regularisation", mine, its)
+    pressure, measured = stored.bound_multipliers, again.bound_multipliers
+    largest = float(np.abs(measured).max(initial=1.0))
+    yield from _series("simple bounds, multiplier", pressure, measured, ROUNDED * largest)
+    for name in ("defect", "drift"):
+        told, found = getattr(stored.mesh, name), getattr(again.mesh, name)
+        yield from _series(f"mesh, {name}", told, found, INTEGRATED * float(np.abs(found).max(initial=0.0)))
+
+
+def _series(what: str, stored: Array, again: Array, tolerance: float) -> Iterator[str]:
+    """Yield a clause where two series of numbers are further apart than a tolerance at any place."""
+    if stored.shape != again.shape:
+        yield f"{what}: {stored.size} numbers are stored of {again.size}"
+        return
+    apart = np.abs(stored - again)
+    if stored.size and not (apart <= tolerance).all():
+        worst = int(np.nan_to_num(apart, nan=np.inf).argmax())
+        yield _two(f"{what} {worst + 1}", float(stored[worst]), float(again[worst]))
+
+
+def _certificate(stored: Certificate, again: Certificate) -> Iterator[str]:
+    names, measured = [item.name for item in stored.items], [item.name for item in again.items]
+    if names != measured:
+        other = sorted(set(names) ^ set(measured))
+        yield f"the stored certificate has other items{': ' if other else ', in another order'}{', '.join(other)}"
+        return
+    for mine, its in zip(stored.items, again.items, strict=True):
+        yield from _item(mine, its)
+
+
+def _item(mine: Item, its: Item) -> Iterator[str]:
+    nothing = (SOLVED_AGAIN if its.name == RACE_TIME_CHANGE else NOTHING) * its.limit
+    if not abs(mine.value - its.value) <= nothing + INTEGRATED * abs(its.value):
+        yield _two(f"certificate, {its.name}", mine.value, its.value)
+    if not abs(mine.limit - its.limit) <= ROUNDED * abs(its.limit):
+        yield _two(f"certificate, limit of {its.name}", mine.limit, its.limit)
+    elsewhere = mine.where != its.where and (its.value > nothing or its.limit == 0.0)
+    if mine.unit != its.unit or elsewhere:
+        told, found = (" ".join((one.unit, one.where)).strip() or "nothing" for one in (mine, its))
+        yield f"certificate, unit and place of {its.name}: {told} is stored, {found} was measured"
+
+
+def _two(name: str, stored: float, measured: float) -> str:
+    return f"{name}: {stored:.6g} is stored, {measured:.6g} was measured"
+
+
+SUM_ROUNDED = 1e-9
+"""The largest difference between two sums of the same numbers, as a fraction."""
+
+
+def missing_stages(settings: Settings, results: Sequence[StageResult]) -> str:
+    """Return a clause that names the stages below the last one that are not stored; empty where none is missing.
+
+    A run that was started from another one has none below its first.
+    """
+    if not results:
+        return ""
+    stored, first = [one.stage for one in results], results[0]
+    wanted = wanted_stages(settings, results[-1].stage)
+    if first.provenance.source_run:
+        wanted = wanted[wanted.index(first.stage) :] if first.stage in wanted else wanted
+    missing = ", ".join(stage.value for stage in wanted if stage not in stored)
+    return f"what it was started from is missing: {missing}" if missing else ""
+
+
+def other_versions(stored: Mapping[str, str], running: Mapping[str, str]) -> str:
+    """Return a clause on versions that cannot be confirmed, since others are running; empty where all agree."""
+    differ = [
+        f"{name} {stored.get(name, 'unknown')} (here {running.get(name, 'unknown')})"
+        for name in dict.fromkeys((*running, *stored))
+        if stored.get(name) != running.get(name)
+    ]
+    return f"it is said to be made with {', '.join(differ)}" if differ else ""
+
+
+def contradictions(result: StageResult) -> Iterator[str]:
+    """Yield a clause for every record of the making of a stage that contradicts another one, or that airrace never
+    writes.
+    """
+    yield from _start(result)
+    yield from _message(result)
+    yield from _seconds(result)
+    yield from _ways(result.search)
+    for alternative in result.alternatives:
+        if not alternative.holds or alternative.trajectory.race_time < result.trajectory.race_time:
+            yield "an alternative does not hold, or is the faster one"
+
+
+def _start(result: StageResult) -> Iterator[str]:
+    provenance, stage = result.provenance, result.stage
+    led = fidelity_of(stage).inner_controller is not None
+    below = {Stage.POINT_MASS.value, STAGES[STAGES.index(stage) - 1].value} if led else {""}
+    names = [one.value for one in STAGES]
+    source = provenance.source_stage
+    above = source not in names or names.index(source) > names.index(stage.value)
+    if above if provenance.source_run else source not in below:
+        yield f"no {stage.value} is started from {provenance.source!r}"
+    numbers = (provenance.tracking_error, provenance.tracking_error_time, provenance.terminal_miss)
+    if not all(math.isfinite(one) and one >= 0.0 for one in numbers) or (not led and any(numbers)):
+        yield "the tracking error of the start is not possible"
+
+
+def _message(result: StageResult) -> Iterator[str]:
+    guess = fidelity_of(result.stage).guess
+    if result.is_flight and result.suggested_changes:
+        yield "a stage with a flight has no conflicts of limits"
+    possible = {
+        NoteKind.START: True,
+        NoteKind.PLANNED_PHASES: guess,
+        NoteKind.MESH_CHECK: result.holds and not result.certified,
+    }
+    strange = [note.text for note in result.notes if not possible[note.kind]]
+    if result.message and (result.holds or guess):
+        strange.append(result.message)
+    for text in strange:
+        yield f"airrace says nothing like {text!r} of such a stage"
+
+
+def _seconds(result: StageResult) -> Iterator[str]:
+    timings, attempts = result.timings, result.attempts
+    spent = sum(attempt.seconds for attempt in attempts)
+    numbers = (timings.solve, timings.derivatives, timings.wall, *(attempt.seconds for attempt in attempts))
+    if not all(math.isfinite(one) and one >= 0.0 for one in numbers):
+        yield "its timings are not possible"
+    elif abs(timings.solve - spent) > SUM_ROUNDED * max(1.0, spent):
+        yield f"solving took {timings.solve:.6g} s, and its attempts {spent:.6g} s"
+    if any(attempt.iterations < 0 for attempt in attempts) or not attempts:
+        yield "its attempts are not possible"
+
+
+def _ways(explored: SearchReport) -> Iterator[str]:
+    counts = (explored.led, explored.elsewhere, explored.lost, explored.seconds)
+    if not all(math.isfinite(one) and one >= 0 for one in counts):
+        yield "exploring went in a way that is not possible"
+    if not explored.ways:
+        return
+    best = explored.ways[0].race_time
+    differences = [way.race_time - way.difference - best for way in explored.ways]
+    if not all(abs(one) <= SUM_ROUNDED * max(1.0, best) for one in differences):
+        yield "the routes that were tried differ from the best by other times than are told"
+    later = [way.difference for way in explored.ways[1:]]
+    if any(after < before for before, after in itertools.pairwise(later)):
+        yield "the routes that were tried are out of order"
+
 
 ONE_MESH = "solved on one mesh, its race time not confirmed on a second one"
 GUESS = "a guess, of which nothing but its gate splits can be verified"

@@ -11,7 +11,7 @@ from junitparser import JUnitXml
 from airrace.batch.ranking import STATES
 from airrace.batch.record import locked
 from airrace.errors import UsageError
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 
 def test_all_jobs_are_flown_and_shown_fastest_first(airrace: Shell) -> None:

@@ -16,7 +16,7 @@ from airrace.batch.process import JOB_COMMAND
 from airrace.batch.record import Choice, read_record
 from airrace.batch.supervision import Policy
 from airrace.process import started_apart
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 linux_only = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes through /proc")
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs
-from airrace.checkpoint.sanity_checks import LARGEST
+from airrace.checkpoint.group_reader import LARGEST
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import Attempt, GateSplit, Note, NoteKind, Outcome, Stage, StageResult, Timings
 from airrace.procedure.stage import STAGES

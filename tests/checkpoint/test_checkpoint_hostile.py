@@ -10,7 +10,7 @@ import pytest
 from checkpoint_examples import assert_same, example_checkpoint
 
 from airrace.checkpoint import read_checkpoint, store, write_checkpoint
-from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unseal
+from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal
 from airrace.errors import CheckpointError
 
 STAGE = "stages/point-mass"

@@ -17,11 +17,9 @@ from checkpoint_examples import (
 from hypothesis import HealthCheck, given, settings
 
 from airrace.checkpoint import Checkpoint, inputs_hash, read_checkpoint, stale_stages, write_checkpoint
-from airrace.checkpoint.encode import encode
-from airrace.checkpoint.envelope import BLOCK_SIZE
-from airrace.checkpoint.hdf5_reader import tree_of
-from airrace.checkpoint.hdf5_writer import image_of
-from airrace.checkpoint.tree import Group
+from airrace.checkpoint.hdf5 import Group, image_of, tree_of
+from airrace.checkpoint.run_layout import encode
+from airrace.checkpoint.store import BLOCK_SIZE
 from airrace.errors import CheckpointError
 from airrace.procedure.stage import Stage
 from airrace.quantities import Quantity

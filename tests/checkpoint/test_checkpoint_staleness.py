@@ -9,7 +9,7 @@ import pytest
 from checkpoint_examples import INPUTS, VERSIONS, example_checkpoint, example_result
 
 from airrace.checkpoint import Checkpoint, inputs_hash, stale_stages
-from airrace.checkpoint.digest import content_digest
+from airrace.checkpoint.checkpoint import content_digest
 from airrace.optimal_control.certificate import Item
 from airrace.procedure.result import Stage
 from airrace.quantities import Quantity

@@ -23,7 +23,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from airrace.checkpoint.envelope import seal, unseal
+from airrace.checkpoint.store import seal, unseal
 from airrace.errors import CheckpointError
 from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, SuggestedChange, Way
 

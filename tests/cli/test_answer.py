@@ -8,8 +8,7 @@ import typer
 
 from airrace.cli.answer import answering
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
-from airrace.runs.answer import Answer
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import Answer, ExitCode
 
 
 def test_success_prints_the_object_alone(capsys: pytest.CaptureFixture[str]) -> None:

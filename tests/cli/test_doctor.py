@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from airrace.cli import installation
 from airrace.cli.main import app
-from airrace.runs import doctor
 
 
 def examined() -> tuple[int, dict[str, dict[str, str]], dict[str, Any]]:  # Any: JSON
@@ -30,7 +30,7 @@ def test_a_wrong_answer_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     class Wrong:
         objective, status = 1.9, "Solve_Succeeded"
 
-    monkeypatch.setattr(doctor, "solve", lambda *_: Wrong())
+    monkeypatch.setattr(installation, "solve", lambda *_: Wrong())
     code, components, told = examined()
     assert (code, told["healthy"]) == (1, False)
     assert components["solver"]["fault"] == "1.900000 s instead of 2 s (Solve_Succeeded)"
@@ -43,8 +43,8 @@ def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPa
             raise PackageNotFoundError(name)
         return version(name)
 
-    monkeypatch.setattr(doctor, "version", without)
-    monkeypatch.setattr(doctor, "solved", lambda: "a known answer")
+    monkeypatch.setattr(installation, "version", without)
+    monkeypatch.setattr(installation, "solved", lambda: "a known answer")
     code, components, _ = examined()
     assert code == 1
     assert components["h5py"]["fault"] == "it is not installed"
@@ -57,6 +57,6 @@ def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_variant_of_the_native_library_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert doctor.native_variant() in ("baseline", "avx2", "avx512")
-    monkeypatch.setattr(doctor, "library", lambda: None)
-    assert doctor.native_variant() == "none: casadi evaluates, some ten times slower"
+    assert installation.native_variant() in ("baseline", "avx2", "avx512")
+    monkeypatch.setattr(installation, "library", lambda: None)
+    assert installation.native_variant() == "none: casadi evaluates, some ten times slower"

@@ -24,8 +24,8 @@ from airrace.procedure import run as procedure
 from airrace.procedure.result import SearchReport, Stage, StageResult, Way
 from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss
-from airrace.runs import leg_object
-from airrace.runs.run_object import run_object, stage_object
+from airrace.runs import json_objects
+from airrace.runs.json_objects import run_object, stage_object
 
 TRACK = Path(__file__).parents[2] / "tracks" / "rovinj_2014.yaml"
 PASSINGS = [passage.name for passage in load_inputs(TRACK).race.course.passages]
@@ -180,7 +180,7 @@ def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
 def test_json_of_optimize_resume_and_show_lists_the_same_near_misses(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(leg_object, "near_misses", missed)
+    monkeypatch.setattr(json_objects, "near_misses", missed)
     answers = [
         Ran("optimize", TRACK, "--json").answer,
         Ran("resume", "rovinj_2014.h5", "--json").answer,

@@ -13,7 +13,7 @@ from airrace.cli.main import app
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, Stage
-from airrace.runs.stored_inputs import stored_run
+from airrace.runs.run import stored_run
 
 TRACKS = Path(__file__).parents[2] / "tracks"
 TRACK = TRACKS / "rovinj_2014.yaml"

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace, inside
 
-from airrace.checkpoint.envelope import seal, unseal
+from airrace.checkpoint.store import seal, unseal
 
 CERTIFICATE = {
     "solver",

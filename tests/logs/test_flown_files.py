@@ -13,9 +13,8 @@ from typer.testing import CliRunner
 
 import airrace
 from airrace.checkpoint import Recorded, read_checkpoint, read_stored, write_recorded
-from airrace.checkpoint.log_checkpoint import StoredHistory
-from airrace.checkpoint.log_tree import decode_recorded, encode_recorded
-from airrace.checkpoint.tree import Group, Node
+from airrace.checkpoint.hdf5 import Group, Node
+from airrace.checkpoint.log_layout import StoredHistory, decode_recorded, encode_recorded
 from airrace.cli.main import app
 from airrace.errors import CheckpointError
 from airrace.runs.flight_sources import opened_flight, opened_flights

@@ -12,7 +12,7 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import NoteKind, Stage, StageResult, State
 from airrace.procedure.run import optimize, recertify
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
-from airrace.runs.discrepancies import discrepancies
+from airrace.runs.verification import discrepancies
 
 ALL = settings(GuessKind.PLAN)
 LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 import airrace
 from airrace.cli.main import app
 from airrace.errors import UsageError
-from airrace.runs.exit_codes import ExitCode
+from airrace.runs.command_result import ExitCode
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from airrace.report.flight_page import flight_page
 from airrace.report.sections import number
 from airrace.results.comparison import compare_flights
 from airrace.results.leg_facts import leg_facts
-from airrace.runs.reports import opened_report, report_page, stage_sections
+from airrace.runs.flight_sources import opened_report, report_page, stage_sections
 from airrace.views.tables import Cell, Column, Table
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")

@@ -27,7 +27,7 @@ from airrace.export.formats import Format, formats, register
 from airrace.export.globe import BEGIN, on_globe
 from airrace.frames import rotation
 from airrace.results import Flight
-from airrace.runs.exports import begin_of, origin_of
+from airrace.runs.flight_sources import begin_of, origin_of
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
 

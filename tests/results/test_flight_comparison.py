@@ -18,7 +18,7 @@ from airrace.procedure.result import State
 from airrace.report.flight_page import flight_page
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.flight import Crossing, Flight, Source
-from airrace.runs.comparison import compared_object
+from airrace.runs.json_objects import compared_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 

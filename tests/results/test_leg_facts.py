@@ -19,7 +19,7 @@ from airrace.report.flight_page import legs_section
 from airrace.results import Flight, legs_of
 from airrace.results.clearances import PYLON_HEIGHT, Clearance, distances, least, near_misses
 from airrace.results.leg_facts import leg_facts
-from airrace.runs.leg_object import legs_object
+from airrace.runs.json_objects import legs_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 

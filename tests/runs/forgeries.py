@@ -10,7 +10,7 @@ import numpy as np
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import MeshRecord, Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
-from airrace.runs.stored_inputs import stored_run
+from airrace.runs.run import stored_run
 from airrace.trajectory import Trajectory
 
 replace = dataclasses.replace

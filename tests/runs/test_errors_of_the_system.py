@@ -10,8 +10,7 @@ import pytest
 from airrace import interrupts
 from airrace.__main__ import _ended_by
 from airrace.errors import OutOfTime, is_lack_of_memory
-from airrace.runs.answer import Answer, record_failure
-from airrace.runs.exit_codes import ExitCode, of_error
+from airrace.runs.command_result import Answer, ExitCode, of_error, record_failure
 
 interrupts.let_through()  # the command's module holds them back while it loads
 

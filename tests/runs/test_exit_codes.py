@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from airrace import errors
-from airrace.runs.exit_codes import PRECEDENCE, ExitCode, of_error, worst
+from airrace.runs.command_result import PRECEDENCE, ExitCode, of_error, worst
 
 EXPECTED = {
     errors.InputError([]): 3,

@@ -14,14 +14,14 @@ from typer.testing import CliRunner
 
 import airrace
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from airrace.checkpoint.digest import content_digest
+from airrace.checkpoint.checkpoint import content_digest
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, NotCertified
 from airrace.planning.race import Race
 from airrace.procedure import recomputation
 from airrace.procedure.recomputation import Measured, TrustedData
 from airrace.procedure.result import Stage
-from airrace.runs.stored_inputs import opened_run
+from airrace.runs.run import opened_run
 from airrace.runs.verification import verified
 from airrace.trajectory import Trajectory
 

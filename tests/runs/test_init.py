@@ -8,8 +8,7 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs import load_inputs
 from airrace.inputs.json_schema import schema_text
 from airrace.inputs.shipped import TRACKS
-from airrace.runs.init import EDITORS_LINE, init
-from airrace.runs.shipped import shipped
+from airrace.runs.courses import EDITORS_LINE, init, shipped
 
 
 @pytest.fixture(autouse=True)

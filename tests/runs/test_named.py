@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from airrace.errors import UsageError
-from airrace.runs.sources import Named
+from airrace.runs.output import Named
 
 
 def test_stage_stands_behind_the_colon() -> None:

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from airrace.errors import UsageError
+from airrace.runs.execute import flown_alone
 from airrace.runs.output import ensure_free
-from airrace.runs.run_lock import flown_alone
 
 HOLDER = """
 import sys
 from pathlib import Path
-from airrace.runs.run_lock import flown_alone
+from airrace.runs.execute import flown_alone
 with flown_alone(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -9,8 +9,10 @@ from canned_procedure import solve_single_mesh, stage_result
 
 from airrace.procedure.infeasibility.analysis import told
 from airrace.procedure.result import Outcome, Stage, State, SuggestedChange
-from airrace.runs.answer import Answer
-from airrace.runs.run_object import is_certified, lap_times, run_object, stage_object, summarise, verdict
+from airrace.runs.command_result import Answer
+from airrace.runs.execute import summarise
+from airrace.runs.json_objects import lap_times, run_object, stage_object
+from airrace.runs.stage_view import is_certified, verdict
 
 
 def test_the_object_has_the_documented_keys() -> None:

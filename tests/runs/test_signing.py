@@ -13,12 +13,12 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 from typer.testing import CliRunner
 
 from airrace.checkpoint import read_sealed
-from airrace.checkpoint.envelope import BLOCK_SIZE, seal, unsealed
+from airrace.checkpoint.store import BLOCK_SIZE, seal, unsealed
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, UsageError
 from airrace.runs import signing
+from airrace.runs.run import opened_run
 from airrace.runs.signing import ensure_signed, signer_of
-from airrace.runs.stored_inputs import opened_run
 
 SECRET, OPEN = serialization.PrivateFormat, serialization.PublicFormat
 PLAIN = serialization.NoEncryption()

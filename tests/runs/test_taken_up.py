@@ -10,8 +10,7 @@ from canned_procedure import stage_result
 from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.inputs import load_inputs
 from airrace.procedure.result import Stage
-from airrace.runs.run import Run
-from airrace.runs.stored_inputs import new_run, taken_up
+from airrace.runs.run import Run, new_run, taken_up
 
 TRACK = Path(__file__).parents[2] / "tracks" / "half_cuban_eight.yaml"
 

@@ -14,12 +14,10 @@ from airrace.procedure import run as procedure
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
 from airrace.procedure.settings import MeshCheck
-from airrace.runs.answer import Answer
-from airrace.runs.execution import fly_stages
-from airrace.runs.resuming import continued_task
-from airrace.runs.run import Run
-from airrace.runs.stored_inputs import new_run
-from airrace.runs.task import described
+from airrace.runs.command_result import Answer
+from airrace.runs.execute import fly_stages
+from airrace.runs.plan import continued_task, described
+from airrace.runs.run import Run, new_run
 
 PASSINGS = [passage.name for passage in load_inputs("rovinj_2014").race.course.passages]
 SOLVED = solve_single_mesh(stage_result(Stage.POINT_MASS, passings=PASSINGS))

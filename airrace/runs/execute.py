@@ -1,7 +1,11 @@
-"""The flying of a run: stage by stage, each kept as soon as it is finished."""
+"""The execution of a plan: stage by stage, each stored as soon as it is finished, under the lock of the run's file."""
 
+import contextlib
+import os
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 
 from airrace import interrupts
 from airrace.checkpoint import write_checkpoint
@@ -10,14 +14,62 @@ from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import proves
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult, State
-from airrace.runs.answer import Answer
-from airrace.runs.exit_codes import ExitCode
-from airrace.runs.leg_object import stages_object
-from airrace.runs.run import Run
-from airrace.runs.run_lock import flown_alone
-from airrace.runs.run_object import summarise, unproved
-from airrace.runs.split_comparison import comparison_object
-from airrace.runs.task import Task
+from airrace.runs.command_result import Answer, ExitCode
+from airrace.runs.json_objects import comparison_object, run_object
+from airrace.runs.plan import Task
+from airrace.runs.run import Run, stages_object
+from airrace.runs.stage_view import is_certified, unproved, verdict
+
+PATIENCE = 0.1
+"""The time for which a lock is tried, s: whoever holds it may just be removing it."""
+
+
+@contextmanager
+def flown_alone(path: Path | None) -> Generator[None, None, None]:
+    """Hold the lock of a run's file while it is flown.
+
+    It lies beside the file, for that is replaced after every stage. The system releases it when this process ends in
+    any way; where the folder takes no files, or knows no locks, there is nothing to hold.
+
+    Args:
+        path: the checkpoint; None for a run that is kept in memory alone.
+
+    Raises:
+        UsageError: another process holds it.
+    """
+    target = None if path is None else Path(os.path.realpath(path))
+    if target is None or not target.parent.is_dir():
+        yield
+        return
+    with held(target.with_name(f".{target.name[:200]}.lock")) as refused:
+        if refused:
+            raise UsageError(f"{path} is being flown by another process; wait for it, or name another file")
+        yield
+
+
+@contextmanager
+def held(lock: Path) -> Generator[bool, None, None]:
+    """Hold a lock that is a file of its own, and tell whether it is refused since another process holds it.
+
+    Where its folder takes no files, or knows no locks, nobody holds it.
+    """
+    from filelock import FileLock, Timeout  # which not every command loads
+
+    own = FileLock(lock)
+    refused = False
+    try:
+        own.acquire(timeout=PATIENCE, poll_interval=PATIENCE / 4)
+    except Timeout:
+        refused = True
+    except (OSError, NotImplementedError):
+        pass
+    try:
+        yield refused
+    finally:
+        if own.is_locked:
+            with contextlib.suppress(OSError):  # Windows removes it when it is released
+                lock.unlink()
+            own.release()
 
 
 def flown(task: Task, *, threads: int, timeout: float | None = None, progress: Progress) -> Iterator[Run]:
@@ -122,3 +174,17 @@ def _next_step(task: Task, results: Sequence[StageResult]) -> str:
         return f"no stage is finished; start from {task.start.name} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"
     return f"go on with `airrace resume {task.run.path}` (finished: {finished})"
+
+
+def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
+    """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold.
+
+    Args:
+        track: name of the course.
+        results: the stages of the run so far, in order.
+        wall: seconds the command took.
+    """
+    answer.fields.update(run_object(track, results, wall, certified=is_certified(results)))
+    code, sentence = verdict(results)
+    if code is not ExitCode.DONE:
+        answer.fail(code, sentence)

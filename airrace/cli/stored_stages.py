@@ -8,10 +8,9 @@ from airrace.errors import InputError, UsageError
 from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.results import Flight
-from airrace.runs.leg_object import legs_object
-from airrace.runs.run import Run
-from airrace.runs.run_object import is_certified, run_object, stage_object, standing
-from airrace.runs.stored_inputs import readable, stored_run
+from airrace.runs.json_objects import legs_object, run_object, stage_object
+from airrace.runs.run import Run, readable, stored_run
+from airrace.runs.stage_view import is_certified, standing
 from airrace.views.plain_text import one_line
 
 logger = logging.getLogger(__name__)

@@ -1,0 +1,265 @@
+"""Courses before they are flown: those that come along, a new file to begin with, and the check of a course."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+
+from airrace.errors import Finding, InputError, UsageError
+from airrace.inputs import Document, Inputs, load_inputs
+from airrace.inputs.course_import import sketched_course
+from airrace.inputs.json_schema import schema_text
+from airrace.inputs.placemarks import read_placemarks
+from airrace.inputs.presets import preset_names
+from airrace.inputs.shipped import AIRCRAFT, SUFFIX, TRACKS, Collection
+from airrace.inputs.unused import unused_gates
+from airrace.planning.lint import Kind, Remark, in_order, review
+from airrace.planning.race import Race
+from airrace.records import record
+from airrace.results import Flight
+from airrace.results.clearances import Clearance
+from airrace.results.plan_review import plan_clearances, remarks_on_line
+from airrace.results.planned import planned_flight
+from airrace.runs.json_objects import planned_object
+from airrace.runs.output import ensure_free, write_text
+from airrace.standard_streams import STANDARD, name_of
+from airrace.views.course_figure import draw_course
+from airrace.views.course_page import course_object, course_page
+from airrace.views.drawing import ensure_drawable
+from airrace.views.map_model import MapModel, map_model
+
+
+@record
+class ShippedTrack:
+    """A course that comes along.
+
+    Attributes:
+        name: what it is called in commands and in Python.
+        title: its name as the file gives it.
+        passages: passings of the whole race, start and finish included.
+        laps: laps of the race.
+        aircraft: the aircraft that its file names.
+    """
+
+    name: str
+    title: str
+    passages: int
+    laps: int
+    aircraft: str
+
+
+@record
+class ShippedAircraft:
+    """An aircraft that comes along: its name, its name as the file gives it, and its mass (kg)."""
+
+    name: str
+    title: str
+    mass: float
+
+
+@record
+class Shipped:
+    """All that comes along; `rules` are the names that a track file's `rules` may give."""
+
+    tracks: tuple[ShippedTrack, ...]
+    aircraft: tuple[ShippedAircraft, ...]
+    rules: tuple[str, ...]
+
+    def as_object(self) -> dict[str, object]:
+        """Return all that is listed as plain values, for JSON."""
+        return {
+            "tracks": [asdict(one) for one in self.tracks],
+            "aircraft": [{"name": one.name, "title": one.title, "mass_kg": one.mass} for one in self.aircraft],
+            "rules": list(self.rules),
+        }
+
+
+def shipped() -> Shipped:
+    """Read the courses and aircraft that come along, in alphabetical order of their names."""
+    return Shipped(tuple(map(_track, TRACKS.names)), tuple(map(_aircraft, AIRCRAFT.names)), preset_names())
+
+
+def _track(name: str) -> ShippedTrack:
+    inputs = load_inputs(_file(TRACKS, name))
+    course = inputs.race.course
+    laps = max(passage.lap for passage in course.passages)
+    return ShippedTrack(name, course.name, len(course.passages), laps, Path(inputs.aircraft.path).stem)
+
+
+def _aircraft(name: str) -> ShippedAircraft:
+    any_track = _file(TRACKS, TRACKS.names[0])
+    aircraft = load_inputs(any_track, aircraft=_file(AIRCRAFT, name)).race.aircraft
+    return ShippedAircraft(name, aircraft.name, aircraft.airframe.m)
+
+
+def _file(collection: Collection, name: str) -> Path:
+    """Return the path of the shipped file of a name, whatever lies in the current folder under that name."""
+    return collection.path / f"{name}{SUFFIX}"
+
+
+TEMPLATE = resources.files("airrace.inputs") / "templates" / "course.yaml"
+SCHEMA_FILE = "track.schema.json"
+"""The name of the file that holds the JSON Schema of tracks."""
+EDITORS_LINE = "# yaml-language-server: $schema="
+"""The line that names the schema of a file to editors, up to the path."""
+
+
+def init(
+    name: str | Path,
+    *,
+    like: str | Path | None = None,
+    from_: str | Path | None = None,
+    force: bool = False,
+) -> Path:
+    """Write a track file to begin with, and beside it the schema by which editors complete its keys.
+
+    Args:
+        name: the name of the new file; `.yaml` is added where it is missing.
+        like: a course that comes along, or a file, to be copied; None for a short course with a comment on every part.
+        from_: a file of placemarks (KML, GPX or GeoJSON) from which the course is sketched; None for none.
+        force: whether existing files are overwritten. A schema that is already what it should be is none of them.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        UsageError: a file exists and `force` is not given, or is read; or a course is both to be copied and to be
+            sketched.
+        InputError: there is no such course to be copied, or the placemarks make none.
+        StorageError: the folder does not exist or takes no files.
+    """
+    path = Path(name)
+    path = path if path.suffix == SUFFIX or path == STANDARD else path.with_name(path.name + SUFFIX)
+    if like is not None and from_ is not None:
+        raise UsageError("a course is copied or sketched from placemarks; leave one of them out")
+    ensure_free(path, force=force, sources=[like, from_])
+    schema, schema_file = schema_text("track"), path.with_name(SCHEMA_FILE)
+    written = path == STANDARD or _holds(schema_file, schema)
+    if not written:
+        ensure_free(schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_])
+    if from_ is not None:
+        text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
+    else:
+        text = _copied(Path(like)) if like is not None else _begun(path)
+    if EDITORS_LINE not in text and path != STANDARD:
+        text = f"{EDITORS_LINE}{SCHEMA_FILE}\n{text}"
+    if not written:
+        write_text(schema_file, schema)
+    write_text(path, text)
+    return path
+
+
+def _holds(path: Path, text: str) -> bool:
+    """Return whether there is a file of exactly this text."""
+    try:
+        return path.read_bytes() == text.encode()
+    except OSError:
+        return False
+
+
+def _title(path: Path) -> str:
+    return ("course" if path == STANDARD else path.stem).replace("_", " ").capitalize()
+
+
+def _begun(path: Path) -> str:
+    title = _title(path)
+    text = TEMPLATE.read_text(encoding="utf-8")
+    return text.replace("{file}", path.name).replace("{name}", _quoted(title))
+
+
+def _quoted(title: str) -> str:
+    """Return a title as YAML text, which might otherwise take it for a number or a truth value."""
+    return "'" + title.replace("'", "''") + "'"
+
+
+def _copied(like: Path) -> str:
+    findings: list[Finding] = []
+    document = TRACKS.read(like, findings)
+    if document is None:
+        raise InputError(findings)
+    return document.text
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Checked:
+    """A course that is valid, and what a race director would ask about it.
+
+    Attributes:
+        inputs: what a run would be given.
+        planned: the flight as which the race is planned, before anything is optimised; what is drawn and measured.
+        warnings: remarks of the review; the course is valid with them.
+    """
+
+    inputs: Inputs
+    planned: Flight
+    warnings: tuple[Remark, ...]
+
+    @property
+    def race(self) -> Race:
+        """The race: course, aircraft and air."""
+        return self.inputs.race
+
+    @cached_property
+    def map_model(self) -> MapModel:
+        """The course from above, with the line of the planned flight."""
+        return map_model(self.race, self.planned)
+
+    @cached_property
+    def clearances(self) -> tuple[Clearance, ...]:
+        """The least distances of the planned flight from everything that the course names."""
+        return plan_clearances(self.planned)
+
+    def draw(self, path: str | Path) -> Path:
+        """Draw the course from above into a file.
+
+        Args:
+            path: its name ends in `.png`, `.svg` or `.pdf`; a file that exists is replaced.
+
+        Returns:
+            The path.
+
+        Raises:
+            UsageError: the name says no known format, or matplotlib is not installed.
+            StorageError: the system refused.
+        """
+        ensure_drawable(Path(path))
+        draw_course(self.race, self.map_model, Path(path))
+        return Path(path)
+
+    def as_object(self) -> dict[str, object]:
+        """Return what `airrace check --json` prints of the course."""
+        return {**course_object(self.race, self.warnings), "planned": planned_object(self.planned, self.clearances)}
+
+    def __repr__(self) -> str:
+        course, count = self.race.course, len(self.warnings)
+        passages = f"{len(course.passages)} passages"
+        return f"<Checked {course.name}: {passages}, {count} warning{'' if count == 1 else 's'}>"
+
+    def _repr_html_(self) -> str:
+        return course_page(self.race, self.map_model, [remark.text for remark in self.warnings])
+
+
+def checked(
+    track: str | Path | Document,
+    *,
+    aircraft: str | Path | Document | None = None,
+    settings: str | Path | None = None,
+    overrides: Sequence[str] = (),
+) -> Checked:
+    """Read a course and review it.
+
+    Args:
+        track, aircraft, settings, overrides: see `load_inputs`.
+
+    Raises:
+        InputError: the inputs are not valid; it carries all findings.
+    """
+    inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
+    unused = (
+        Remark("", Kind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
+        for name in unused_gates(inputs)
+    )
+    planned = planned_flight(inputs.race)
+    remarks = in_order([*review(inputs.race), *remarks_on_line(planned)], inputs.race.course)
+    return Checked(inputs, planned, (*unused, *remarks))

@@ -1,0 +1,373 @@
+"""Runs, stages, legs, flown logs and comparisons as objects for JSON: SI units and radians, null if not finite."""
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from airrace.logs.violations import Violation
+from airrace.optimal_control.certificate import Certificate
+from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange, Way
+from airrace.procedure.split_comparison import compared, last_common
+from airrace.results import Flight, laps_of
+from airrace.results.clearances import Clearance, NearMiss, near_misses
+from airrace.results.comparison import SHARES, TIE, Comparison, LegComparison, conditions
+from airrace.results.leg_facts import LegFacts, Range, leg_facts
+from airrace.results.legs import passings_around
+
+if TYPE_CHECKING:
+    from airrace.procedure.restart import SourceRun
+    from airrace.runs.log_view import LogView
+
+REASONS: Mapping[RefinementReason, str] = {
+    RefinementReason.FIRST: "first mesh",
+    RefinementReason.CALM: "calm",
+    RefinementReason.INTEGRATION: "replay",
+    RefinementReason.LIMITS: "limits",
+    RefinementReason.HAMILTONIAN: "hamiltonian",
+    RefinementReason.RACE_TIME: "race time",
+}
+"""The words for the reasons for which intervals of a mesh were last cut or joined."""
+
+
+def run_object(track: str | None, results: Iterable[StageResult], wall: float, *, certified: bool) -> dict[str, object]:
+    """Return the object of a run; `race_time_s` is that of its last stage, null if that found no flight."""
+    stages = [stage_object(result) for result in results]
+    return {
+        "track": track,
+        "certified": certified,
+        "race_time_s": stages[-1]["race_time_s"] if stages else None,
+        "wall_s": finite(wall),
+        "stages": stages,
+    }
+
+
+def stage_object(result: StageResult) -> dict[str, object]:
+    """Return one stage of the object."""
+    return {
+        "stage": result.stage.value,
+        "status": result.outcome.value,
+        "state": result.state.value,
+        "message": result.remarks,
+        "race_time_s": finite(result.trajectory.race_time) if result.is_flight else None,
+        "lap_times_s": lap_times(result.splits) if result.is_flight else [],
+        "regularisation_s": finite(result.provenance.regularisation),
+        "started_from": result.provenance.source or None,
+        "tracking_error_m": finite(result.provenance.tracking_error) if result.provenance.source else None,
+        "iterations": result.iterations,
+        "solve_s": finite(result.timings.solve),
+        "derivatives_s": finite(result.timings.derivatives),
+        "wall_s": finite(result.timings.wall),
+        "certified": result.certified,
+        "alternatives": [
+            {
+                "race_time_s": finite(alternative.trajectory.race_time),
+                "state": alternative.state.value,
+                "certified": alternative.certified,
+            }
+            for alternative in result.alternatives
+        ],
+        "mesh": mesh_object(result),
+        "ways": [way_object(way) for way in result.search.ways],
+        "search": search_object(result.search) if result.search.ways else None,
+        "conflicts": conflict_objects(result.suggested_changes),
+        "certificate": None if result.certificate is None else certificate_object(result.certificate),
+    }
+
+
+def lap_times(splits: Sequence[GateSplit]) -> list[float]:
+    """Return the time of every lap, s, by the numbers that the passings' names begin with; empty for one lap."""
+    ends = {split.name.partition(":")[0]: split.time for split in splits}  # the last passing of a lap ends it
+    times = list(ends.values())
+    return [after - before for before, after in itertools.pairwise(times)] if len(times) > 2 else []
+
+
+def mesh_object(result: StageResult) -> dict[str, object] | None:
+    """Return how the nodes of a mesh are distributed, and why; None if nothing was measured."""
+    steps, record = np.diff(result.trajectory.time), result.mesh
+    if not len(record.why):
+        return None
+    counts = np.bincount(record.why, minlength=len(RefinementReason)).tolist()
+    return {
+        "intervals": len(steps),
+        "intervals_of_coarser_mesh": int(record.coarser.sum()) - 1,
+        "shortest_s": float(steps.min()),
+        "longest_s": float(steps.max()),
+        "why": {REASONS[why]: counts[why] for why in RefinementReason},
+    }
+
+
+def way_object(way: Way) -> dict[str, object]:
+    """Return the object of a route that was tried; race time and difference are those of a rough mesh."""
+    return {
+        "way": way.text,
+        "race_time_s": finite(way.race_time),
+        "difference_s": finite(way.difference),
+        "priced": way.priced,
+    }
+
+
+def search_object(explored: SearchReport) -> dict[str, object]:
+    """Return how exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
+    return {
+        "seconds": finite(explored.seconds),
+        "led_to_best": explored.led,
+        "led_elsewhere": explored.elsewhere,
+        "lost": explored.lost,
+        "loops": list(explored.loops),
+    }
+
+
+def certificate_object(certificate: Certificate) -> dict[str, object]:
+    """Return the object of a certificate with all its numbers; what could not be measured is null and does not hold."""
+    return {
+        "solver_status": certificate.solver_status,
+        "items": [
+            {
+                "name": item.name,
+                "value": finite(item.value),
+                "limit": finite(item.limit),
+                "unit": item.unit,
+                "holds": bool(item.holds),
+                "where": item.where,
+            }
+            for item in certificate.items
+        ],
+    }
+
+
+def conflict_objects(suggested_changes: Sequence[SuggestedChange]) -> list[dict[str, object]]:
+    """Return the conflicts of limits for which no flight was found, each with what would resolve it."""
+    groups = [list(group) for _, group in itertools.groupby(suggested_changes, key=lambda one: one.conflict)]
+    return [
+        {
+            "where": group[0].where,
+            "suggested_changes": [
+                {
+                    "key": one.key or None,
+                    "text": one.text,
+                    "unit": one.unit or None,
+                    "given": finite(one.given),
+                    "needed": finite(one.needed),
+                    "race_time_s": finite(one.race_time),
+                }
+                for one in group
+                if one.text
+            ],
+        }
+        for group in groups
+    ]
+
+
+def finite(value: float) -> float | None:
+    """Return a number as JSON can hold it: None for NaN and infinity, which JSON does not know."""
+    return float(value) if math.isfinite(value) else None
+
+
+def legs_object(flight: Flight) -> dict[str, object]:
+    """Return `legs`, `laps` and `near_misses` of a stage in `airrace show --json`: SI units, radians, g."""
+    return {
+        "legs": [_leg(facts) for facts in leg_facts(flight)],
+        "laps": [{"lap": lap.number, "time_s": finite(lap.time)} for lap in laps_of(flight)],
+        "near_misses": near_misses_object(flight),
+    }
+
+
+def near_misses_object(flight: Flight) -> list[dict[str, object]]:
+    """Return `near_misses` of a stage: SI units."""
+    return [_near_miss(one) for one in near_misses(flight)]
+
+
+def planned_object(planned: Flight, clearances: Sequence[Clearance]) -> dict[str, object]:
+    """Return `planned` of `airrace check --json`: what the planned line comes near to, and between which passings."""
+    return {
+        "optimised": False,
+        "least_distances": [
+            {**_clearance(one), "leg": [end.name for end in passings_around(planned, one.time)]} for one in clearances
+        ],
+    }
+
+
+def _near_miss(one: NearMiss) -> dict[str, object]:
+    return {
+        **_clearance(one.clearance),
+        "leg": [one.before.name, one.after.name],
+        "beside": None if one.passing is None else one.passing.name,
+    }
+
+
+def _leg(facts: LegFacts) -> dict[str, object]:
+    return {
+        "passing": facts.leg.name,
+        "lap": facts.leg.lap,
+        "time_s": finite(facts.leg.time),
+        "n_z_g": _range(facts.n_z),
+        "height_m": _range(facts.height),
+        "ground_speed_m_s": _range(facts.V_K),
+        "true_airspeed_m_s": _range(facts.V_A),
+        "indicated_airspeed_m_s": _range(facts.V_I),
+        "roll_rate_rad_s": finite(facts.roll_rate),
+        "energy_height_in_m": finite(facts.energy_in),
+        "energy_height_out_m": finite(facts.energy_out),
+        "clearances": [_clearance(one) for one in facts.clearances],
+    }
+
+
+def _range(one: Range) -> dict[str, float | None]:
+    return {"least": finite(one.least), "greatest": finite(one.greatest)}
+
+
+def _clearance(one: Clearance) -> dict[str, object]:
+    return {
+        "kind": one.kind,
+        "name": one.name,
+        "distance_m": finite(one.distance),
+        "required_m": one.required,
+        "time_s": one.time,
+        "north_m": one.north,
+        "east_m": one.east,
+        "height_m": finite(one.height),
+    }
+
+
+def flown_object(flown: "LogView") -> dict[str, object]:
+    """Return race time, passings, breaches, legs and remarks; SI units and radians, breaches in their own units."""
+    flight, log = flown.flight(), flown.recorded.log
+    return {
+        "flown": True,
+        "track": flight.course.name,
+        "aircraft": flight.aircraft.name,
+        "log": log.path,
+        "format": log.format,
+        "begins": log.begins or None,
+        "start_in_log_s": log.offset,
+        "race_time_s": finite(flight.race_time),
+        "penalty_s": finite(flown.penalty),
+        "race_over": math.isinf(flown.penalty),
+        "passings": _passings(flight),
+        "breaches": [_breach(one) for one in flown.breaches],
+        **legs_object(flight),
+        "histories": {name: one.basis.value for name, one in flight.histories.items()},
+        "remarks": list(flown.remarks),
+    }
+
+
+def _passings(flight: Flight) -> list[dict[str, object]]:
+    told = ("height", "V_K", "V_A", "V_I", "n_z", "mu", "gamma")
+    return [
+        {
+            "passing": one.name,
+            "lap": one.lap,
+            "time_s": finite(one.time),
+            **{name: finite(one.value(name)) for name in told},
+        }
+        for one in flight.crossings
+    ]
+
+
+def _breach(one: Violation) -> dict[str, object]:
+    return {
+        "passing": one.passing or None,
+        "rule": one.rule,
+        "time_s": finite(one.time),
+        "value": finite(one.value),
+        "limit": finite(one.limit),
+        "unit": one.unit,
+        "deviation": finite(one.deviation),
+        "certain": one.certain,
+        "penalty_s": finite(one.penalty),
+        "ends_race": math.isinf(one.penalty),
+    }
+
+
+def compared_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
+    """Return what `airrace compare --json` prints: seconds, metres; legs in the order flown."""
+    return {
+        "tie_s": TIE,
+        "reference": flight_object(reference),
+        "flights": [_comparison_object(one) for one in comparisons],
+    }
+
+
+def flight_object(flight: Flight) -> dict[str, object]:
+    """Return the object that says which flight it is."""
+    return {
+        "label": flight.label,
+        "track": flight.course.name,
+        "aircraft": flight.aircraft.name,
+        "stage": flight.source.stage or None,
+        "state": None if flight.source.state is None else flight.source.state.value,
+        "certified": flight.source.certified,
+        "race_time_s": finite(flight.race_time),
+    }
+
+
+def _comparison_object(comparison: Comparison) -> dict[str, object]:
+    progress = comparison.progress
+    return {
+        **flight_object(comparison.other),
+        "difference_s": finite(comparison.difference),
+        "tie": comparison.tie,
+        "conditions": [
+            {"what": what, "reference": first, "flight": second}
+            for what, first, second in conditions(comparison.reference, comparison.other)
+        ],
+        "laps": [
+            {
+                "lap": mine.number,
+                "reference_s": finite(mine.time),
+                "flight_s": finite(its.time),
+                "difference_s": finite(its.time - mine.time),
+            }
+            for mine, its in comparison.laps
+        ],
+        "legs": [_leg_object(leg) for leg in comparison.legs],
+        "progress": {
+            "shares_of_a_leg": SHARES.tolist(),
+            "distance_m": progress.distance.tolist(),
+            "difference_s": [finite(one) for one in progress.difference.tolist()],
+            "passings_m": progress.passings.tolist(),
+        },
+    }
+
+
+def _leg_object(leg: LegComparison) -> dict[str, object]:
+    return {
+        "passing": leg.name,
+        "lap": leg.reference.lap,
+        "reference_s": finite(leg.reference.time),
+        "flight_s": finite(leg.other.time),
+        "difference_s": finite(leg.difference),
+        "tie": leg.tie,
+        "cumulative_s": finite(leg.cumulative),
+        "by_longer_way_s": finite(leg.by_way),
+        "by_lower_speed_s": finite(leg.by_speed),
+        "differs": [
+            {"what": one.name, "reference": one.reference, "flight": one.other, "unit": one.unit, "text": one.text}
+            for one in leg.differences
+        ],
+    }
+
+
+def comparison_object(start: "SourceRun", results: Sequence[StageResult]) -> dict[str, object] | None:
+    """Return the object `compared` of the answer, seconds; None where no stage holds in both runs."""
+    common = last_common(start.results, results)
+    if common is None:
+        return None
+    comparison = compared(*common)
+    return {
+        "with": start.name,
+        "stage": common[1].stage.value,
+        "certified": comparison.certified,
+        "race_time_s": _seconds(comparison.before, comparison.after),
+        "legs": [
+            {"passing": leg.name, **_seconds(leg.before, leg.after), "cumulative": finite(leg.cumulative)}
+            for leg in comparison.legs
+        ],
+    }
+
+
+def _seconds(before: float, after: float) -> dict[str, object]:
+    return {"before": finite(before), "after": finite(after), "difference": finite(after - before)}
