@@ -1,5 +1,7 @@
 """Courses drawn by lot: what the optimiser has to cope with beyond the courses that somebody proposed.
 
+    python tests/generated_courses.py SEED > tracks/seed.yaml
+
 A course is a walk: from every element the way turns, goes on for a stretch, and the next element stands across it. The
 gates, the order and the surroundings are drawn from the distribution below, which was fixed before any of its
 courses was flown. It is not there to be narrowed: a course that is hard to fly is a find. One entry has changed since
@@ -40,6 +42,7 @@ the closing leg, too, is about 120 to 600 m long.
 
 import json
 import random
+import sys
 from dataclasses import replace
 
 from generated_surroundings import TURN_ROOM, crowd, gate_defaults, rules, safety_line, wind
@@ -84,3 +87,7 @@ def generated_course(seed: int, aircraft_folder: str = "../configs") -> str:
         *(["  laps: 2"] if form != "open" and chance(rng, 0.5) else []),
     ]
     return "\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(generated_course(int(sys.argv[1])))

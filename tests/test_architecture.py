@@ -39,8 +39,7 @@ def test_nothing_but_the_entry_point_knows_the_command_line() -> None:
         for path in outside
         if (ROOT / "airrace" / "cli") not in path.parents and "airrace.cli" in path.read_text(encoding="utf-8")
     }
-    # The studies of robustness play the commands themselves, thousands of them in one process.
-    assert naming == {"airrace/__main__.py", "scripts/robustness.py"}
+    assert naming == {"airrace/__main__.py"}
 
 
 def test_every_package_appears_in_the_architecture() -> None:
@@ -126,7 +125,6 @@ MAY_READ_A_CLOCK = {
     "waiting.py": "what hangs is given up, after minutes",
     "test_architecture.py": "it names the clocks",
     "end_to_end/without_posix/sitecustomize.py": "it names the clocks that POSIX alone has, and hides them",
-    "shipped/test_benchmark_ladder_script.py": "it puts a clock of its own in the place of the real one",
 }
 """The only files of tests that do, and why none of them fails beside other work."""
 

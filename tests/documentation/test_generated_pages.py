@@ -109,8 +109,8 @@ def test_a_notebook_becomes_a_page_with_its_outputs(generators: Modules, tmp_pat
 
 
 def test_documents_of_the_root_keep_their_links(generators: Modules) -> None:
-    text = "[a](docs/ways.md#x) [b](ARCHITECTURE.md) [c](#d)"
-    expected = "[a](../ways.md#x) [b](../project/architecture.md) [c](#d)"
+    text = "[a](docs/routes.md) [b](ARCHITECTURE.md) [c](#d)"
+    expected = "[a](../routes.md) [b](../project/architecture.md) [c](#d)"
     assert generators["site_hooks"].moved(text) == expected
 
 

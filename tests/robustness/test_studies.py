@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "scripts" / "experiments"
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="finds processes through /proc and limits files")
 
 
 def study(name: str, count: int, log: Path) -> str:
     """What a study prints that finds nothing."""
-    command = [sys.executable, str(SCRIPTS / f"study_{name}.py"), "--count", str(count), "--log", str(log)]
+    command = [sys.executable, str(SCRIPTS / f"{name}.py"), "--count", str(count), "--log", str(log)]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600.0)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout
@@ -33,7 +33,7 @@ def test_a_fault_in_the_log_is_told_and_ends_the_study_with_code_1(tmp_path: Pat
     log = tmp_path / "log.jsonl"
     record = {"seed": 1, "number": 0, "kind": "a kind", "outcome": "done", "faults": ["a traceback"]}
     log.write_text(json.dumps(record) + "\n", encoding="utf-8")
-    command = [sys.executable, str(SCRIPTS / "study_mutations.py"), "--count", "1", "--log", str(log)]
+    command = [sys.executable, str(SCRIPTS / "mutations.py"), "--count", "1", "--log", str(log)]
     ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600.0)
     assert ran.returncode == 1
     assert "number 0, a kind: a traceback" in ran.stdout

@@ -1,0 +1,109 @@
+"""Draw the pictures of the documentation with the commands themselves. Needs the extra `plot`; the last one Chromium.
+
+    python scripts/pictures.py [--runs FOLDER] [--only NAME ...]
+
+Flights are kept in the folder of `--runs`; those that lie there already are not flown again.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PICTURES = ROOT / "docs" / "figures"
+COMMAND = (sys.executable, "-P", "-m", "airrace")
+PLAN = ("--guess", "plan")
+POINT_MASS = ("--until", "point-mass", *PLAN)
+WIND = ("--set", "environment.wind.speed_kt=15", "--set")
+NO_LINE = ("--set", "course.lap.4.safety_lines=null", "--set", "safety_lines=null")
+
+FLIGHTS: dict[str, tuple[str, ...]] = {
+    "rovinj": ("rovinj_2014", *PLAN),
+    "pc9": ("rovinj_2014", "--aircraft", "pc9", *POINT_MASS),
+    "wind_240": ("rovinj_2014", *WIND, "environment.wind.from_deg=240", *POINT_MASS),
+    "wind_280": ("rovinj_2014", *WIND, "environment.wind.from_deg=280", *POINT_MASS),
+    "over_the_top": ("abu_dhabi_2016", *POINT_MASS),
+    "flat": ("abu_dhabi_2016", *NO_LINE, *POINT_MASS),
+    "half_cuban_eight": ("half_cuban_eight", *PLAN),
+    "sprint": ("sprint.yaml", *POINT_MASS),
+}
+"""What `airrace optimize` is given, by the name of the checkpoint; the sprint is the course that `init` writes."""
+
+CALLS: dict[str, tuple[str, ...]] = {
+    "rovinj_2014": ("plot", "rovinj.h5", "--output"),
+    "kneeboard": ("plot", "rovinj.h5", "--kneeboard", "--output"),
+    "half_cuban_eight": ("plot", "half_cuban_eight.h5", "--output"),
+    "sprint_flight": ("plot", "sprint.h5", "--output"),
+    "sprint": ("check", "sprint.yaml", "--plot"),
+    "abu_dhabi_2016": ("check", "abu_dhabi_2016", "--plot"),
+    "sixteen_phases": ("check", "sixteen_phases", "--plot"),
+    "aircraft": ("compare", "rovinj.h5:point-mass", "pc9.h5", "--plot"),
+    "wind": ("compare", "wind_240.h5", "wind_280.h5", "--plot"),
+    "fidelity": ("compare", "rovinj.h5:point-mass", "rovinj.h5:six-dof", "--plot"),
+    "routes": ("compare", "over_the_top.h5", "flat.h5", "--plot"),
+}
+"""The command that draws a picture, up to the name of its file."""
+
+
+def call(runs: Path, *arguments: str) -> None:
+    """Run a command in the folder of the flights."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run([*COMMAND, *arguments], cwd=runs, env=environment, check=True, stdout=subprocess.DEVNULL)
+
+
+def draw(name: str, runs: Path) -> None:
+    """Draw a picture, and shrink it to a palette of 128 colours."""
+    from PIL import Image
+
+    for word in CALLS[name]:
+        flight = word.partition(":")[0].removesuffix(".h5")
+        if word.partition(":")[0].endswith(".h5") and not (runs / f"{flight}.h5").exists():
+            call(runs, "optimize", *FLIGHTS[flight], "--output", f"{flight}.h5", "--quiet")
+    path = PICTURES / f"{name}.png"
+    path.unlink(missing_ok=True)
+    call(runs, *CALLS[name], str(path))
+    with Image.open(path) as image:
+        width = min(image.width, 1200)
+        small = image.convert("RGB").resize((width, image.height * width // image.width), Image.Resampling.LANCZOS)
+        small.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def photograph_report(runs: Path) -> None:
+    """The first screen of the report of Rovinj 2014 as a browser shows it."""
+    from playwright.sync_api import sync_playwright
+
+    report = runs / "rovinj.html"
+    call(runs, "report", "rovinj.h5", "rovinj.h5:point-mass", "--force", "--output", str(report))
+    options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+    with sync_playwright() as playwright:
+        path = shutil.which("chromium") or shutil.which("google-chrome")
+        browser = playwright.chromium.launch(executable_path=path, args=options)
+        page = browser.new_context(viewport={"width": 1480, "height": 900}, offline=True).new_page()
+        page.goto(report.resolve().as_uri())
+        page.wait_for_selector("html.ready", state="attached", timeout=120_000)
+        page.click("button[data-view=orbit]")
+        page.select_option("[data-size]", "5")
+        page.evaluate("airrace.clock.set(27.2); document.activeElement.blur()")
+        page.wait_for_timeout(2_000)
+        page.screenshot(path=PICTURES / "report.png")
+        browser.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder of the flights")
+    parser.add_argument("--only", nargs="+", choices=[*CALLS, "report"], default=[*CALLS, "report"], metavar="NAME")
+    chosen = parser.parse_args()
+    runs = chosen.runs.resolve()
+    runs.mkdir(parents=True, exist_ok=True)
+    if not (runs / "sprint.yaml").exists():
+        call(runs, "init", "sprint")
+    for name in chosen.only:
+        photograph_report(runs) if name == "report" else draw(name, runs)
+
+
+if __name__ == "__main__":
+    main()
