@@ -3,7 +3,7 @@
 import os
 import signal
 
-import kept
+import disk_cache
 import pytest
 from hypothesis import settings
 
@@ -22,13 +22,13 @@ settings.load_profile("steady")
 def pytest_configure(config: pytest.Config) -> None:
     """Give all processes of this command one folder for what they compute."""
     if not hasattr(config, "workerinput"):
-        kept.open_folder()
+        disk_cache.open_folder()
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
     """Remove it behind the last of them."""
     if not hasattr(config, "workerinput"):
-        kept.remove_folder()
+        disk_cache.remove_folder()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

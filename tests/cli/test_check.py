@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from example_courses import AIRCRAFT, ROOT, SHIPPED, everything, many_gates, race
 from operations import assert_grows_no_faster_than_its_input
-from shown_courses import AIRCRAFT, ROOT, SHIPPED, everything, many_gates, race
 from typer.testing import CliRunner
 
 from airrace.cli.course_tables import REMARKS_MAX, remarks_text

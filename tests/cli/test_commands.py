@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import canned_procedure
+import fake_optimizer
 import pytest
 from typer.testing import CliRunner
 from waiting import PATIENCE
@@ -35,7 +35,7 @@ class Shell:
         self._monkeypatch = monkeypatch
 
     def __call__(self, *arguments: str | Path, scenario: str = "certified") -> "Ran":
-        self._monkeypatch.setenv("CANNED_SCENARIO", scenario)
+        self._monkeypatch.setenv("FAKE_SCENARIO", scenario)
         result = CliRunner().invoke(app, [str(argument) for argument in arguments])
         return Ran(result.exit_code, result.stdout, result.stderr)
 
@@ -56,8 +56,8 @@ class Ran:
 @pytest.fixture
 def airrace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
-    for name, module in canned_procedure.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     return Shell(tmp_path, monkeypatch)
 
 
@@ -322,9 +322,9 @@ def test_check_prints_every_passage_and_flies_nothing(airrace: Shell) -> None:
 
 def start(folder: Path, *arguments: str | Path, scenario: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, canned_procedure.__file__, *map(str, arguments)],
+        [sys.executable, fake_optimizer.__file__, *map(str, arguments)],
         cwd=folder,
-        env={**os.environ, "CANNED_SCENARIO": scenario, "FORCE_COLOR": "1"},
+        env={**os.environ, "FAKE_SCENARIO": scenario, "FORCE_COLOR": "1"},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -384,7 +384,7 @@ def test_a_reader_that_leaves_early_hears_no_complaint(tmp_path: Path, form: Seq
 def test_a_full_disk_behind_stdout_is_told(tmp_path: Path, form: Sequence[str]) -> None:
     with open("/dev/full", "w") as full:
         ran = subprocess.run(
-            [sys.executable, canned_procedure.__file__, "check", str(TRACK), *form],
+            [sys.executable, fake_optimizer.__file__, "check", str(TRACK), *form],
             cwd=tmp_path,
             stdout=full,
             stderr=subprocess.PIPE,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import canned_procedure
+import fake_optimizer
 import pytest
 import typer.main
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -85,8 +85,8 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def can_procedure(patch: pytest.MonkeyPatch) -> None:
-    for name, module in canned_procedure.REPLACED.items():
-        patch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        patch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
 
 
 def outputs(name: str, option: str) -> Iterator[str]:

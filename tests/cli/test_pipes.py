@@ -5,7 +5,7 @@ import io
 import json
 from pathlib import Path
 
-import canned_procedure
+import fake_optimizer
 import pytest
 import typer.main
 from typer.testing import CliRunner, Result
@@ -32,8 +32,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def can_procedure(patch: pytest.MonkeyPatch) -> None:
-    for name, module in canned_procedure.REPLACED.items():
-        patch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        patch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
 
 
 @pytest.fixture(autouse=True)
@@ -179,7 +179,7 @@ def test_an_option_is_read_from_its_variable() -> None:
 
 
 def test_variables_of_other_use_are_no_options() -> None:
-    used = {"AIRRACE_DEBUG", "AIRRACE_EXTENSIONS", "AIRRACE_CACHE_DIR", "AIRRACE_TESTS_KEPT", "AIRRACE_ARTEFACTS"}
+    used = {"AIRRACE_DEBUG", "AIRRACE_EXTENSIONS", "AIRRACE_CACHE_DIR", "AIRRACE_TESTS_CACHE", "AIRRACE_ARTEFACTS"}
     root = typer.main.get_command(app)
     assert not {word for variable in used for word in variable.lower().split("_")} & set(getattr(root, "commands", {}))
     assert airrace("tracks", AIRRACE_VERSION="1").stdout.startswith("courses")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from example_courses import SHIPPED, everything, race
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shown_courses import SHIPPED, everything, race
 
 from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
 from airrace.cli.plan_view import plan_view

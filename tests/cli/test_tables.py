@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from canned_procedure import solve_single_mesh, stage_result
+from fake_optimizer import solve_single_mesh, stage_result
 from rich.table import Table
 
 from airrace.cli.course_tables import course_tables

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import canned_procedure
+import fake_optimizer
 import pytest
-from canned_procedure import stage_result
+from fake_optimizer import stage_result
 from typer.testing import CliRunner
 
 import airrace
@@ -69,11 +69,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
 
     def optimize(*arguments: Any, **named: Any) -> Iterator[StageResult]:
-        for result in canned_procedure.optimize(*arguments, **named):
+        for result in fake_optimizer.optimize(*arguments, **named):
             yield contested(explored(loops=(LOOP,)), result) if result.stage is Stage.POINT_MASS else result
 
-    for name, module in canned_procedure.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     monkeypatch.setattr(procedure, "optimize", optimize)
     return tmp_path
 

@@ -4,7 +4,7 @@ import dataclasses
 import json
 from pathlib import Path
 
-import canned_procedure
+import fake_optimizer
 import pytest
 from typer.testing import CliRunner
 
@@ -40,8 +40,8 @@ def airrace(*arguments: str | Path) -> Ran:
 def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A finished run, with an override of its own."""
     monkeypatch.chdir(tmp_path)
-    for name, module in canned_procedure.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     assert airrace("optimize", TRACK, "--set", "rules.n_z_max=9", "--output", "RUN.h5", "--quiet").code == 0
     return tmp_path / "RUN.h5"
 
@@ -142,7 +142,7 @@ def test_damaged_file_is_no_start(run_file: Path, content: bytes) -> None:
 
 def test_run_without_a_certified_stage_is_no_start(run_file: Path) -> None:
     run = read_checkpoint(run_file)
-    failed = canned_procedure.stage_result(Stage.POINT_MASS, Outcome.NOT_CERTIFIED)
+    failed = fake_optimizer.stage_result(Stage.POINT_MASS, Outcome.NOT_CERTIFIED)
     write_checkpoint(run_file, run.with_stage(failed))
     ran = airrace("resume", run_file, *CHANGE, "--output", "NEW.h5")
     assert ran.code == 2

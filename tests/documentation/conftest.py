@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from kept import kept
+from disk_cache import cached_across_workers
 from pages import ROOT
 
 MODULES = (
@@ -24,7 +24,7 @@ MODULES = (
 )
 
 
-@kept
+@cached_across_workers
 def flown_file() -> bytes:
     """The file of a certified run of Rovinj 2014 up to the point mass, straight from the plan."""
     with tempfile.TemporaryDirectory() as folder:

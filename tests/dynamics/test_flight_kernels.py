@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from same_bits import all_results, assert_same_bits, variants
+from kernel_results import all_results, assert_bitwise_equal, variants
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.flight_model import FlightModel
@@ -92,11 +92,11 @@ def test_all_variants_have_the_same_bits_and_rates_those_of_casadi(
         for function in (system.rates, system.path_values):
             assert function is not None
             x, u = y[:, :n_x].T, y[:, n_x:-1].T
-            assert_same_bits(
+            assert_bitwise_equal(
                 [native.at_points(dense(function), u, p)(x)], [casadi_function_at_points(function, u, p)(x)]
             )
     for one in found[1:]:
-        assert_same_bits(one, found[0])
+        assert_bitwise_equal(one, found[0])
 
 
 def intervals(model: FlightModel, count: int) -> list[np.ndarray]:

@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, airrace
-from kept import kept
+from disk_cache import cached_across_workers
 
 COURSE = "course.yaml"
 LOG = "log.csv"
@@ -48,7 +48,7 @@ def put_inputs(folder: Path) -> None:
     shutil.copy(ROOT / "tests" / "logs" / "rovinj_2014.csv", folder / LOG)
 
 
-@kept
+@cached_across_workers
 def run_file() -> bytes:
     """The run, flown once for all that read it."""
     with tempfile.TemporaryDirectory() as folder:

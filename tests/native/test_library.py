@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from same_bits import variants
+from kernel_results import variants
 
 from airrace.errors import KernelError
 from airrace.native import library as module

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from same_bits import variants
+from kernel_results import variants
 
 from airrace.optimal_control.solvers.fatrop import interposition
 from airrace.optimal_control.solvers.fatrop.interposition import PRODUCTS, load_lazily, same_bits

@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from same_bits import all_results, assert_as_casadi, assert_same_bits, random_intervals, variants
+from kernel_results import all_results, assert_as_casadi, assert_bitwise_equal, random_intervals, variants
 from small_problems import PROBLEMS, rich_system
 
 from airrace.errors import KernelError, SolverCrash
@@ -75,7 +75,7 @@ def test_all_variants_have_the_same_bits(name: str, scheme: RungeKutta) -> None:
     for kernels in others:
         for mine, theirs in zip(kernels, first, strict=True):
             given = intervals(mine)
-            assert_same_bits(all_results(mine, given), all_results(theirs, given))
+            assert_bitwise_equal(all_results(mine, given), all_results(theirs, given))
 
 
 @pytest.mark.parametrize("name", ["rich", "branching"])
@@ -112,7 +112,7 @@ def test_it_does_not_matter_in_which_lane_an_interval_stands(variant: str) -> No
     expected = all_results(step, [y, own, shared, lam])
     for turn in range(1, native.lanes):
         order = np.roll(np.arange(native.lanes), turn)
-        assert_same_bits(
+        assert_bitwise_equal(
             all_results(step, [y[order], own[order], shared, lam[order]]), [one[order] for one in expected]
         )
 
@@ -124,7 +124,7 @@ def test_an_interval_that_cannot_be_evaluated_spoils_no_other() -> None:
     given[0][0] = np.nan
     found = all_results(step, given)
     assert np.isnan(found[0][0]).all()
-    assert_same_bits([one[1:] for one in found], [one[1:] for one in expected])
+    assert_bitwise_equal([one[1:] for one in found], [one[1:] for one in expected])
 
 
 def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,7 +133,7 @@ def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     given = intervals(step, 5 * step.lanes)
     alone = all_results(step, given)
     for threads in (2, 3, 8):
-        assert_same_bits(all_results(step, given, threads), alone)
+        assert_bitwise_equal(all_results(step, given, threads), alone)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -150,7 +150,7 @@ def test_a_program_has_the_same_bits_in_all_variants(name: str) -> None:
         functions.curve()
         found.append([functions.g, functions.jacobian, functions.gradient, functions.hessian])
     for one in found[1:]:
-        assert_same_bits(one, found[0])
+        assert_bitwise_equal(one, found[0])
 
 
 def test_arguments_of_another_size_are_refused() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from same_bits import all_results, random_intervals, results
+from kernel_results import all_results, random_intervals, results
 from small_problems import PROBLEMS, rich_system
 
 from airrace.optimal_control.kernels import NativeKernel, Part, build_kernels, casadi_kernels

@@ -4,8 +4,7 @@ import dataclasses
 import functools
 
 import numpy as np
-from ladders import PLAN
-from races import EDGE_540, course, level, optimum, prepared
+from races import EDGE_540, PLAN, course, level, optimum, prepared
 
 from airrace.environment.air import Air
 from airrace.optimal_control.certificate import Item

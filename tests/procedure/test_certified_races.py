@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from races import RACES, SMALL, blown, flown, optimum, planned, settings
+from races import RACES, SMALL, blown, solve_point_mass, optimum, planned, settings
 
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.results_api import sampler
@@ -85,14 +85,14 @@ def test_certificate_holds_when_measured_again_from_the_result_alone(name: str, 
 
 @every_race_and_guess
 def test_homotopy_comes_first_and_only_where_it_is_asked_for(name: str, guess: GuessKind) -> None:
-    stages = [result.stage for result in flown(RACES[name], settings(guess))]
+    stages = [result.stage for result in solve_point_mass(RACES[name], settings(guess))]
     expected = {GuessKind.HOMOTOPY: [Stage.HOMOTOPY, Stage.POINT_MASS], GuessKind.PLAN: [Stage.POINT_MASS]}
     assert stages == expected[guess]
 
 
 @each_quick_race
 def test_homotopy_flies_every_phase_of_a_shipped_race(name: str) -> None:
-    pieces = flown(RACES[name], settings(GuessKind.HOMOTOPY))[0]
+    pieces = solve_point_mass(RACES[name], settings(GuessKind.HOMOTOPY))[0]
     assert pieces.remarks == ""
     assert pieces.certificate is None
     assert not pieces.certified
@@ -152,6 +152,6 @@ def test_limits_hold_wherever_the_flight_is_sampled(name: str, guess: GuessKind)
 def test_race_is_flown_alike_every_time() -> None:
     chosen = settings(GuessKind.HOMOTOPY)
     first = optimum(SMALL, chosen)
-    *_, again = flown.__wrapped__(SMALL, chosen)
+    *_, again = solve_point_mass.__wrapped__(SMALL, chosen)
     assert (again.trajectory.state == first.trajectory.state).all()
     assert again.trajectory.race_time == first.trajectory.race_time

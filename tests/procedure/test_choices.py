@@ -5,8 +5,20 @@ import math
 
 import numpy as np
 import pytest
-from races import EDGE_540, RACES, ROOT, SHIPPED, SMALL, course, knife_edge, level, prepared, pylon, settings
-from races import flown as all_flown
+from races import (
+    EDGE_540,
+    RACES,
+    ROOT,
+    SHIPPED,
+    SMALL,
+    course,
+    knife_edge,
+    level,
+    prepared,
+    pylon,
+    settings,
+    solve_point_mass,
+)
 from races import planned as plan_of
 
 from airrace.environment.air import Air
@@ -162,7 +174,7 @@ def test_plan_of_a_guess_takes_as_long_as_the_plan_that_it_is_made_from(name: st
 
 
 def optimum_of(race: Race) -> StageResult:
-    (found,) = all_flown(race, OFF)
+    (found,) = solve_point_mass(race, OFF)
     assert found.certified
     return found
 

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from ladders import OPTIMA, PLAN, climbed, rung, seconds
-from races import RACES, SMALL, blown, optimum, prepared
+from races import OPTIMA, PLAN, RACES, SMALL, blown, optimum, optimum_of, prepared, seconds, solve_stages
 from transformations import mirrored
 
 from airrace.dynamics.settled import settled_observation
@@ -84,7 +83,7 @@ def test_piece_of_a_homotopy_that_begins_in_mid_race_is_not_settled() -> None:
 
 @every_stage
 def test_every_stage_starts_settled(stage: Stage) -> None:
-    result = rung("four_gates", stage)
+    result = optimum_of("four_gates", stage)
     assert result.certified
     assert np.abs(left(result, SMALL, 0)).max() < 1e-6
 
@@ -108,7 +107,7 @@ def certificate_items(race: Race, result: StageResult, slip: float) -> dict[str,
 
 
 def test_certificate_tells_a_start_that_is_not_settled() -> None:
-    result = rung("four_gates", Stage.POINT_MASS)
+    result = optimum_of("four_gates", Stage.POINT_MASS)
     assert certificate_items(SMALL, result, 0.0)["gate_acceleration"].holds
     found = certificate_items(SMALL, result, 1e-6)["gate_acceleration"]
     assert not found.holds
@@ -128,7 +127,7 @@ def test_settled_end_is_named_among_what_may_stand_in_the_way() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["four_gates", "half_cuban_eight"])
 def test_free_start_is_in_mid_manoeuvre_and_no_slower(name: str) -> None:
-    free = climbed(ended(RACES[name], FREE, FREE))[-1]
+    free = solve_stages(ended(RACES[name], FREE, FREE))[-1]
     assert free.certified
     assert free.trajectory.race_time < seconds(name, Stage.SIX_DOF) + 1e-3
     assert np.abs(left(free, RACES[name], 0)).max() > 1.0
@@ -138,8 +137,8 @@ def test_free_start_is_in_mid_manoeuvre_and_no_slower(name: str) -> None:
 def test_settled_ends_hold_in_wind_and_in_a_mirror() -> None:
     race = ended(blown(SMALL, 320.0, 6.0), SETTLED, SETTLED)
     for one in (race, mirrored(race)):
-        for result in climbed(one):
+        for result in solve_stages(one):
             assert result.certified, result.message
             assert max(np.abs(left(result, one, node)).max() for node in (0, -1)) < 1e-6
-    times = [climbed(one)[-1].trajectory.race_time for one in (race, mirrored(race))]
+    times = [solve_stages(one)[-1].trajectory.race_time for one in (race, mirrored(race))]
     assert times[0] == pytest.approx(times[1], abs=5e-3)

@@ -1,11 +1,9 @@
 """A race that cannot be flown, or not in time, is an answer: an outcome, a sentence, and no exception."""
 
 import dataclasses
-from pathlib import Path
 
 import pytest
-from generated_courses import generated_course
-from races import RACES, ROOT, SMALL, flown, optimum, prepared, settings
+from races import RACES, ROOT, SMALL, optimum, prepared, settings, solve_point_mass
 
 from airrace.errors import InputError, OutOfTime
 from airrace.inputs import load_inputs
@@ -53,10 +51,8 @@ def test_limits_had_to_give_way_on_two_ways_round_before_a_course_is_called_infe
 
 
 @pytest.mark.slow
-def test_a_race_that_only_the_homotopy_flies_is_not_called_infeasible(tmp_path: Path) -> None:
-    path = tmp_path / "course.yaml"
-    path.write_text(generated_course(32, (ROOT / "configs").as_posix()), encoding="utf-8")
-    race = load_inputs(path).race
+def test_a_race_that_only_the_homotopy_flies_is_not_called_infeasible() -> None:
+    race = load_inputs(ROOT / "tests" / "courses" / "random_32.yaml").race
     tight = limited(race, n_z=Interval(race.course.rules.n_z.lower, 6.0))
     result = optimum(tight, settings(GuessKind.PLAN))
     assert [one.purpose for one in result.attempts[1:3]] == ["every limit giving way"] * 2  # in vain from the plan
@@ -113,7 +109,7 @@ def test_failed_race_still_shows_the_flight_it_ended_with() -> None:
 
 def test_rules_that_contradict_the_aircraft_are_invalid_input() -> None:
     with pytest.raises(InputError, match="n_z"):
-        flown(limited(SMALL, n_z=Interval(13.0, 14.0)), settings(GuessKind.PLAN))
+        solve_point_mass(limited(SMALL, n_z=Interval(13.0, 14.0)), settings(GuessKind.PLAN))
 
 
 # the run itself
@@ -156,7 +152,7 @@ def test_run_until_the_homotopy_ends_there() -> None:
 
 def test_finished_stages_are_not_run_again_and_lead_to_the_same_optimum() -> None:
     chosen = settings(GuessKind.HOMOTOPY)
-    pieces, joint = flown(SMALL, chosen)
+    pieces, joint = solve_point_mass(SMALL, chosen)
     (again,) = optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=(pieces,), progress=Silent())
     assert again.stage is Stage.POINT_MASS
     assert again.trajectory.race_time == pytest.approx(joint.trajectory.race_time, rel=1e-9)
@@ -164,7 +160,7 @@ def test_finished_stages_are_not_run_again_and_lead_to_the_same_optimum() -> Non
 
 def test_finished_run_solves_nothing() -> None:
     chosen = settings(GuessKind.HOMOTOPY)
-    done = flown(SMALL, chosen)
+    done = solve_point_mass(SMALL, chosen)
     assert list(optimize(SMALL, chosen, until=Stage.POINT_MASS, threads=1, finished=done, progress=Silent())) == []
 
 

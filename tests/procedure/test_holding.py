@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from ladders import PLAN, climbed
-from races import SMALL, prepared
+from races import PLAN, SMALL, prepared, solve_stages
 from test_meshing import SYSTEM
 
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
@@ -52,7 +51,7 @@ def test_price_grows_with_time_weight_and_jump_squared() -> None:
 
 
 def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
-    result, flight = climbed(SMALL)[0], prepared(SMALL)
+    result, flight = solve_stages(SMALL)[0], prepared(SMALL)
     problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
     mesh, guess = restrict(problem.mesh, iterate, result.mesh.coarser)
     with SolverService() as service:

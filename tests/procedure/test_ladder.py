@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from ladders import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, climbed, motion, rung, seconds
+from races import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, solve_stages, motion, optimum_of, seconds
 from races import EDGE_540, RACES, SMALL, prepared
 
 from airrace.control.reference import from_optimum
@@ -54,7 +54,7 @@ def test_what_the_linear_state_space_gains_is_the_thrust_that_carries_the_aircra
 
     Without that term nothing is gained: not 8 ms, but 0.1 ms.
     """
-    true, finished = state_space_inversion.surrounding, climbed(SMALL)[:2]  # climbed with the true equations
+    true, finished = state_space_inversion.surrounding, solve_stages(SMALL)[:2]  # solve_stages with the true equations
 
     def without_pull(*args: object, **named: object) -> Surrounding:
         return dataclasses.replace(true(*args, **named), pull=0.0)
@@ -109,7 +109,7 @@ def test_lift_and_sideslip_have_the_same_limits_in_all_stages(name: str, stage: 
 @each_race
 @pytest.mark.parametrize("stage", SURFACES, ids=lambda stage: stage.value)
 def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
-    flown, surfaces = rung(name, stage).trajectory, EDGE_540.surfaces
+    flown, surfaces = optimum_of(name, stage).trajectory, EDGE_540.surfaces
     for surface, travel in (("eta", surfaces.eta), ("xi", surfaces.xi), ("zeta", surfaces.zeta)):
         deflection = flown.of(surface)
         rates = np.diff(deflection) / np.diff(flown.time)
@@ -124,7 +124,7 @@ def test_surfaces_keep_their_travels_and_rates(name: str, stage: Stage) -> None:
 @each_race
 def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
     source, flight = prepared(RACES[name], Stage.STATE_SPACE_INVERSION), prepared(RACES[name], Stage.STATE_SPACE)
-    optimum = rung(name, Stage.STATE_SPACE_INVERSION)
+    optimum = optimum_of(name, Stage.STATE_SPACE_INVERSION)
     start = recorded(flight, source, optimum)
     flown, steps = optimum.trajectory, interval_durations(start.problem, start.guess.durations)
     nodes = np.concatenate([[0.0], np.cumsum(steps)])
@@ -147,7 +147,7 @@ def test_state_space_begins_with_the_recorded_flight(name: str) -> None:
 
 @each_race
 def test_every_stage_says_along_which_one_it_was_started(name: str) -> None:
-    results = climbed(RACES[name])
+    results = solve_stages(RACES[name])
     assert results[0].provenance.source == ""
     for before, result in itertools.pairwise(results):
         assert result.provenance.source == before.stage.value
@@ -156,7 +156,7 @@ def test_every_stage_says_along_which_one_it_was_started(name: str) -> None:
 @each_race
 def test_flights_between_the_stages_stay_near_what_they_follow(name: str) -> None:
     """Only where the very same flight is told anew does nothing stray; the half Cuban eight, slow at its top, most."""
-    for before, result in itertools.pairwise(climbed(RACES[name])):
+    for before, result in itertools.pairwise(solve_stages(RACES[name])):
         start = result.provenance
         if result.stage is Stage.STATE_SPACE:
             assert (start.tracking_error, start.tracking_error_time, start.terminal_miss) == (
@@ -171,7 +171,7 @@ def test_flights_between_the_stages_stay_near_what_they_follow(name: str) -> Non
 
 @pytest.mark.parametrize("longest", [0.03, 0.07, 0.1, 1.0])
 def test_first_mesh_is_as_dense_as_the_one_before_and_no_coarser_than_allowed(longest: float) -> None:
-    optimum = climbed(SMALL)[0]
+    optimum = solve_stages(SMALL)[0]
     nodes, first_node = first_nodes(optimum, longest)
     steps, flown = np.diff(nodes), optimum.trajectory
     before = flown.time[coarser_nodes(optimum)]
@@ -187,7 +187,7 @@ def test_first_mesh_is_as_dense_as_the_one_before_and_no_coarser_than_allowed(lo
 @pytest.mark.parametrize("stage", OPTIMA[1:], ids=lambda stage: stage.value)
 def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> None:
     """Without its corners, which no aircraft that rotates can follow."""
-    source, flight, optimum = prepared(SMALL), prepared(SMALL, stage), climbed(SMALL)[0]
+    source, flight, optimum = prepared(SMALL), prepared(SMALL, stage), solve_stages(SMALL)[0]
     start = settled(flight, source, optimum)
     reference = from_optimum(source.model, source.problem(mesh_of(optimum.trajectory)), optimum.trajectory)
     wanted = at(reference, first_nodes(optimum, flight.longest_interval)[0])
@@ -210,7 +210,7 @@ def test_settled_flight_pulls_and_rolls_as_the_point_mass_does(stage: Stage) -> 
 )
 def test_run_resumed_behind_any_stage_goes_on_in_every_bit_as_before(kept: int, until: Stage) -> None:
     """One stage more is enough: where it has the same bits, so has the one behind it, which is resumed likewise."""
-    whole = climbed(SMALL)
+    whole = solve_stages(SMALL)
     rest = list(optimize(SMALL, PLAN, until=until, threads=1, finished=whole[:kept], progress=Silent()))
     before = whole[kept : OPTIMA.index(until) + 1]
     assert [result.stage for result in rest] == [result.stage for result in before]
@@ -221,7 +221,7 @@ def test_run_resumed_behind_any_stage_goes_on_in_every_bit_as_before(kept: int, 
 def test_run_ends_with_the_stage_that_fails() -> None:
     hurried = dataclasses.replace(PLAN, solver=dataclasses.replace(PLAN.solver, iterations_max=4))
     rest = list(
-        optimize(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=climbed(SMALL)[:1], progress=Silent())
+        optimize(SMALL, hurried, until=Stage.SIX_DOF, threads=1, finished=solve_stages(SMALL)[:1], progress=Silent())
     )
     assert [(result.stage, result.outcome) for result in rest] == [(Stage.TRANSFER_FUNCTION, Outcome.NOT_CONVERGED)]
 
@@ -240,7 +240,7 @@ def named_histories(result: StageResult) -> dict[str, Array]:
 @each_race
 @each_stage
 def test_derived_quantities_are_the_models_own(name: str, stage: Stage) -> None:
-    race, result = RACES[name], rung(name, stage)
+    race, result = RACES[name], optimum_of(name, stage)
     flight, histories = prepared(race, stage), named_histories(result)
     derived = {one.name: of(histories) for one, of in derived_quantities(race, result).items()}
     told = histories | derived
@@ -254,7 +254,7 @@ def test_derived_quantities_are_the_models_own(name: str, stage: Stage) -> None:
 @each_stage
 def test_derived_forces_are_load_factors_times_the_weight(name: str, stage: Stage) -> None:
     """Load factors as they are told, and as they are seen from the path."""
-    race, result = RACES[name], rung(name, stage)
+    race, result = RACES[name], optimum_of(name, stage)
     histories = named_histories(result)
     told = histories | {one.name: of(histories) for one, of in derived_quantities(race, result).items()}
     weight, seen = EDGE_540.airframe.m * g0, motion(name, stage)
@@ -273,7 +273,7 @@ def test_derived_forces_are_load_factors_times_the_weight(name: str, stage: Stag
 def test_smooth_controls_cost_next_to_no_time(name: str) -> None:
     """Halving their weight gains 0.2 ms over the four gates and 1 ms in the half Cuban eight; meshes may differ."""
     half = dataclasses.replace(PLAN, regularisation=0.5 * PLAN.regularisation)
-    race, whole = RACES[name], climbed(RACES[name])
+    race, whole = RACES[name], solve_stages(RACES[name])
     (result,) = optimize(race, half, until=Stage.SIX_DOF, threads=1, start=whole, start_name="whole", progress=Silent())
     assert (result.stage, result.remarks, result.certified) == (Stage.SIX_DOF, "", True)
     gained = seconds(name, Stage.SIX_DOF) - result.trajectory.race_time
@@ -283,7 +283,7 @@ def test_smooth_controls_cost_next_to_no_time(name: str) -> None:
 @each_race
 @each_stage
 def test_certificate_holds_the_total_variation_of_all_that_is_moved(name: str, stage: Stage) -> None:
-    result = rung(name, stage)
+    result = optimum_of(name, stage)
     assert result.certificate is not None
     moved = {
         item.name.removeprefix("variation_"): item.value
@@ -303,7 +303,7 @@ def test_certificate_holds_the_total_variation_of_all_that_is_moved(name: str, s
 
 
 def test_regularisation_is_told_as_its_share_of_the_objective() -> None:
-    result = rung("four_gates", Stage.SIX_DOF)
+    result = optimum_of("four_gates", Stage.SIX_DOF)
     flown = result.trajectory
     steps = np.diff(flown.time)
     halves = {one.name: row / (0.5 * one.upper) for one, row in zip(flown.controls, flown.control, strict=True)}

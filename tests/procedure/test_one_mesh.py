@@ -25,12 +25,12 @@ UNREACHABLE = dataclasses.replace(
 
 
 @functools.cache
-def climbed(
+def solve(
     chosen: Settings, until: Stage = Stage.TRANSFER_FUNCTION, finished: int = 0, start: int = 0
 ) -> tuple[StageResult, ...]:
     """A race up to a stage; the first so many stages of the run that proves the last one alone are finished, or where
     it starts from."""
-    known = climbed(LAST) if finished or start else ()
+    known = solve(LAST) if finished or start else ()
     return tuple(
         optimize(
             SMALL,
@@ -54,73 +54,73 @@ def items_of(result: StageResult) -> list[str]:
 
 
 def test_stages_below_the_last_are_solved_and_the_last_is_certified() -> None:
-    below, last = climbed(LAST)
+    below, last = solve(LAST)
     assert (below.state, last.state) == (State.SOLVED, State.CERTIFIED)
     assert below.holds
     assert not below.certified
 
 
 def test_all_that_a_certificate_measures_is_measured_but_the_second_mesh() -> None:
-    (solved, last), (proved, _) = climbed(LAST), climbed(ALL)
+    (solved, last), (proved, _) = solve(LAST), solve(ALL)
     assert proved.state is State.CERTIFIED
     assert items_of(solved) == [name for name in items_of(proved) if name != RACE_TIME_CHANGE]
     assert RACE_TIME_CHANGE in items_of(last)
 
 
 def test_last_stage_comes_to_the_same_race_time_whatever_is_proved_below_it() -> None:
-    assert seconds(climbed(LAST)[-1]) == pytest.approx(seconds(climbed(ALL)[-1]), rel=1e-5)
+    assert seconds(solve(LAST)[-1]) == pytest.approx(seconds(solve(ALL)[-1]), rel=1e-5)
 
 
 def test_only_stage_of_a_run_is_its_last_and_proved_as_ever() -> None:
-    (one,), (other,) = climbed(LAST, Stage.POINT_MASS), climbed(ALL, Stage.POINT_MASS)
+    (one,), (other,) = solve(LAST, Stage.POINT_MASS), solve(ALL, Stage.POINT_MASS)
     assert one.certified
     np.testing.assert_array_equal(one.trajectory.state, other.trajectory.state)
     assert one.certificate == other.certificate
 
 
 def test_solved_stage_has_fewer_intervals_and_nearly_the_race_time_of_the_proved_one() -> None:
-    solved, proved = climbed(LAST)[0], climbed(ALL)[0]
+    solved, proved = solve(LAST)[0], solve(ALL)[0]
     assert len(solved.trajectory.time) < len(proved.trajectory.time)
     assert seconds(solved) == pytest.approx(seconds(proved), abs=2.0 * ALL.certificate.race_time)
 
 
 def test_proof_completed_later_is_the_proof_and_leaves_the_stages_above_alone() -> None:
-    (completed,) = climbed(ALL, finished=2)
+    (completed,) = solve(ALL, finished=2)
     assert completed.stage is Stage.POINT_MASS
     assert completed.certified
-    assert seconds(completed) == pytest.approx(seconds(climbed(ALL)[0]), abs=1e-3)  # the meshes differ a little
-    assert completed.attempts[: len(climbed(LAST)[0].attempts)] == climbed(LAST)[0].attempts
+    assert seconds(completed) == pytest.approx(seconds(solve(ALL)[0]), abs=1e-3)  # the meshes differ a little
+    assert completed.attempts[: len(solve(LAST)[0].attempts)] == solve(LAST)[0].attempts
 
 
 def test_completed_proof_holds_when_measured_again() -> None:
-    (completed,) = climbed(ALL, finished=2)
+    (completed,) = solve(ALL, finished=2)
     assert recertify(SMALL, ALL, completed).certified
 
 
 def test_nothing_is_proved_that_nobody_asked_for() -> None:
-    assert climbed(LAST, finished=2) == ()
+    assert solve(LAST, finished=2) == ()
 
 
 def test_solved_stage_that_becomes_the_last_is_proved() -> None:
-    (completed,) = climbed(LAST, Stage.POINT_MASS, finished=1)
+    (completed,) = solve(LAST, Stage.POINT_MASS, finished=1)
     assert completed.certified
 
 
 def test_run_goes_on_from_a_solved_stage() -> None:
-    (higher,) = climbed(LAST, finished=1)
-    np.testing.assert_array_equal(higher.trajectory.state, climbed(LAST)[-1].trajectory.state)
+    (higher,) = solve(LAST, finished=1)
+    np.testing.assert_array_equal(higher.trajectory.state, solve(LAST)[-1].trajectory.state)
 
 
 def test_another_run_is_started_from_a_solved_stage() -> None:
-    (started,) = climbed(LAST, Stage.POINT_MASS, start=1)
+    (started,) = solve(LAST, Stage.POINT_MASS, start=1)
     assert started.certified
     assert started.remarks == ""
-    assert seconds(started) == pytest.approx(seconds(climbed(ALL)[0]), abs=1e-3)
+    assert seconds(started) == pytest.approx(seconds(solve(ALL)[0]), abs=1e-3)
 
 
 def test_proof_that_fails_leaves_the_stage_as_it_was_and_says_why() -> None:
-    (left,) = climbed(UNREACHABLE, finished=1, until=Stage.POINT_MASS)
-    solved = climbed(LAST)[0]
+    (left,) = solve(UNREACHABLE, finished=1, until=Stage.POINT_MASS)
+    solved = solve(LAST)[0]
     assert left.state is State.SOLVED
     np.testing.assert_array_equal(left.trajectory.state, solved.trajectory.state)
     assert left.certificate == solved.certificate
@@ -130,7 +130,7 @@ def test_proof_that_fails_leaves_the_stage_as_it_was_and_says_why() -> None:
 
 
 def test_solved_stage_is_measured_again_as_strictly_as_it_was_measured() -> None:
-    solved = climbed(LAST)[0]
+    solved = solve(LAST)[0]
     again = recertify(SMALL, LAST, solved)
     assert solved.certificate is not None
     assert again.holds
@@ -143,7 +143,7 @@ def test_solved_stage_is_measured_again_as_strictly_as_it_was_measured() -> None
 
 def test_claim_to_be_certified_is_measured_on_a_second_mesh() -> None:
     """A solved stage to which somebody has added the missing item."""
-    solved = climbed(LAST)[0]
+    solved = solve(LAST)[0]
     assert solved.certificate is not None
     items = list(solved.certificate.items)
     place = 1 + [item.name for item in items].index("hamiltonian_drift")

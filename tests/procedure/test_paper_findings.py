@@ -3,9 +3,8 @@
 import dataclasses
 
 import pytest
-from ladders import PLAN, assert_certified, climbed
 from matched_laps import laps, matched_laps
-from races import RACES, SIXTEEN, blown, one_lap, optimum
+from races import PLAN, RACES, SIXTEEN, assert_certified, blown, one_lap, optimum, solve_stages
 from test_flown_optima import plane_of
 
 from airrace.planning.race import Race
@@ -32,7 +31,7 @@ def test_whole_aircraft_that_climbs_the_ladder_in_a_crosswind_tilts_the_half_cub
 @pytest.mark.parametrize(("origin", "side"), [pytest.param(90.0, 1.0, marks=pytest.mark.slow), (270.0, -1.0)])
 def test_whole_aircraft_tilts_the_half_cuban_eight_into_a_crosswind(origin: float, side: float) -> None:
     """Wind from the east tilts the plane to the east, wind from the west to the west."""
-    windy, calm = blown(HALF_CUBAN, origin, 10.0), climbed(HALF_CUBAN)
+    windy, calm = blown(HALF_CUBAN, origin, 10.0), solve_stages(HALF_CUBAN)
     (result,) = optimize(windy, PLAN, until=Stage.SIX_DOF, threads=1, start=calm, start_name="calm", progress=Silent())
     assert (result.stage, result.remarks, result.certified) == (Stage.SIX_DOF, "", True)
     assert side * plane_of(result).tilt > 1.0

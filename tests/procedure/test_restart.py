@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from ladders import PLAN, climbed
+from races import PLAN, solve_stages
 from races import ROOT, SHIPPED, SMALL, blown, optimum
 
 from airrace.errors import UsageError
@@ -70,7 +70,7 @@ def test_order_in_which_states_are_stored_does_not_matter() -> None:
 
 
 def test_highest_stage_is_the_start_and_those_below_are_left_out() -> None:
-    whole = climbed(SMALL)
+    whole = solve_stages(SMALL)
     (result,) = started(SMALL, *whole, until=Stage.TRANSFER_FUNCTION)
     assert (result.stage, result.certified) == (Stage.TRANSFER_FUNCTION, True)
     assert result.provenance.source == "transfer-function of calm.h5"
@@ -78,7 +78,7 @@ def test_highest_stage_is_the_start_and_those_below_are_left_out() -> None:
 
 
 def test_other_equations_make_the_next_lower_stage_the_start_and_those_above_it_are_climbed() -> None:
-    higher = climbed(SMALL)[1]
+    higher = solve_stages(SMALL)[1]
     first, *rest = higher.trajectory.states
     other = with_trajectory(higher, states=(dataclasses.replace(first, name="unheard_of"), *rest))
     results = started(WINDY, stored(), other, until=Stage.TRANSFER_FUNCTION)
@@ -113,7 +113,7 @@ def test_gate_that_is_planned_the_other_way_round_is_named() -> None:
     start, *rest = SMALL.course.passages
     turned = dataclasses.replace(rest[-1], direction=Direction.REVERSE)
     course = dataclasses.replace(SMALL.course, passages=(start, *rest[:-1], turned))
-    point_mass, higher = climbed(SMALL)[:2]
+    point_mass, higher = solve_stages(SMALL)[:2]
     result, *_ = started(dataclasses.replace(SMALL, course=course), point_mass, higher, until=Stage.TRANSFER_FUNCTION)
     obstacle = "from its transfer-function, point-mass, which passes last the other way than is planned now"
     assert obstacle in result.remarks
@@ -148,14 +148,14 @@ def test_course_that_goes_on_longer_is_told_apart() -> None:
 
 
 def test_run_without_lower_stages_goes_on_upwards() -> None:
-    inversion = climbed(SMALL)[2]
+    inversion = solve_stages(SMALL)[2]
     rest = list(optimize(SMALL, PLAN, until=Stage.STATE_SPACE, threads=1, finished=[inversion], progress=Silent()))
     assert [result.stage for result in rest] == [Stage.STATE_SPACE]
     assert rest[0].certified
 
 
 def test_whole_ladder_is_not_climbed_below_what_is_finished() -> None:
-    top = climbed(SMALL)[-1]
+    top = solve_stages(SMALL)[-1]
     assert list(optimize(SMALL, PLAN, until=Stage.SIX_DOF, threads=1, finished=[top], progress=Silent())) == []
 
 
@@ -167,8 +167,8 @@ def test_whole_ladder_is_not_climbed_below_what_is_finished() -> None:
 def test_long_course_has_the_optimum_that_it_has_from_scratch_in_a_quarter_of_the_iterations(track: str) -> None:
     calm = load_inputs(ROOT / "tracks" / f"{track}.yaml").race
     windy = blown(calm, 250.0, 2.5)
-    scratch = climbed(windy)
-    (result,) = started(windy, *climbed(calm), until=Stage.SIX_DOF)
+    scratch = solve_stages(windy)
+    (result,) = started(windy, *solve_stages(calm), until=Stage.SIX_DOF)
     assert (result.stage, result.remarks, result.certified) == (Stage.SIX_DOF, "", True)
     assert result.trajectory.race_time == pytest.approx(scratch[-1].trajectory.race_time, abs=5e-3)
     assert result.iterations <= 0.25 * sum(one.iterations for one in scratch)

@@ -3,8 +3,7 @@
 import dataclasses
 
 import pytest
-from ladders import PLAN
-from races import SHIPPED, SMALL, blown, optimum
+from races import PLAN, SHIPPED, SMALL, blown, optimum
 
 from airrace.procedure.result import Outcome, Stage
 from airrace.procedure.split_comparison import compared, last_common

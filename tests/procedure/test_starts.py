@@ -4,8 +4,7 @@ import dataclasses
 from collections.abc import Callable
 
 import pytest
-from ladders import OPTIMA, PLAN, climbed
-from races import SMALL, prepared
+from races import OPTIMA, PLAN, SMALL, prepared, solve_stages
 from test_solving import STALLED, Canned, asked
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Certificate, Item
@@ -40,7 +39,7 @@ def canned(*verdicts: str) -> SolverSession:
 
 @pytest.mark.parametrize("kept", range(1, len(OPTIMA)))
 def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
-    finished, used = climbed(SMALL)[:kept], canned("stuck")
+    finished, used = solve_stages(SMALL)[:kept], canned("stuck")
     ladder = FidelityContinuation(SMALL, PLAN, finished)
     result = ladder.climb(OPTIMA[kept], used)
     assert (result.stage, result.outcome) == (OPTIMA[kept], Outcome.NOT_CONVERGED)
@@ -51,7 +50,7 @@ def test_stage_that_fails_leaves_the_earlier_ones(kept: int) -> None:
 
 def solved_start(*, torn: float = 0.0) -> Start:
     """The point mass's optimum; or a flight that is none, for its last state is so far (m) from where it leads."""
-    flight, flown = prepared(SMALL), climbed(SMALL)[0].trajectory
+    flight, flown = prepared(SMALL), solve_stages(SMALL)[0].trajectory
     iterate = iterate_of(flown)
     state = iterate.state.copy()
     state[0, -1] += torn

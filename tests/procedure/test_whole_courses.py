@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from ladders import PLAN, assert_certified, climbed
-from races import COURSES, RACES, ROOT, blown, optimum
+from races import COURSES, PLAN, RACES, ROOT, assert_certified, blown, optimum, solve_stages
 
 from airrace.environment.air import Thermal
 from airrace.inputs import load_inputs
@@ -42,7 +41,7 @@ def test_course_in_wind_is_certified_up_to_six_degrees_of_freedom(name: str, ori
 def test_rudder_is_not_wagged_where_the_angle_of_attack_is_at_its_limit() -> None:
     """Side force in step with the bank turns the path: in this wind it paid to wag the rudder all through the loop."""
     race = blown(RACES["sixteen_phases"], 240.0, WIND)
-    result = next(one for one in climbed(race) if one.stage is Stage.STATE_SPACE_INVERSION)
+    result = next(one for one in solve_stages(race) if one.stage is Stage.STATE_SPACE_INVERSION)
     flown = result.trajectory
     phase = flown.phases.index("2:quad/1 -> 2:quad/2")
     within = (flown.time > flown.time[flown.first_node[phase]] + 1.5) & (

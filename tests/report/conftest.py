@@ -1,4 +1,4 @@
-"""The flights of `tests/results/flown.py` serve the tests of reports as well; those in a browser share it and a report.
+"""Browsers and pages for the tests of reports, of the flights in `tests/results/example_flights.py`.
 
 Pictures of every view are kept in the folder that the environment variable `AIRRACE_ARTEFACTS` names, for people.
 """
@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from opened_pages import SOFTWARE, Opened, browser_path, opened
+from browser_pages import SOFTWARE, Opened, browser_path, opened
 from playwright.sync_api import Browser, sync_playwright
 
 sys.path.append(str(Path(__file__).parents[1] / "results"))
@@ -42,7 +42,7 @@ def artefacts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two runs, the second in a wind, and a report of both."""
-    from flown import half_cuban, windy  # found only since its folder is on the path, see above
+    from example_flights import half_cuban, windy  # found only since its folder is on the path, see above
 
     place = tmp_path_factory.mktemp("report")
     half_cuban().save(place / "still.h5")

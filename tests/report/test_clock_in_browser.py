@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from flown import half_cuban, windy
-from opened_pages import READY_MS, VIEWS, Opened
+from browser_pages import READY_MS, VIEWS, Opened
+from example_flights import half_cuban, windy
 
 pytestmark = pytest.mark.slow
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from flown import half_cuban, windy
-from pages_told import read
+from example_flights import half_cuban, windy
+from report_pages import read
 from typer.testing import CliRunner, Result
 
 import airrace

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from flown import half_cuban, windy
+from example_flights import half_cuban, windy
 from hypothesis import given
 from hypothesis import strategies as st
-from pages_told import HOSTILE, circle, dense, everything_flown, renamed
+from report_pages import HOSTILE, circle, dense, everything_flown, renamed
 
 from airrace.quantities import KNOT
 from airrace.report.contents import FORMAT, POSE, Contents, pack, unpack

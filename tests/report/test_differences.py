@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flown import circling, half_cuban, windy
-from pages_told import circle
+from example_flights import circling, half_cuban, windy
+from report_pages import circle
 
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from opened_pages import SIZES, opened
-from pages_told import HOSTILE, renamed
+from browser_pages import SIZES, opened
 from playwright.sync_api import Browser
+from report_pages import HOSTILE, renamed
 
 from airrace.report.flight_page import flight_page
 

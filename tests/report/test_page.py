@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from flown import half_cuban, windy
-from pages_told import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
+from example_flights import half_cuban, windy
+from report_pages import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
 
 from airrace.procedure.result import SearchReport, Way
 from airrace.report.flight_page import flight_page

@@ -5,9 +5,9 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from opened_pages import SIZES, TIMES, VIEWS, Opened, opened
-from pages_told import everything_flown
+from browser_pages import SIZES, TIMES, VIEWS, Opened, opened
 from playwright.sync_api import Browser
+from report_pages import everything_flown
 
 import airrace
 from airrace.frames import rotation

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import circling, half_cuban, rovinj
+from example_flights import circling, half_cuban, rovinj
 from readers import read_acmi, read_fdr, read_gpx, read_kml
 from scipy.io import loadmat
 from typer.testing import CliRunner

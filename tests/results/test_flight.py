@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from flown import circling, half_cuban, rovinj, windy
+from example_flights import circling, half_cuban, rovinj, windy
 
 from airrace.environment.air import StaticWind
 from airrace.environment.atmosphere import g0

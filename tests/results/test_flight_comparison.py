@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import circling, half_cuban, rovinj, windy
+from example_flights import circling, half_cuban, rovinj, windy
 from typer.testing import CliRunner
 
 from airrace.cli import compare_tables

@@ -5,9 +5,9 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
-from flown import circling, half_cuban, rovinj
+from example_courses import everything, race
+from example_flights import circling, half_cuban, rovinj
 from lxml import etree
-from shown_courses import everything, race
 
 from airrace.export.globe import BEGIN, on_globe
 from airrace.export.kml import kml

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import circling, half_cuban, rovinj
+from example_flights import circling, half_cuban, rovinj
 from typer.testing import CliRunner
 
 from airrace.cli.clearance_tables import near_miss_table

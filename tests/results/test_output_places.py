@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from flown import half_cuban
+from example_flights import half_cuban
 from typer.testing import CliRunner
 
 from airrace.cli.main import app

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import circling, rovinj
-from generated_courses import generated_course
-from shown_courses import SHIPPED, everything, many_gates, race
+from example_courses import ROOT, SHIPPED, everything, many_gates, race
+from example_flights import circling, rovinj
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
@@ -28,17 +27,12 @@ from airrace.track.polygons import Point
 from airrace.views.map_model import map_model
 
 
-def generated(seed: int, folder: Path) -> Race:
-    path = folder / f"{seed}.yaml"
-    path.write_text(generated_course(seed, "."), encoding="utf-8")
-    return load_inputs(path, aircraft="edge540").race
-
-
 def every_race(folder: Path) -> list[Race]:
+    random = sorted((ROOT / "tests" / "courses").glob("random_?.yaml"))
     return [
         *(race(path) for path in SHIPPED),
         race(everything(folder)),
-        *(generated(seed, folder) for seed in range(8)),
+        *(load_inputs(path, aircraft="edge540").race for path in random),
     ]
 
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import canned_procedure
+import fake_optimizer
 import pytest
 
 import airrace
@@ -23,8 +23,8 @@ ROVINJ = ROOT / "tracks" / "rovinj_2014.yaml"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, and a procedure that computes nothing."""
     monkeypatch.chdir(tmp_path)
-    for name, module in canned_procedure.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     return tmp_path
 
 
@@ -87,7 +87,7 @@ def test_a_stage_that_is_not_there_is_named_with_those_that_are(run: Run) -> Non
 
 @pytest.mark.parametrize("outcome", [one for one in Outcome if one is not Outcome.SOLVED])
 def test_a_run_that_fails_is_a_run_that_says_why(outcome: Outcome, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CANNED_SCENARIO", outcome.value)
+    monkeypatch.setenv("FAKE_SCENARIO", outcome.value)
     run = airrace.optimize("rovinj_2014")
     assert not run.certified
     assert run.message == "point-mass: gate g1 cannot be reached"
@@ -183,7 +183,7 @@ def test_certificates_are_measured_again(run: Run, monkeypatch: pytest.MonkeyPat
     guess, optimum = run.verify()
     assert (guess.verified, optimum.verified) == (True, True)
     assert guess.finding == "verified as a guess, of which nothing but its gate splits can be verified"
-    monkeypatch.setenv("CANNED_SCENARIO", "loose")
+    monkeypatch.setenv("FAKE_SCENARIO", "loose")
     _, optimum = run.verify()
     assert optimum.objection.startswith("it does not hold: kkt_error")
 

@@ -5,7 +5,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from canned_procedure import solve_single_mesh, stage_result
+from fake_optimizer import solve_single_mesh, stage_result
 
 from airrace.procedure.infeasibility.analysis import told
 from airrace.procedure.result import Outcome, Stage, State, SuggestedChange

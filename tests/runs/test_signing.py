@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-import canned_procedure
+import fake_optimizer
 import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -28,8 +28,8 @@ PLAIN = serialization.NoEncryption()
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with two pairs of keys, and a procedure that computes nothing."""
     monkeypatch.chdir(tmp_path)
-    for name, module in canned_procedure.REPLACED.items():
-        monkeypatch.setattr(f"{module}.{name}", getattr(canned_procedure, name))
+    for name, module in fake_optimizer.REPLACED.items():
+        monkeypatch.setattr(f"{module}.{name}", getattr(fake_optimizer, name))
     for number, owner in enumerate(("mine", "theirs")):
         key = Ed25519PrivateKey.from_private_bytes(bytes([number]) * 32)
         (tmp_path / owner).write_bytes(key.private_bytes(serialization.Encoding.PEM, SECRET.OpenSSH, PLAIN))
@@ -113,7 +113,7 @@ def test_run_that_is_verified_can_be_signed_later(folder: Path) -> None:
 
 def test_run_that_is_not_verified_is_not_signed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ran("optimize", "rovinj_2014", "--quiet")
-    monkeypatch.setenv("CANNED_SCENARIO", "loose")
+    monkeypatch.setenv("FAKE_SCENARIO", "loose")
     assert ran("verify", "rovinj_2014.h5", "--sign", "mine")[0] == 5
     assert read_sealed(folder / "rovinj_2014.h5")[1] is None
 

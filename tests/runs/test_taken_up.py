@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from canned_procedure import stage_result
+from fake_optimizer import stage_result
 
 from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.inputs import load_inputs

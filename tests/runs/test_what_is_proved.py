@@ -3,9 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import canned_procedure
+import fake_optimizer
 import pytest
-from canned_procedure import solve_single_mesh, stage_result
+from fake_optimizer import solve_single_mesh, stage_result
 
 from airrace.errors import InputError
 from airrace.inputs import load_inputs
@@ -74,7 +74,7 @@ def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -
         yield from results
 
     monkeypatch.setattr(procedure, "optimize", optimize)
-    monkeypatch.setattr(results_api, "continuous", canned_procedure.continuous)
+    monkeypatch.setattr(results_api, "continuous", fake_optimizer.continuous)
     answer = Answer()
     task = continued_task(run, until="transfer-function", mesh_check="all")
     return answer, fly_stages(answer, task, threads=1, progress=Silent())

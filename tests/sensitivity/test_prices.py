@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 import pytest
-from priced_courses import COURSE, CROWDED, inputs, mirrored_text, optimum, priced
+from sensitivity_courses import COURSE, CROWDED, inputs, mirrored_text, optimum, priced
 
 from airrace.errors import CheckpointError, NotCertified
 from airrace.inputs.variation import Variation

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from example_courses import SHIPPED, everything, race
 from hypothesis import example, given
 from hypothesis import strategies as st
-from shown_courses import SHIPPED, everything, race
 
 from airrace.track.gates import Gate
 from airrace.views.course_figure import course_figure

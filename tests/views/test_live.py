@@ -4,7 +4,7 @@ import io
 import logging
 
 import pytest
-from canned_procedure import stage_result
+from fake_optimizer import stage_result
 from rich.console import Console
 
 from airrace.procedure.progress import Iteration, Progress

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shown_courses import everything
-from shown_courses import race as race_of
+from example_courses import everything
+from example_courses import race as race_of
 
 from airrace.inputs import load_inputs
 from airrace.inputs.shipped import TRACKS

@@ -6,9 +6,9 @@ import threading
 
 import numpy as np
 import pytest
-from explored_races import OFF, QUICK, WOUND, optimum
+from search_races import OFF, QUICK, SLALOM, optimum
 from races import blown, prepared
-from search_fixtures import open_session
+from search_races import open_session
 
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse
@@ -22,17 +22,17 @@ from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import stage_flight
 from airrace.trajectory import Trajectory
 
-WINDY = blown(WOUND, 200.0, 2.0)
+WINDY = blown(SLALOM, 200.0, 2.0)
 
 
 def found_around(optimum: StageResult) -> str:
-    source = stage_flight(optimum.stage, WOUND, QUICK, optimum.trajectory)
+    source = stage_flight(optimum.stage, SLALOM, QUICK, optimum.trajectory)
     with open_session() as session, session.pool() as pool:
-        return find_faster_route(prepared(WOUND), source, optimum, WOUND.course, pool)
+        return find_faster_route(prepared(SLALOM), source, optimum, SLALOM.course, pool)
 
 
 def test_wrong_way_round_is_told() -> None:
-    told = found_around(optimum(WOUND, OFF))
+    told = found_around(optimum(SLALOM, OFF))
     assert told.endswith(" s")
     words, _, seconds = told.removesuffix(" s").partition(" saves about ")
     assert "->" in words
@@ -40,7 +40,7 @@ def test_wrong_way_round_is_told() -> None:
 
 
 def test_of_a_good_flight_nothing_is_told() -> None:
-    assert found_around(optimum(WOUND)) == ""
+    assert found_around(optimum(SLALOM)) == ""
 
 
 def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResult:
@@ -52,21 +52,21 @@ def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResu
 
 
 def test_run_started_from_a_flight_the_wrong_way_round_is_flown_from_scratch_and_says_so() -> None:
-    result = started(optimum(WOUND, OFF), QUICK)
+    result = started(optimum(SLALOM, OFF), QUICK)
     assert result.remarks.startswith("calm.h5: from its point-mass an optimum of ")
     assert result.remarks.endswith("so the start is from scratch")
-    assert result.trajectory.race_time < optimum(WOUND, OFF).trajectory.race_time - 5.0
+    assert result.trajectory.race_time < optimum(SLALOM, OFF).trajectory.race_time - 5.0
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_run_started_from_a_good_flight_keeps_its_way(threads: int) -> None:
-    result = started(optimum(WOUND), QUICK, threads)
+    result = started(optimum(SLALOM), QUICK, threads)
     assert result.remarks == ""
     assert result.provenance.source == "point-mass of calm.h5"
 
 
 def test_wrong_way_round_is_told_the_same_while_the_race_is_solved() -> None:
-    one, two = (started(optimum(WOUND, OFF), QUICK, threads) for threads in (1, 2))
+    one, two = (started(optimum(SLALOM, OFF), QUICK, threads) for threads in (1, 2))
     assert one.remarks == two.remarks
     assert np.array_equal(one.trajectory.state, two.trajectory.state)
 
@@ -78,7 +78,7 @@ def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
         def endless(pool: SolverPool) -> str:
             begun.set()
             while True:
-                pool.work([planned_guess(prepared(WOUND), prepared(WOUND).plan, COLD_BARRIER)], solve_coarse)
+                pool.work([planned_guess(prepared(SLALOM), prepared(SLALOM).plan, COLD_BARRIER)], solve_coarse)
 
         def interrupted() -> None:
             with session.aside(endless):
@@ -95,26 +95,26 @@ def test_error_of_a_search_beside_is_raised_where_it_is_asked_for() -> None:
 
 
 def test_without_exploring_a_start_is_taken_as_it_is() -> None:
-    result = started(optimum(WOUND, OFF), OFF)
+    result = started(optimum(SLALOM, OFF), OFF)
     assert result.remarks == ""
-    assert result.trajectory.race_time > optimum(WOUND).trajectory.race_time + 5.0
+    assert result.trajectory.race_time > optimum(SLALOM).trajectory.race_time + 5.0
 
 
 def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Another way seems faster when solved coarsely; from scratch it leads to nothing faster, or to nothing at all."""
-    good = started(optimum(WOUND), QUICK)
+    good = started(optimum(SLALOM), QUICK)
     promise = "left -> right, flat, saves about 0.03 s"
     monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
     for scratch in (slower(good), dataclasses.replace(good, outcome=Outcome.NOT_CERTIFIED)):
         monkeypatch.setattr(FidelityContinuation, "climb", lambda *_, found=scratch: found)
-        result = started(optimum(WOUND), QUICK)
+        result = started(optimum(SLALOM), QUICK)
         assert result.trajectory.race_time == good.trajectory.race_time
         assert result.remarks.endswith("so the start is from scratch, which led to nothing faster")
 
 
 def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
-    good = started(optimum(WOUND), QUICK)
+    good = started(optimum(SLALOM), QUICK)
     monkeypatch.setattr(
         FidelityContinuation, "find_faster_route", lambda *_: lambda _: "a route that saves about 0.03 s"
     )
@@ -129,7 +129,7 @@ def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest
         *(WINDY, QUICK),
         until=Stage.TRANSFER_FUNCTION,
         threads=1,
-        start=[optimum(WOUND)],
+        start=[optimum(SLALOM)],
         start_name="calm.h5",
         progress=Silent(),
     )

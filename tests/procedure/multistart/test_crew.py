@@ -7,7 +7,7 @@ import time
 
 import pytest
 from races import SMALL
-from search_fixtures import open_session, planned_coarse_solution
+from search_races import open_session, planned_coarse_solution
 from waiting import PATIENCE
 
 from airrace.errors import SolverCrash

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from explored_races import OFF, PLAN, QUICK, WOUND, explored, optimum, wound
 from races import SHIPPED, SMALL, prepared
-from search_fixtures import open_session
+from search_races import OFF, PLAN, QUICK, SLALOM, open_session, optimum, search_point_mass, slalom
 from transformations import mirrored
 
 from airrace.planning.race import Race
@@ -30,7 +29,7 @@ each_small_race = pytest.mark.parametrize(
     "race",
     [
         pytest.param(SMALL, id="four gates", marks=pytest.mark.slow),
-        pytest.param(WOUND, id="wound"),
+        pytest.param(SLALOM, id="slalom"),
         pytest.param(HALF_CUBAN, id="half cuban eight"),
     ],
 )
@@ -47,19 +46,19 @@ def test_explored_race_is_certified_and_no_slower(race: Race) -> None:
 
 
 def test_flight_that_rounds_its_pylon_backwards_is_corrected() -> None:
-    assert optimum(WOUND, OFF).certified  # a certificate says nothing of other routes
-    assert seconds(optimum(WOUND)) < seconds(optimum(WOUND, OFF)) - 5.0
+    assert optimum(SLALOM, OFF).certified  # a certificate says nothing of other routes
+    assert seconds(optimum(SLALOM)) < seconds(optimum(SLALOM, OFF)) - 5.0
 
 
 @pytest.mark.parametrize("limits", [(7.0, 6.0), pytest.param((8.0, 7.0, 6.0), marks=pytest.mark.slow)])
 def test_tighter_limit_makes_no_race_faster(limits: tuple[float, ...]) -> None:
-    times = [seconds(optimum(wound(n_z))) for n_z in limits]
+    times = [seconds(optimum(slalom(n_z))) for n_z in limits]
     for looser, tighter in itertools.pairwise(times):
         assert looser <= tighter + SAME
 
 
 def test_mirrored_race_takes_the_same_time_in_the_mirrored_ways() -> None:
-    own, image = optimum(WOUND), optimum(mirrored(WOUND))
+    own, image = optimum(SLALOM), optimum(mirrored(SLALOM))
     assert seconds(image) == pytest.approx(seconds(own), abs=SAME)
     other = {"right": "left", "left": "right"}
     # Names of passages stay as they are: only what follows the colon is seen in the mirror.
@@ -90,20 +89,20 @@ def assert_same_flight(one: StageResult, other: StageResult) -> None:
 
 @pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_result_is_the_same_in_every_bit_whoever_does_the_work(threads: int) -> None:
-    again = explored.__wrapped__(WOUND, QUICK, threads)
-    assert_same_flight(optimum(WOUND), again)
+    again = search_point_mass.__wrapped__(SLALOM, QUICK, threads)
+    assert_same_flight(optimum(SLALOM), again)
 
 
-def explored_with(effort: SearchBudget, race: Race) -> Exploration:
+def search_with(effort: SearchBudget, race: Race) -> Exploration:
     with open_session() as session:
         return explore(prepared(race), race.course, session, effort)
 
 
 def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     wide = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),))
-    unimproved = explored_with(dataclasses.replace(wide, rounds=0), WOUND).search(0)
-    improved = explored_with(wide, WOUND).search(0)
-    tight = explored_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), WOUND).search(0)
+    unimproved = search_with(dataclasses.replace(wide, rounds=0), SLALOM).search(0)
+    improved = search_with(wide, SLALOM).search(0)
+    tight = search_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), SLALOM).search(0)
     assert unimproved.ways[0].race_time > tight.ways[0].race_time + 5.0
     assert improved.ways[0].race_time == pytest.approx(tight.ways[0].race_time, abs=2e-2)
     assert improved.ways[0].text == tight.ways[0].text
@@ -112,7 +111,7 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
 def test_loop_that_is_left_is_told() -> None:
     """Without other starts and without improving, the wound flight is the best of those tried."""
     effort = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),), rounds=0)
-    told = " ".join(explored_with(effort, WOUND).search(0).loops)
+    told = " ".join(search_with(effort, SLALOM).search(0).loops)
     assert "left -> right" in told
     assert "where the gates ask for" in told
 
@@ -162,8 +161,8 @@ def test_rough_time_of_the_best_way_is_near_the_certified_one(race: Race) -> Non
 
 
 def test_without_exploring_nothing_is_told() -> None:
-    assert optimum(WOUND, OFF).search.ways == ()
-    assert optimum(WOUND, OFF).search.seconds == 0.0
+    assert optimum(SLALOM, OFF).search.ways == ()
+    assert optimum(SLALOM, OFF).search.seconds == 0.0
 
 
 def test_start_without_exploring_is_never_lost_by_it() -> None:
@@ -171,10 +170,10 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
     others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fidelity_continuation, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
-        (result,) = optimize(WOUND, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
+        (result,) = optimize(SLALOM, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
     assert (result.search.led, result.search.elsewhere, result.search.lost) == (1, 0, 0)
-    assert seconds(result) == pytest.approx(seconds(optimum(WOUND, OFF)), abs=SAME)
+    assert seconds(result) == pytest.approx(seconds(optimum(SLALOM, OFF)), abs=SAME)
 
 
 def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:
@@ -188,7 +187,7 @@ def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:
 def test_no_race_without_a_flight_has_starts() -> None:
     """Where every start is lost the homotopy and the plan are what is left."""
     effort = dataclasses.replace(QUICK_EFFORT, radii=())
-    found = explored_with(effort, SMALL)
+    found = search_with(effort, SMALL)
     assert found.starts == ()
     assert found.search(0).ways == ()
 
@@ -198,7 +197,7 @@ def test_no_race_without_a_flight_has_starts() -> None:
     "race",
     [
         pytest.param(SMALL, id="four gates"),
-        pytest.param(WOUND, id="wound"),
+        pytest.param(SLALOM, id="slalom"),
         pytest.param(HALF_CUBAN, id="half cuban eight"),
     ],
 )

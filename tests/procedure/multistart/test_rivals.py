@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from canned_procedure import solve_single_mesh
-from explored_races import OFF, QUICK
-from explored_races import optimum as explored_optimum
+from fake_optimizer import solve_single_mesh
 from races import SHIPPED, SMALL
-from search_fixtures import open_session, planned_coarse_solution
+from search_races import OFF, QUICK, open_session, planned_coarse_solution
+from search_races import optimum as search_optimum
 
 from airrace.checkpoint import Checkpoint, StoredDocument, StoredInputs, read_checkpoint, write_checkpoint
 from airrace.procedure import fidelity_continuation
@@ -30,7 +29,7 @@ BOTH = dataclasses.replace(QUICK, alternatives=2)
 
 
 @functools.cache
-def climbed() -> tuple[StageResult, ...]:
+def solve_stages() -> tuple[StageResult, ...]:
     """The point mass and the stage above it, on two routes."""
     return tuple(optimize(HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, progress=Silent()))
 
@@ -40,7 +39,7 @@ def seconds(result: StageResult) -> float:
 
 
 def test_rivals_are_certified_and_slower() -> None:
-    point_mass = explored_optimum(HALF_CUBAN, BOTH)
+    point_mass = search_optimum(HALF_CUBAN, BOTH)
     (alternative,) = point_mass.alternatives
     assert alternative.certified
     assert seconds(alternative) > seconds(point_mass)
@@ -49,14 +48,14 @@ def test_rivals_are_certified_and_slower() -> None:
 
 
 def test_best_way_is_the_same_whether_it_climbs_alone_or_not() -> None:
-    alone = explored_optimum(HALF_CUBAN)
+    alone = search_optimum(HALF_CUBAN)
     assert alone.alternatives == ()
-    assert seconds(explored_optimum(HALF_CUBAN, BOTH)) == pytest.approx(seconds(alone), abs=1e-6)
+    assert seconds(search_optimum(HALF_CUBAN, BOTH)) == pytest.approx(seconds(alone), abs=1e-6)
 
 
 @pytest.mark.slow
 def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
-    higher = climbed()[1]
+    higher = solve_stages()[1]
     assert higher.stage is Stage.TRANSFER_FUNCTION
     assert higher.certified
     (alternative,) = higher.alternatives
@@ -68,20 +67,21 @@ def test_all_ways_are_climbed_and_the_fastest_is_the_result() -> None:
 @pytest.mark.slow
 def test_stored_run_goes_on_with_all_ways(tmp_path: Path) -> None:
     document = StoredDocument("x.yaml", "x")
-    checkpoint = Checkpoint(StoredInputs(document, document, None, (), "{}"), {}).with_stage(climbed()[0])
+    checkpoint = Checkpoint(StoredInputs(document, document, None, (), "{}"), {}).with_stage(solve_stages()[0])
     write_checkpoint(tmp_path / "run.h5", checkpoint)
     (stored,) = read_checkpoint(tmp_path / "run.h5").stages
     going_on = optimize(
         HALF_CUBAN, BOTH, until=Stage.TRANSFER_FUNCTION, threads=1, finished=[stored.result], progress=Silent()
     )
     (higher,) = going_on
-    for own, other in zip((higher, *higher.alternatives), (climbed()[1], *climbed()[1].alternatives), strict=True):
+    before = solve_stages()[1]
+    for own, other in zip((higher, *higher.alternatives), (before, *before.alternatives), strict=True):
         np.testing.assert_array_equal(own.trajectory.state, other.trajectory.state)
 
 
 def test_every_rival_is_a_start_of_the_next_stage(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where they were read from a file: what a ladder stands on is what is finished."""
-    below = explored_optimum(HALF_CUBAN, BOTH)
+    below = search_optimum(HALF_CUBAN, BOTH)
     answers = Answers(taking(9.0), taking(8.9), making=False)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
     with open_session(BOTH) as session:
@@ -111,7 +111,7 @@ class Answers:
 
 def taking(seconds: float, *, certified: bool = True) -> StageResult:
     """A result of a race time."""
-    own = explored_optimum(SMALL, OFF)
+    own = search_optimum(SMALL, OFF)
     flown = dataclasses.replace(own.trajectory, durations=own.trajectory.durations * seconds / own.trajectory.race_time)
     outcome = Outcome.SOLVED if certified else Outcome.NOT_CERTIFIED
     return dataclasses.replace(own, trajectory=flown, outcome=outcome)
@@ -130,7 +130,7 @@ def first_stage(
     answers = Answers(*verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", answers)
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: search))
-    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
     with open_session(chosen) as session:
         result = FidelityContinuation(SMALL, chosen, ()).climb(Stage.POINT_MASS, session)
     assert answers.verdicts == []
@@ -208,7 +208,7 @@ def close_together(
     left = list(verdicts)
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
-    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: explored_optimum(SMALL, OFF))
+    monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
     monkeypatch.setattr(fidelity_continuation, "proved", answered)
     with open_session(two) as session:
         result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)

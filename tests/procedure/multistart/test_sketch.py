@@ -4,9 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from explored_races import OFF, WOUND, optimum
 from races import SHIPPED, SMALL, prepared
-from search_fixtures import open_session, planned_coarse_solution
+from search_races import OFF, SLALOM, open_session, optimum, planned_coarse_solution
 
 from airrace.optimal_control.refinement import resample
 from airrace.optimal_control.solvers.process.service import SolverService, SolverTimeout
@@ -31,7 +30,7 @@ each_small_race = pytest.mark.parametrize(
     "race",
     [
         pytest.param(SMALL, id="four gates"),
-        pytest.param(WOUND, id="wound"),
+        pytest.param(SLALOM, id="slalom"),
         pytest.param(HALF_CUBAN, id="half cuban eight"),
     ],
 )

@@ -5,10 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from explored_races import OFF, QUICK, WOUND, optimum, wound
 from races import EDGE_540, SMALL, course, level, prepared, pylon
 from races import planned as plan_of
-from search_fixtures import open_session, planned_coarse_solution
+from search_races import OFF, QUICK, SLALOM, open_session, optimum, planned_coarse_solution, slalom
 from transformations import mirrored
 
 from airrace.environment.air import Air
@@ -92,8 +91,8 @@ def moves(base: CoarseSolution, race: Race, changed: set[int] | None = None) -> 
 
 
 def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> None:
-    base = planned_coarse_solution(WOUND)
-    tried = [one for one in moves(base, WOUND) if one.plan_penalty <= QUICK_EFFORT.max_plan_penalty]
+    base = planned_coarse_solution(SLALOM)
+    tried = [one for one in moves(base, SLALOM) if one.plan_penalty <= QUICK_EFFORT.max_plan_penalty]
     with open_session() as session:
         found = [priced(session.service, one.window) for one in tried]
         best = max((one for one in found if one is not None), key=lambda one: one.saved)
@@ -103,10 +102,10 @@ def test_some_way_through_a_window_unwinds_a_wound_flight_and_fits_into_it() -> 
     assert best.saved > 5.0
     assert whole is not None
     assert whole.race_time == pytest.approx(base.race_time - best.saved, abs=0.05)
-    assert whole.race_time == pytest.approx(optimum(WOUND).trajectory.race_time, abs=0.05)
+    assert whole.race_time == pytest.approx(optimum(SLALOM).trajectory.race_time, abs=0.05)
 
 
-@pytest.mark.parametrize("race", [pytest.param(SMALL, id="four gates"), pytest.param(WOUND, id="wound")])
+@pytest.mark.parametrize("race", [pytest.param(SMALL, id="four gates"), pytest.param(SLALOM, id="slalom")])
 def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
     for move in moves(planned_coarse_solution(race), race):
         window = move.window
@@ -119,12 +118,12 @@ def test_every_thought_has_a_piece_for_each_of_its_phases(race: Race) -> None:
 
 
 def test_nothing_is_thought_of_where_nothing_has_changed() -> None:
-    assert moves(planned_coarse_solution(WOUND), WOUND, changed=set()) == []
+    assert moves(planned_coarse_solution(SLALOM), SLALOM, changed=set()) == []
 
 
 def test_mirrored_flight_is_thought_of_likewise() -> None:
-    own = [(one.stretch, one.kind) for one in moves(planned_coarse_solution(WOUND), WOUND)]
-    image = mirrored(WOUND)
+    own = [(one.stretch, one.kind) for one in moves(planned_coarse_solution(SLALOM), SLALOM)]
+    image = mirrored(SLALOM)
     assert [(one.stretch, one.kind) for one in moves(planned_coarse_solution(image), image)] == own
 
 
@@ -148,7 +147,7 @@ def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> No
 
 def test_ways_are_told_apart_whatever_they_hold() -> None:
     """Two ways through the same window differ in nothing but the numbers of their flights."""
-    base = planned_coarse_solution(WOUND)
+    base = planned_coarse_solution(SLALOM)
     window = own_window(base, 0, 3)
     one, other = (
         EvaluatedWindow(
@@ -168,7 +167,7 @@ def twice(race: Race) -> Race:
 
 
 def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
-    race = twice(WOUND)
+    race = twice(SLALOM)
     base = planned_coarse_solution(race)
     move_generator = MoveGenerator(base, race.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
     about = [one for one in move_generator.moves(set(range(len(base.problem.phases)))) if one.stretch.number == 1]
@@ -182,28 +181,28 @@ def test_what_wins_in_one_lap_is_thought_of_in_the_other() -> None:
 
 def test_way_of_another_flight_is_worth_what_that_flight_is_faster() -> None:
     """The window is the whole race here: what it saves is the difference between both flights."""
-    base, good = planned_coarse_solution(WOUND), planned_coarse_solution(wound(8.0))
-    move_generator = MoveGenerator(base, WOUND.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
+    base, good = planned_coarse_solution(SLALOM), planned_coarse_solution(slalom(8.0))
+    move_generator = MoveGenerator(base, SLALOM.course, scaled(base.flight.plan.cruise, QUICK_EFFORT.thinking))
     found = solved(move_generator.from_flight(good, move_generator.stretches).window)
-    assert found.saved == pytest.approx(base.race_time - optimum(WOUND).trajectory.race_time, abs=0.05)
+    assert found.saved == pytest.approx(base.race_time - optimum(SLALOM).trajectory.race_time, abs=0.05)
 
 
 def test_races_of_these_tests_are_what_they_are_said_to_be() -> None:
-    assert optimum(WOUND, OFF).trajectory.race_time > optimum(WOUND, QUICK).trajectory.race_time + 5.0
-    assert planned_coarse_solution(wound(8.0)).race_time < planned_coarse_solution(WOUND).race_time - 5.0
+    assert optimum(SLALOM, OFF).trajectory.race_time > optimum(SLALOM, QUICK).trajectory.race_time + 5.0
+    assert planned_coarse_solution(slalom(8.0)).race_time < planned_coarse_solution(SLALOM).race_time - 5.0
 
 
 def test_short_turn_that_leads_high_is_thought_of_flat() -> None:
-    base = planned_coarse_solution(WOUND)
+    base = planned_coarse_solution(SLALOM)
     problem, long = base.problem, math.radians(100.0)
-    short = next(one for one in stretches(WOUND.course) if abs(shape(base, one).turn) < long)
+    short = next(one for one in stretches(SLALOM.course) if abs(shape(base, one).turn) < long)
     first, last = problem.first_node[short.first], problem.first_node[short.last]
     z, state = [one.name for one in problem.system.states].index("z"), base.iterate.state.copy()
     state[z, first : last + 1] -= 90.0 * np.sin(np.linspace(0.0, math.pi, last - first + 1))
     high = dataclasses.replace(base, iterate=dataclasses.replace(base.iterate, state=state))
 
     def shapes(flown: CoarseSolution) -> list[str]:
-        about = [one for one in moves(flown, WOUND) if one.stretch == short]
+        about = [one for one in moves(flown, SLALOM) if one.stretch == short]
         return [one.kind for one in about if one.kind == "flat" or one.kind.startswith("slanted")]
 
     assert shapes(base) == []

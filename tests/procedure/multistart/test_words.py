@@ -5,9 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from explored_races import WOUND
 from races import SMALL, prepared
-from search_fixtures import planned_coarse_solution
+from search_races import SLALOM, planned_coarse_solution
 from transformations import mirrored
 
 from airrace.procedure.guess import guess
@@ -54,22 +53,22 @@ def test_shape_is_told_in_words(flown: Shape, words: str) -> None:
 
 
 def test_way_names_the_passages_at_both_ends() -> None:
-    course, places = WOUND.course, stretches(WOUND.course)
+    course, places = SLALOM.course, stretches(SLALOM.course)
     assert [named(course, one) for one in places] == ["first -> left", "left -> right", "right -> last"]
-    told = way_in_words(course, planned_coarse_solution(WOUND), places[1:]).split("; ")
+    told = way_in_words(course, planned_coarse_solution(SLALOM), places[1:]).split("; ")
     assert [one.split(": ")[0] for one in told] == ["left -> right", "right -> last"]
 
 
 def test_flight_is_told_by_its_long_turns() -> None:
     assert describe_route(SMALL.course, planned_coarse_solution(SMALL), stretches(SMALL.course)) == "no long turns"
-    told = describe_route(WOUND.course, planned_coarse_solution(WOUND), stretches(WOUND.course))
+    told = describe_route(SLALOM.course, planned_coarse_solution(SLALOM), stretches(SLALOM.course))
     assert [one.split(": ")[0] for one in told.split("; ")] == ["left -> right", "right -> last"]
 
 
 def test_mirrored_flight_has_the_mirrored_shapes() -> None:
-    image = mirrored(WOUND)
-    for place in stretches(WOUND.course):
-        own, seen = shape(planned_coarse_solution(WOUND), place), shape(planned_coarse_solution(image), place)
+    image = mirrored(SLALOM)
+    for place in stretches(SLALOM.course):
+        own, seen = shape(planned_coarse_solution(SLALOM), place), shape(planned_coarse_solution(image), place)
         assert seen.turn == pytest.approx(-own.turn, abs=0.02)
         assert seen.overhead is own.overhead
         for name in ("steepest", "height", "rise", "seconds", "length"):
@@ -123,8 +122,8 @@ def with_state(found: CoarseSolution, state: np.ndarray) -> CoarseSolution:
 
 def level_turn() -> CoarseSolution:
     """The planned, level flight of the wound race, unsolved."""
-    found = planned_coarse_solution(WOUND)
-    flight = prepared(WOUND)
+    found = planned_coarse_solution(SLALOM)
+    flight = prepared(SLALOM)
     return dataclasses.replace(found, flight=flight, iterate=guess(flight.plan, found.problem.mesh))
 
 

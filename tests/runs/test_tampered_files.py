@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from forgeries import FOUND, TRANSFER, UNVERIFIABLE, flown, last, resealed, splits, versions
-from kept import kept
+from disk_cache import cached_across_workers
+from tampered_checkpoints import FOUND, TRANSFER, UNVERIFIABLE, flown, last, resealed, splits, versions
 from typer.testing import CliRunner
 
 import airrace
@@ -29,7 +29,7 @@ measure = recomputation.measured
 MEASURED: dict[str, Measured] = {}
 
 
-@kept
+@cached_across_workers
 def genuine() -> Checkpoint:
     """Three stages of a small course, the last of them certified."""
     return airrace.optimize("half_cuban_eight", until="transfer-function", search="off").checkpoint
@@ -69,7 +69,7 @@ def test_genuine_run_is_verified(path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", FOUND)
-def test_forgery_is_found(name: str, path: Path) -> None:
+def test_tampering_is_found(name: str, path: Path) -> None:
     assert objections(FOUND[name](genuine()), path)
 
 

@@ -41,7 +41,7 @@ def random_intervals(kernel: Callee, own: int, shared: int, count: int, seed: in
     ]
 
 
-def assert_same_bits(mine: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> None:
+def assert_bitwise_equal(mine: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> None:
     """All results are equal in every bit; what cannot be evaluated cannot be by both, and is the lesser part."""
     for one, other in zip(mine, theirs, strict=True):
         known = np.isfinite(one)
@@ -56,7 +56,7 @@ def assert_as_casadi(mine: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -
     casadi's wheel for Windows has functions of msvcrt, a library that is built against the newer C library others.
     """
     if sys.platform != "win32":
-        assert_same_bits(mine, theirs)
+        assert_bitwise_equal(mine, theirs)
     for one, other in zip(mine, theirs, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 

@@ -102,8 +102,8 @@ def optimize(
     timeout: float | None = None,
     progress: Progress,
 ) -> Iterator[StageResult]:
-    """The scenario named in CANNED_SCENARIO, stage by stage."""
-    scenario = os.environ.get("CANNED_SCENARIO", "certified")
+    """The scenario named in FAKE_SCENARIO, stage by stage."""
+    scenario = os.environ.get("FAKE_SCENARIO", "certified")
     skipped = {result.stage for result in finished}
     for stage in STAGES[: STAGES.index(until) + 1]:
         if stage in skipped:
@@ -148,7 +148,7 @@ def remeasured(
     race: Race, settings: Settings, results: Sequence[StageResult]
 ) -> Iterator[tuple[StageResult, StageResult]]:
     for result in results:
-        loose = os.environ.get("CANNED_SCENARIO") == "loose" and result.certificate is not None
+        loose = os.environ.get("FAKE_SCENARIO") == "loose" and result.certificate is not None
         again = certificate(kkt_error=1e-3) if loose else result.certificate
         yield result, dataclasses.replace(result, certificate=again)
 

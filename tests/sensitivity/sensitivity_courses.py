@@ -4,7 +4,7 @@ import functools
 import re
 from pathlib import Path
 
-from kept import kept
+from disk_cache import cached_across_workers
 
 from airrace.inputs import Document, Inputs, inputs_from_documents
 from airrace.procedure.progress import Silent
@@ -55,7 +55,7 @@ def inputs(text: str = COURSE, *overrides: str) -> Inputs:
     return inputs_from_documents(Document("course.yaml", text), AIRCRAFT, FROM_PLAN, overrides)
 
 
-@kept
+@cached_across_workers
 def optimum(text: str = COURSE, *overrides: str) -> StageResult:
     """The certified point mass."""
     given = inputs(text, *overrides)

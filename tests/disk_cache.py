@@ -14,7 +14,7 @@ from filelock import FileLock
 
 P = ParamSpec("P")
 T = TypeVar("T")
-FOLDER = "AIRRACE_TESTS_KEPT"
+FOLDER = "AIRRACE_TESTS_CACHE"
 """Environment variable that tells the processes of one command their common folder."""
 
 
@@ -27,7 +27,7 @@ def remove_folder() -> None:
     shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
 
 
-def kept(function: Callable[P, T]) -> Callable[P, T]:
+def cached_across_workers(function: Callable[P, T]) -> Callable[P, T]:
     """Call a function once for equal arguments; a process that wants what another one is computing waits for it.
 
     The arguments need hashes and a `repr` that tells them apart; the result is pickled.

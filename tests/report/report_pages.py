@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from flown import circling, rovinj
-from shown_courses import everything
-from shown_courses import race as race_of
+from example_courses import everything
+from example_courses import race as race_of
+from example_flights import circling, rovinj
 
 from airrace.report.flight_page import flight_page
 from airrace.results import Flight

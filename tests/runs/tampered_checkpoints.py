@@ -15,7 +15,7 @@ from airrace.trajectory import Trajectory
 
 replace = dataclasses.replace
 Change = Callable[[StageResult], StageResult]
-Forgery = Callable[[Checkpoint], Checkpoint]
+Tampering = Callable[[Checkpoint], Checkpoint]
 HOMOTOPY, POINT_MASS, TRANSFER = Stage.HOMOTOPY, Stage.POINT_MASS, Stage.TRANSFER_FUNCTION
 
 
@@ -27,7 +27,7 @@ def resealed(checkpoint: Checkpoint, results: list[StageResult]) -> Checkpoint:
     return forged
 
 
-def at(stage: Stage, change: Change) -> Forgery:
+def at(stage: Stage, change: Change) -> Tampering:
     """A change of one stage."""
     return lambda checkpoint: resealed(
         checkpoint,
@@ -35,11 +35,11 @@ def at(stage: Stage, change: Change) -> Forgery:
     )
 
 
-def last(change: Change) -> Forgery:
+def last(change: Change) -> Tampering:
     return at(TRANSFER, change)
 
 
-def without(stage: Stage) -> Forgery:
+def without(stage: Stage) -> Tampering:
     return lambda checkpoint: resealed(
         checkpoint, [one.result for one in checkpoint.stages if one.result.stage is not stage]
     )
@@ -182,7 +182,7 @@ def with_rival(result: StageResult) -> StageResult:
     return replace(result, alternatives=(replace(result, trajectory=slower, alternatives=()),))
 
 
-def versions(**changed: str) -> Forgery:
+def versions(**changed: str) -> Tampering:
     return lambda checkpoint: replace(checkpoint, versions={**checkpoint.versions, **changed})
 
 
@@ -190,7 +190,7 @@ def without_version(checkpoint: Checkpoint) -> Checkpoint:
     return replace(checkpoint, versions={name: one for name, one in checkpoint.versions.items() if name != "scipy"})
 
 
-def texts(old: str, new: str) -> Forgery:
+def texts(old: str, new: str) -> Tampering:
     """Another text of the track, and all links renewed as if it had been flown."""
 
     def changed(checkpoint: Checkpoint) -> Checkpoint:
@@ -207,7 +207,7 @@ def million(item: Item) -> Item:
     return replace(item, value=item.value / 1e6)
 
 
-FOUND: dict[str, Forgery] = {
+FOUND: dict[str, Tampering] = {
     "time axis scaled": last(scaled_time(0.995)),
     "time axis scaled in a guess": at(HOMOTOPY, scaled_time(0.995)),
     "time of a node moved": last(flown(moved_node)),
@@ -312,9 +312,9 @@ FOUND: dict[str, Forgery] = {
     ),
     "a gate that stands elsewhere": texts("height_m: 80", "height_m: 81"),
 }
-"""Forgeries that `verify` has to find, by what they change."""
+"""Changes that `verify` has to find, by what they change."""
 
-UNVERIFIABLE: dict[str, Forgery] = {
+UNVERIFIABLE: dict[str, Tampering] = {
     "iterations": last(
         lambda result: replace(result, attempts=tuple(replace(one, iterations=1) for one in result.attempts))
     ),
@@ -322,4 +322,4 @@ UNVERIFIABLE: dict[str, Forgery] = {
     "reasons of the mesh": last(mesh(lambda one: replace(one, why=np.full_like(one.why, 3)))),
     "tracking error of the start": last(provenance(tracking_error=0.01)),
 }
-"""Forgeries of what leaves no trace in a flight: nobody can find them without a signature, so it is called hearsay."""
+"""Changes of what leaves no trace in a flight: nobody can find them without a signature, so it is called hearsay."""
