@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from races import RACES, SMALL, blown, solve_point_mass, optimum, planned, settings
+from races import RACES, SMALL, blown, optimum, planned, settings, solve_point_mass
 
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.results_api import sampler

@@ -5,8 +5,21 @@ import itertools
 
 import numpy as np
 import pytest
-from races import OPTIMA, PLAN, QUICK, WITHOUT_ANGLES, assert_certified, solve_stages, motion, optimum_of, seconds
-from races import EDGE_540, RACES, SMALL, prepared
+from races import (
+    EDGE_540,
+    OPTIMA,
+    PLAN,
+    QUICK,
+    RACES,
+    SMALL,
+    WITHOUT_ANGLES,
+    assert_certified,
+    motion,
+    optimum_of,
+    prepared,
+    seconds,
+    solve_stages,
+)
 
 from airrace.control.reference import from_optimum
 from airrace.control.trim import at

@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from races import PLAN, solve_stages
-from races import ROOT, SHIPPED, SMALL, blown, optimum
+from races import PLAN, ROOT, SHIPPED, SMALL, blown, optimum, solve_stages
 
 from airrace.errors import UsageError
 from airrace.inputs import load_inputs

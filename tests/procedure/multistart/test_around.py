@@ -6,9 +6,8 @@ import threading
 
 import numpy as np
 import pytest
-from search_races import OFF, QUICK, SLALOM, optimum
 from races import blown, prepared
-from search_races import open_session
+from search_races import OFF, QUICK, SLALOM, open_session, optimum
 
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse
