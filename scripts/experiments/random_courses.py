@@ -1,5 +1,7 @@
 """Courses drawn by lot: what the optimiser has to cope with beyond the courses that somebody proposed.
 
+    python scripts/experiments/random_courses.py SEED > tracks/seed.yaml
+
 A course is a walk: from every element the way turns, goes on for a stretch, and the next element stands across it. The
 gates, the order and the surroundings are drawn from the distribution below, which was fixed before any of its
 courses was flown. It is not there to be narrowed: a course that is hard to fly is a find. One entry has changed since
@@ -41,6 +43,7 @@ import itertools
 import json
 import math
 import random
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -445,3 +448,7 @@ def random_course(seed: int, aircraft_folder: str = "../configs") -> str:
         *(["  laps: 2"] if form != "open" and chance(rng, 0.5) else []),
     ]
     return "\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(random_course(int(sys.argv[1])))
