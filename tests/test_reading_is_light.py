@@ -8,9 +8,9 @@ import pytest
 READERS = (
     "airrace.runs.flight_sources",
     "airrace.cli.stored_stages",
-    "airrace.cli.show_texts",
+    "airrace.cli.run_tables",
     "airrace.runs.json_objects",
-    "airrace.cli.compare_tables",
+    "airrace.cli.flight_tables",
     "airrace.runs.flight_sources",
     "airrace.views.flight_figure",
     "airrace.views.comparison_figure",

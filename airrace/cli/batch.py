@@ -79,7 +79,7 @@ def batch(
         from airrace.batch.sources import Manner, find_sources, parse_sweeps
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
-        from airrace.cli.batch_live import watching_batch
+        from airrace.cli.batch_tables import watching_batch
         from airrace.runs.plan import stage_named
         from airrace.runs.run import library_versions
 

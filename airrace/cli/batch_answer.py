@@ -11,7 +11,7 @@ from airrace.batch.plan import BatchPlan, JobResult
 from airrace.batch.ranking import RankingRow, WindSummary, counts, ranking_of, wind_summaries
 from airrace.batch.record import checkpoint_path
 from airrace.batch.reports import csv_text, junit_text, markdown_text, stages_of
-from airrace.cli.batch_tables import ranking_tables, wind_tables
+from airrace.cli.batch_tables import plan_line, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError
 from airrace.records import record
@@ -78,14 +78,6 @@ def describe_plan(answer: Answer, plan: BatchPlan, *, quiet: bool) -> None:
         answer.texts.append("\n".join([*lines, plan_line(plan)]))
     refused = [step.known for step in plan.steps if step.known is not None and step.action == "refuse"]
     _fail_for_inputs(answer, plan, refused)
-
-
-def plan_line(plan: BatchPlan) -> str:
-    """Return the plan in a line, e.g. `8 jobs: 3 kept, 5 to fly`."""
-    actions = [step.action for step in plan.steps]
-    told = {"keep": "kept", "fly": "to fly", "refuse": "with invalid input"}
-    parts = [f"{actions.count(action)} {words}" for action, words in told.items() if action in actions]
-    return f"{len(actions)} job{'' if len(actions) == 1 else 's'}: {', '.join(parts) or 'none'}"
 
 
 def answer_with(

@@ -6,12 +6,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
-from airrace.cli.tables import plain_table
+from airrace.cli.tables import number, plain_table
 from airrace.inputs.units import KNOT
 from airrace.planning.lint import Remark
 from airrace.planning.race import Race
 from airrace.quantities import Interval
+from airrace.results import Flight
+from airrace.results.clearances import Clearance
+from airrace.results.legs import passings_around
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
 from airrace.views.course_page import CourseRow, rows, safety_lines
@@ -177,3 +181,20 @@ def _range(interval: Interval, unit: str) -> str:
     if not math.isfinite(upper):
         return f"at least {lower:.4g} {unit}"
     return f"{lower:.4g} to {upper:.4g} {unit}"
+
+
+def planned_table(planned: Flight, clearances: Sequence[Clearance]) -> Table:
+    """Return a table of the least distances of a planned flight."""
+    title = f"least distances of the line that is {planned.source.remark}"
+    table = plain_table(title, ("from",), ("distance\nm", "required\nm", "north\nm", "east\nm", "height\nm"), ())
+    table.add_column("between")
+    for one in clearances:
+        before, after = passings_around(planned, one.time)
+        numbers = (number(one.north, 0), number(one.east, 0), number(one.height, 0))
+        between = f"{before.name} and {after.name}"
+        table.add_row(Text(_thing(one)), f"{one.distance:.1f}", f"{one.required:.1f}", *numbers, Text(between))
+    return table
+
+
+def _thing(one: Clearance) -> str:
+    return f"wing to {one.text}" if one.kind == "pylon" else one.text

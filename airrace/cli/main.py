@@ -10,22 +10,11 @@ from typing import Annotated, cast
 import typer
 
 from airrace.cli.batch import batch
-from airrace.cli.check import check
-from airrace.cli.command import Command
-from airrace.cli.compare import compare
-from airrace.cli.doctor import doctor
-from airrace.cli.export import export
-from airrace.cli.import_log import import_log
-from airrace.cli.init import init
-from airrace.cli.optimize import optimize
-from airrace.cli.plot import plot
-from airrace.cli.report import report
-from airrace.cli.resume import resume
-from airrace.cli.schema import schema
-from airrace.cli.sensitivity import sensitivity
-from airrace.cli.show import show
-from airrace.cli.tracks import tracks
-from airrace.cli.verify import verify
+from airrace.cli.courses import check, doctor, init, schema, tracks
+from airrace.cli.flights import compare, export, import_log, plot, report
+from airrace.cli.optimize import optimize, resume
+from airrace.cli.options import Command
+from airrace.cli.runs import sensitivity, show, verify
 from airrace.runs.command_result import ExitCode
 
 app = typer.Typer(

@@ -1,7 +1,7 @@
-"""The command `airrace optimize`: from a track file to a certified flight in a checkpoint."""
+"""Commands that fly: `optimize`, from a track file to a certified flight in a checkpoint, and `resume`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,6 +15,7 @@ from airrace.cli.options import (
     MeshChecked,
     Overrides,
     Quiet,
+    RunFile,
     SettingsFile,
     SigningKey,
     Threads,
@@ -22,10 +23,15 @@ from airrace.cli.options import (
     TrackFile,
     Verbose,
     output_option,
+    stage_option,
+    track_option,
 )
 from airrace.procedure.settings import GuessKind, SearchEffort
-from airrace.runs.command_result import empty_result
+from airrace.runs.command_result import Answer, empty_result
 from airrace.standard_streams import STANDARD, stem_of
+
+if TYPE_CHECKING:
+    from airrace.runs.plan import Changes, Task
 
 
 def optimize(
@@ -75,7 +81,6 @@ def optimize(
         threads = threads or available_cores()
         if not dry_run:
             start_early(1 if search is SearchEffort.OFF else min(2, threads))  # the other is for what is tried
-        from airrace.cli.running import describe_task, fly
         from airrace.errors import UsageError
         from airrace.runs.output import NO_PIPE, ensure_free
         from airrace.runs.plan import new_task, settings_texts
@@ -94,7 +99,100 @@ def optimize(
         task = new_task(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )
-        if dry_run:
-            describe_task(answer, task, quiet=quiet)
-            return
-        fly(answer, task.signed(signer), threads=threads, timeout=timeout, quiet=quiet)
+        _fly(answer, task.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+
+
+def resume(
+    run_file: RunFile,
+    until: LastStage = None,
+    from_stage: Annotated[str | None, stage_option("Compute this stage and all after it again.", "--from")] = None,
+    mesh_check: MeshChecked = None,
+    dry_run: DryRun = False,
+    overrides: Overrides = None,
+    track: Annotated[Path | None, track_option("Fly this track instead of the stored one: a file or a name.")] = None,
+    aircraft: AircraftFile = None,
+    settings: SettingsFile = None,
+    output: Annotated[
+        Path | None, output_option("NEW.h5", "Checkpoint of the changed run; needed with --set, --track and the like.")
+    ] = None,
+    force: Force = False,
+    sign: SigningKey = None,
+    threads: Threads = None,
+    timeout: Timeout = None,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+    quiet: Quiet = False,
+) -> None:
+    """Continue a run, or change it.
+
+    It goes on after the last stage that still stands, in the same file. With --mesh-check all the mesh check of stages
+    that were solved on one mesh comes first. With --set, --track, --aircraft or --settings the changed run is started
+    from the highest stage of this one that holds and written to --output; this file stays as it is.
+    """
+    with answering(empty_result(None), as_json=as_json, verbose=verbose) as answer:
+        from airrace.optimal_control.solvers.process.idle_processes import start_early
+        from airrace.process import available_cores
+
+        threads = threads or available_cores()
+        if not dry_run:
+            start_early()
+        from airrace.runs.plan import Changes, changed_task, continued_task, other_run, settings_texts
+        from airrace.runs.run import opened_run
+        from airrace.runs.signing import ensure_own, signer_of
+
+        signer = None if sign is None else signer_of(sign)
+        changes = Changes(track, aircraft, settings, tuple(overrides or ()))
+        _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
+        if output is not None:
+            changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
+            task = changed_task(other_run(run_file), changes, until=until, out=output)
+        else:
+            ensure_own(run_file, signer)
+            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
+        _fly(answer, task.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+
+
+def _ensure_sensible(
+    changes: "Changes", run: Path, out: Path | None, sign: Path | None, *, force: bool, from_stage: str | None
+) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        UsageError: changes without a file for the changed run, or such a file without changes; a stage to compute
+            again in a run that is started from another one; a file that exists or is read.
+        StorageError: the folder of the new file does not exist or takes no files.
+    """
+    from airrace.errors import UsageError
+    from airrace.runs.output import NO_PIPE, ensure_free
+
+    if STANDARD in (out, run if out is None else None):
+        raise UsageError(NO_PIPE)
+    if not changes:
+        if out is not None or force:
+            raise UsageError("--output and --force belong to a changed run: say with --set, --track, ... what changes")
+        return
+    if out is None:
+        raise UsageError(f"{run} stays as it is: name the checkpoint of the changed run with --output NEW.h5")
+    if from_stage is not None:
+        raise UsageError("--from goes on in the same run; a changed run starts from the highest stage up to --until")
+    ensure_free(out, force=force, sources=[run, changes.track, changes.aircraft, changes.settings, sign])
+
+
+def _fly(answer: Answer, task: "Task", *, threads: int, timeout: float | None, dry_run: bool, quiet: bool) -> None:
+    """Fly a task, watched on stderr, and fill in the answer with its tables; or only say what would run."""
+    from airrace.runs.command_result import ExitCode
+    from airrace.runs.execute import fly_stages
+    from airrace.runs.plan import Step, described
+    from airrace.views.progress_view import watching
+
+    if dry_run:
+        steps = task.steps or [Step(stage, "it is not finished") for stage in task.stages]
+        answer.fields = {"track": task.run.name, "steps": [step.as_object() for step in steps]}
+        answer.texts.extend(() if quiet else ["\n".join(described(steps))])
+        return
+    with watching(task.run.race.course.name, task.stages, quiet=quiet) as progress:
+        results = fly_stages(answer, task, threads=threads, timeout=timeout, progress=progress)
+    if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
+        from airrace.cli.run_tables import flight_texts  # not needed before there is something to show
+
+        answer.texts.extend(flight_texts(task, results))

@@ -1,17 +1,85 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that commands share, their completion in the shell, and their environment variables."""
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
-from airrace.cli import completion
 from airrace.procedure.settings import MeshCheck
+from airrace.procedure.stage import STAGES
+from airrace.resources import shipped_folder
 
 
-def output_option(metavar: str, help: str) -> Any:  # Any: as of `typer.Option`
+class Command(TyperCommand):
+    """A command whose option `--dry-run`, say, is also read from `AIRRACE_COMMAND_DRY_RUN`."""
+
+    # Any: contexts and parameters belong to click, whose place depends on typer's version.
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        words = [*reversed(list(_groups(parent))), info_name or ""]
+        for parameter in self.params:
+            one: Any = parameter
+            option = max(one.opts, key=len)
+            if option.startswith("--") and option != "--help":
+                one.envvar = "_".join(["AIRRACE", *words, option[2:]]).replace("-", "_").upper()
+                one.show_envvar = False
+        return super().make_context(info_name, args, parent, **extra)
+
+
+def _groups(context: Any) -> Iterator[str]:
+    """Yield the names of the groups that a command belongs to, the innermost first and without the program's own."""
+    while context is not None and context.parent is not None:
+        yield context.info_name
+        context = context.parent
+
+
+def complete_track(incomplete: str) -> list[str]:
+    """Return the courses that come along, track files and folders whose names begin like this."""
+    return _complete("tracks", incomplete)
+
+
+def complete_aircraft(incomplete: str) -> list[str]:
+    """Return the aircraft that come along, files and folders whose names begin like this."""
+    return _complete("configs", incomplete)
+
+
+def complete_stage(incomplete: str) -> list[str]:
+    """Return the stages whose names begin like this, those of extensions among them."""
+    return [stage.value for stage in STAGES if stage.value.startswith(incomplete)]
+
+
+def _complete(shipped: str, incomplete: str) -> list[str]:
+    names = [name for file in shipped_folder(shipped).glob("*.yaml") if (name := file.stem).startswith(incomplete)]
+    folder, begin = os.path.split(incomplete)
+    typed = incomplete.removesuffix(begin)
+    try:
+        entries = sorted(Path(folder or ".").iterdir())
+    except OSError:
+        entries = []
+    return sorted(names) + [
+        f"{typed}{entry.name}{os.sep if entry.is_dir() else ''}"
+        for entry in entries
+        if entry.name.startswith(begin) and not entry.name.startswith(".")
+        if entry.is_dir() or entry.suffix == ".yaml"
+    ]
+
+
+# Any: as of `typer.Option`.
+def output_option(metavar: str, help: str) -> Any:
     """Return the option that says where a command writes."""
     return typer.Option("--output", "-o", metavar=metavar, help=help)
+
+
+def stage_option(help: str, *names: str) -> Any:
+    """Return an option that names a stage."""
+    return typer.Option(*names, metavar="STAGE", autocompletion=complete_stage, help=help)
+
+
+def track_option(help: str) -> Any:
+    """Return an option that names a course."""
+    return typer.Option(metavar="TRACK", readable=False, autocompletion=complete_track, help=help)
 
 
 TrackFile = Annotated[
@@ -19,7 +87,7 @@ TrackFile = Annotated[
     typer.Argument(
         metavar="TRACK",
         readable=False,
-        autocompletion=completion.tracks,
+        autocompletion=complete_track,
         help="The course: a file, or a name that `airrace tracks` lists.",
     ),
 ]
@@ -28,22 +96,14 @@ FlightNames = Annotated[
     list[str],
     typer.Argument(metavar="FLIGHT...", help="RUN.h5 for its last stage, or RUN.h5:STAGE, e.g. rovinj.h5:point-mass."),
 ]
-StageOfFlights = Annotated[
-    str | None,
-    typer.Option(
-        metavar="STAGE", autocompletion=completion.stages, help="The stage of runs that name none; the last by default."
-    ),
-]
-StageOfRun = Annotated[
-    str | None,
-    typer.Option(metavar="STAGE", autocompletion=completion.stages, help="Which stage; by default the last one."),
-]
+StageOfFlights = Annotated[str | None, stage_option("The stage of runs that name none; the last by default.")]
+StageOfRun = Annotated[str | None, stage_option("Which stage; by default the last one.")]
 AircraftFile = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
         readable=False,
-        autocompletion=completion.aircraft,
+        autocompletion=complete_aircraft,
         help="Fly this aircraft instead of the one the track names: a file, edge540 or pc9.",
     ),
 ]
@@ -54,12 +114,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change one value, e.g. rules.n_z_max=9; as often as you like."),
 ]
-LastStage = Annotated[
-    str | None,
-    typer.Option(
-        metavar="STAGE", autocompletion=completion.stages, help="Last stage to run; by default the last available one."
-    ),
-]
+LastStage = Annotated[str | None, stage_option("Last stage to run; by default the last available one.")]
 MeshChecked = Annotated[
     MeshCheck | None,
     typer.Option(

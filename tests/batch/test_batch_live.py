@@ -9,7 +9,7 @@ from rich.console import Console
 
 from airrace.batch.executor import StageFinished
 from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
-from airrace.cli.batch_live import BatchLines, LiveTable
+from airrace.cli.batch_tables import BatchLines, LiveTable
 
 STEP = PlannedJob("oval", "oval", "oval.yaml", None, (), None, "the track changed")
 

@@ -130,7 +130,7 @@ def test_a_stdout_without_unicode_gets_ascii(tmp_path: Path) -> None:
 
 def coloured(path: Path, monkeypatch: pytest.MonkeyPatch, **environment: str) -> str:
     """What a terminal of 80 columns is sent."""
-    from airrace.cli.check import check as command
+    from airrace.cli.courses import check as command
 
     class Terminal(io.StringIO):
         encoding = "utf-8"

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from airrace.cli.completion import aircraft, stages, tracks
+from airrace.cli.options import complete_aircraft as aircraft
+from airrace.cli.options import complete_stage as stages
+from airrace.cli.options import complete_track as tracks
 from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.procedure.stage import STAGES
 

@@ -12,8 +12,7 @@ from example_courses import SHIPPED, everything, race
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from airrace.cli.canvas import ACROSS, DOWN, Canvas, Layer
-from airrace.cli.plan_view import plan_view
+from airrace.cli.plan_view import ACROSS, DOWN, Canvas, Layer, plan_view
 from airrace.cli.tables import rendered
 from airrace.environment.air import StaticWind
 from airrace.views.map_model import map_model

@@ -5,8 +5,8 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from airrace.cli.courses import Language
 from airrace.cli.main import app
-from airrace.cli.schema import Language
 from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 

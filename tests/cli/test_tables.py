@@ -10,9 +10,9 @@ from fake_optimizer import solve_single_mesh, stage_result
 from rich.table import Table
 
 from airrace.cli.course_tables import course_tables
-from airrace.cli.mesh_table import mesh_table
-from airrace.cli.price_tables import prices_text
-from airrace.cli.tables import certificate_table, rendered, result_tables, stages_table
+from airrace.cli.flight_tables import sensitivities_text
+from airrace.cli.run_tables import certificate_table, mesh_table, result_tables, stages_table
+from airrace.cli.tables import rendered
 from airrace.inputs import load_inputs
 from airrace.inputs.shipped import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
@@ -126,9 +126,9 @@ def test_every_shipped_course_is_shown_in_eighty_columns(name: str, monkeypatch:
 def test_long_keys_take_two_lines_where_the_terminal_is_narrow() -> None:
     key = "aircraft.point_mass.roll_acceleration_max_rad_s2"
     price = Price(key, ParameterGroup.AIRCRAFT, "rad/s2", 40.0, -1.5e-3, -1.5e-3, 0.4, Activity.BOTH)
-    narrow = prices_text(stage_result(Stage.POINT_MASS), [price], 80)
+    narrow = sensitivities_text(stage_result(Stage.POINT_MASS), [price], 80)
     assert max(map(len, narrow.splitlines())) <= 80
     assert "aircraft.point_mass.\n  roll_acceleration_max_rad_s2" in re.sub(
         r" +\n", "\n", re.sub(r"(\.) .*", r"\1", narrow)
     )
-    assert key in prices_text(stage_result(Stage.POINT_MASS), [price])
+    assert key in sensitivities_text(stage_result(Stage.POINT_MASS), [price])

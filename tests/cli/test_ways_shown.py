@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 import airrace
 from airrace.checkpoint import read_checkpoint
-from airrace.cli import clearance_tables
+from airrace.cli import run_tables
 from airrace.cli.main import app
-from airrace.cli.tables import rendered, result_tables
-from airrace.cli.ways_table import SHOWN, ways_table
+from airrace.cli.run_tables import SHOWN, result_tables, ways_table
+from airrace.cli.tables import rendered
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import SearchReport, Stage, StageResult, Way
@@ -167,7 +167,7 @@ def missed(flight: Flight) -> tuple[NearMiss, ...]:
 def test_optimize_resume_and_show_warn_of_the_same_near_misses_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(clearance_tables, "near_misses", missed)
+    monkeypatch.setattr(run_tables, "near_misses", missed)
     told = [Ran("optimize", TRACK), Ran("resume", "rovinj_2014.h5"), Ran("show", "rovinj_2014.h5")]
     assert [ran.code for ran in told] == [0, 0, 0]
     blocks = [re.findall(r"near misses\n.*?as told above\.", ran.out, re.DOTALL) for ran in told]

@@ -11,8 +11,8 @@ import pytest
 from example_flights import circling, half_cuban, rovinj
 from typer.testing import CliRunner
 
-from airrace.cli.clearance_tables import near_miss_table
 from airrace.cli.main import app
+from airrace.cli.run_tables import near_miss_table
 from airrace.cli.tables import rendered
 from airrace.environment.atmosphere import g0
 from airrace.report.flight_page import legs_section

@@ -1,0 +1,168 @@
+"""Commands around a course: `check`, `init`, `tracks` and `schema`; and `doctor`, around the installation."""
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.options import (
+    AircraftFile,
+    AsJson,
+    Force,
+    Overrides,
+    Quiet,
+    SettingsFile,
+    TrackFile,
+    Verbose,
+    track_option,
+)
+from airrace.standard_streams import STANDARD, stem_of
+
+
+def check(
+    track: TrackFile,
+    aircraft: AircraftFile = None,
+    settings: SettingsFile = None,
+    overrides: Overrides = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the course into this file (needs matplotlib); also .svg or .pdf."),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+) -> None:
+    """Validate inputs, review and show the course."""
+    with answering({"track": stem_of(track), "valid": False}, as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.output import documents_of, ensure_free, ensure_unread
+
+        if plot is not None:
+            from airrace.views.drawing import ensure_drawable
+
+            ensure_room(plot, as_json=as_json)
+            ensure_drawable(plot)
+            ensure_free(plot, force=force, sources=[track, aircraft, settings])
+        from airrace.cli.course_tables import course_tables, planned_table, remarks_text
+        from airrace.cli.plan_view import COLUMNS, plan_view
+        from airrace.cli.tables import rendered, takes_unicode, terminal_columns
+        from airrace.runs.courses import checked
+
+        course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
+        answer.fields.update(valid=True, **course.as_object())
+        if plot is not None:
+            ensure_unread([plot], documents_of(course.inputs))
+            course.draw(plot)
+        if not as_json and plot != STANDARD:
+            columns, plain = terminal_columns() or COLUMNS, not takes_unicode()
+            tables = course_tables(course.race)
+            tables += [planned_table(course.planned, course.clearances)] if course.clearances else []
+            view = plan_view(course.map_model, course.race.air.wind, columns=columns, plain=plain)
+            answer.texts += [*map(rendered, tables), rendered(view)]
+            answer.texts += [remarks_text(course.warnings)] if course.warnings else []
+
+
+def init(
+    name: Annotated[Path, typer.Argument(metavar="NAME", readable=False, help="Name of the new course.")],
+    like: Annotated[Path | None, track_option("Copy this course, a file or a name that comes along.")] = None,
+    from_: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            readable=False,
+            help="Sketch the course from placemarks: KML, GPX or GeoJSON, in the order flown.",
+        ),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Write a course to begin with.
+
+    NAME.yaml flies as it stands, and its comments say what every part of it is. track.schema.json, which is written
+    beside it, lets editors complete its keys and mark mistakes. - is stdout.
+    """
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.courses import init as write_course
+
+        ensure_room(name, as_json=as_json)
+        path = write_course(name, like=like, from_=from_, force=force)
+        remark = f"; fly it with `airrace optimize {path} --until point-mass`"
+        if from_ is not None:
+            remark = f"; look at it with `airrace check {path}`, for placemarks say little"
+        answer_written(answer, [path], quiet=quiet, remark=remark)
+
+
+def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
+    """List the courses, aircraft and rule books that come along.
+
+    Their names stand for files in every command, and in track files.
+    """
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from textwrap import fill
+
+        from airrace.cli.tables import plain_table, rendered
+        from airrace.runs.courses import shipped
+
+        listed = shipped()
+        answer.fields.update(listed.as_object())
+        courses = [(one.name, one.title, one.aircraft, str(one.laps), str(one.passages)) for one in listed.tracks]
+        aircraft = [(one.name, one.title) for one in listed.aircraft]
+        answer.texts += [
+            rendered(plain_table("courses", ("name", "course", "aircraft"), ("laps", "passings"), courses)),
+            rendered(plain_table("aircraft", ("name", "aircraft"), (), aircraft)),
+            fill(f"rule books (rules: NAME): {', '.join(listed.rules)}", 80, break_on_hyphens=False),
+        ]
+
+
+class Language(Enum):
+    """A language of input files."""
+
+    TRACK = "track"
+    AIRCRAFT = "aircraft"
+    SETTINGS = "settings"
+    BATCH = "batch"
+    LOG = "log"
+
+
+def schema(
+    language: Annotated[
+        Language, typer.Argument(metavar="LANGUAGE", help="One of: track, aircraft, settings, batch, log.")
+    ],
+    verbose: Verbose = False,
+) -> None:
+    """Print the JSON Schema of an input file.
+
+    It is draft-07, for editors that complete keys and mark mistakes while you type.
+    """
+    with answering(as_json=False, verbose=verbose) as answer:
+        from airrace.inputs.json_schema import schema_text
+
+        answer.texts.append(schema_text(language.value))
+
+
+def doctor(as_json: AsJson = False, verbose: Verbose = False) -> None:
+    """Examine this installation.
+
+    It tells the versions, what is missing for which command, and whether a problem with a known answer is solved.
+    """
+    with answering({"healthy": False, "components": []}, as_json=as_json, verbose=verbose) as answer:
+        from dataclasses import asdict
+
+        from airrace.cli.installation import examined
+        from airrace.runs.command_result import ExitCode
+
+        components = examined()
+        width = max(len(one.name) for one in components)
+        lines = [
+            f"{one.name:<{width}}  {one.fault or one.found or f'missing, needed for {one.needed_for}'}"
+            for one in components
+        ]
+        answer.texts.append("\n".join(lines))
+        faulty = [one.name for one in components if one.fault]
+        answer.fields.update(healthy=not faulty, components=[asdict(one) for one in components])
+        if faulty:
+            answer.fail(ExitCode.BUG, f"this installation does not work: {', '.join(faulty)}")

@@ -1,0 +1,332 @@
+"""Commands around flights, of runs and of flown logs: `import`, `compare`, `plot`, `report` and `export`."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, cast
+
+import typer
+from typer.core import TyperGroup
+
+from airrace.cli.answer import answer_written, answering, ensure_room
+from airrace.cli.options import (
+    AircraftFile,
+    AsJson,
+    Command,
+    FlightNames,
+    Force,
+    Overrides,
+    Quiet,
+    RunFile,
+    StageOfFlights,
+    StageOfRun,
+    Verbose,
+    output_option,
+    track_option,
+)
+from airrace.standard_streams import STANDARD, abandon_stdout, name_of
+
+if TYPE_CHECKING:
+    from airrace.export.formats import Format
+
+
+def import_log(
+    log: Annotated[Path, typer.Argument(metavar="LOG", readable=False, help="The log: CSV, GPX, IGC or ACMI.")],
+    course: Annotated[
+        Path,
+        track_option("The course that was flown: a file, or a name that `airrace tracks` lists."),
+    ],
+    output: Annotated[
+        Path | None, output_option("FILE.h5", "The flight; by default beside the log, as LOG.h5.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(metavar="FILE.yaml", readable=False, help="What the columns of a CSV file mean.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=HEADER", help="One column, e.g. 'altitude=GPS alt [ft]'; as often as you like."),
+    ] = None,
+    time_zone: Annotated[
+        str | None, typer.Option(metavar="ZONE", help="Of times that name none: +02:00 or Europe/Zagreb; else UTC.")
+    ] = None,
+    noise: Annotated[
+        float | None, typer.Option(metavar="M", help="Standard deviation of the positions; estimated by default.")
+    ] = None,
+    run: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Which run through the course, where there are several.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Which aircraft of an ACMI recording.")] = None,
+    aircraft: AircraftFile = None,
+    overrides: Overrides = None,
+    force: Force = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+) -> None:
+    """Import a flown log: find its run through a course, smooth it, and tell which rules it would break.
+
+    show, report, compare, plot and export take the file that is written.
+    """
+    with answering({"flown": True, "log": name_of(log)}, as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.output import beside, documents_of, ensure_free, ensure_unread
+
+        path = output or beside(log, "h5")
+        ensure_room(path, as_json=as_json)
+        ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
+        from airrace.api import import_log as imported
+        from airrace.cli.flight_tables import log_texts
+        from airrace.runs.json_objects import flown_object
+
+        flown = imported(
+            log,
+            course,
+            aircraft=aircraft,
+            set=overrides or (),
+            mapping=mapping,
+            columns=column or (),
+            time_zone=time_zone,
+            noise=noise,
+            run=run,
+            name=name,
+        )
+        ensure_unread([path], documents_of(flown.inputs))
+        flown.save(path)
+        answer.fields.update(flown_object(flown))
+        if not quiet and path != STANDARD:
+            answer.texts.extend(log_texts(flown))
+        answer_written(answer, [path], quiet=quiet)
+
+
+def compare(
+    names: FlightNames,
+    stage: StageOfFlights = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Draw the comparison into this file (needs matplotlib); or .svg, .pdf."),
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="List the legs that are ties as well.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    verbose: Verbose = False,
+) -> None:
+    """Hold flights against the first one: where time is lost, leg by leg, and what is flown otherwise there."""
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.errors import UsageError
+        from airrace.runs.output import ensure_free
+        from airrace.views.drawing import ensure_drawable
+
+        if len(names) < 2:
+            raise UsageError("a comparison takes two flights or more, e.g. RUN.h5:point-mass RUN.h5:six-dof")
+        if plot is not None:
+            ensure_room(plot, as_json=as_json)
+            ensure_drawable(plot)
+            ensure_free(plot, force=force, sources=names)
+        from airrace.cli.flight_tables import comparison_texts
+        from airrace.results.comparison import compare_flights
+        from airrace.runs.flight_sources import opened_flights
+        from airrace.runs.json_objects import compared_object
+
+        reference, *others = opened_flights(names, stage=stage)
+        comparisons = [compare_flights(reference, other) for other in others]
+        answer.fields.update(compared_object(reference, comparisons))
+        if plot is not None:
+            from airrace.views.comparison_figure import draw_comparison
+
+            draw_comparison(comparisons, plot)
+        if not as_json and plot != STANDARD:
+            answer.texts += [text for one in comparisons for text in comparison_texts(one, every=every)]
+
+
+def plot(
+    name: Annotated[str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE.")],
+    output: Annotated[
+        Path | None,
+        output_option(
+            "FILE.png", "The drawing; or .svg, .pdf; by default RUN.png, or RUN.kneeboard.png, beside the run."
+        ),
+    ] = None,
+    kneeboard: Annotated[
+        bool, typer.Option("--kneeboard", help="One page to hold in the hand: map and table of the gates.")
+    ] = False,
+    stage: StageOfFlights = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.flight_sources import opened_flight
+        from airrace.runs.output import beside, ensure_free
+        from airrace.views.drawing import ensure_drawable
+
+        path = output or beside(name, "kneeboard.png" if kneeboard else "png")
+        ensure_room(path, as_json=as_json)
+        ensure_drawable(path)
+        ensure_free(path, force=force, sources=[name])
+        flight = opened_flight(name, stage=stage)
+        if kneeboard:
+            from airrace.views.kneeboard import draw_kneeboard
+
+            draw_kneeboard(flight, path)
+        else:
+            from airrace.views.flight_figure import draw_flight
+
+            draw_flight(flight, path)
+        answer_written(answer, [path], quiet=quiet, format=path.suffix[1:].lower() or "png", flights=[name])
+
+
+def report(
+    run_file: RunFile,
+    flights: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FLIGHT",
+            help="Flights that fly beside it: `RUN.h5`, `RUN.h5:STAGE` or a flown log, as many as you like.",
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, output_option("FILE.html", "The page; by default beside the run, as RUN.html.")
+    ] = None,
+    stage: StageOfRun = None,
+    sensitivities: Annotated[
+        bool, typer.Option("--sensitivities", help="Show the sensitivities to all numbers; takes some seconds.")
+    ] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.runs.flight_sources import opened_report
+        from airrace.runs.output import beside, ensure_free, write_text
+
+        path = output or beside(run_file, "html")
+        names = [str(run_file), *(flights or [])]
+        ensure_room(path, as_json=as_json)
+        ensure_free(path, force=force, sources=names)
+        write_text(path, opened_report(names, stage=stage, priced=sensitivities))
+        answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
+
+
+class _Formats(TyperGroup):
+    """The subcommands: `csv`, and one for every registered format, made when the first of them is looked up."""
+
+    # Any: contexts and commands belong to click, whose place depends on typer's version.
+    def list_commands(self, ctx: Any) -> list[str]:
+        return [*super().list_commands(ctx), *(name for name in _registered() if name not in self.commands)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        known = super().get_command(ctx, cmd_name)
+        form = None if known else _registered().get(cmd_name)
+        return known if form is None else _subcommand(form)
+
+
+export = typer.Typer(name="export", help="Write a flight for other programs.", no_args_is_help=True, cls=_Formats)
+
+
+@export.callback()
+def _common() -> None:
+    """Write a flight for other programs."""
+
+
+@export.command("csv", cls=Command)
+def csv_table(
+    name: Annotated[
+        str, typer.Argument(metavar="FLIGHT", help="RUN.h5 for its last stage, or RUN.h5:STAGE, or a flown log.")
+    ],
+    stage: StageOfFlights = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Rows per second; by default one row per node of the mesh.")
+    ] = None,
+    output: Annotated[
+        Path, output_option("FILE", "Write here instead of to stdout, and the gate splits beside it.")
+    ] = STANDARD,
+    splits: Annotated[bool, typer.Option("--splits", help="Write the gate splits instead of the flight.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Write comma-separated values: the flight as one table, the gate splits as another.
+
+    Headers name the units. To stdout goes one table alone: the flight, or the gate splits with --splits.
+    """
+    with answering(as_json=as_json, verbose=verbose) as answer:
+        from airrace.errors import UsageError
+        from airrace.runs.flight_sources import opened_file, source_of
+        from airrace.runs.log_view import LogView
+        from airrace.runs.output import Named, ensure_free
+        from airrace.runs.stage_view import Splits
+        from airrace.views.streams import PlainStream
+
+        if splits and rate is not None:
+            raise UsageError("gate splits have no rate; leave out --splits or --rate")
+        ensure_room(output, as_json=as_json)
+        beside = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
+        for path in (output, *beside):
+            ensure_free(path, force=force, sources=[name])
+        named = Named.of(name)
+        flown = source_of(opened_file(named.path), named.stage or stage)
+        passings = flown.splits if isinstance(flown, LogView) else Splits(flown.result.splits)
+        if output != STANDARD:
+            _ = passings.to_csv(output) if splits else flown.to_csv(output, rate)
+        elif splits:
+            answer.texts.append(passings.to_csv())
+        else:
+            try:
+                flown.write_csv(cast(TextIO, PlainStream(sys.stdout)), rate)
+            except BrokenPipeError:  # the reader has seen enough
+                abandon_stdout()
+        for path in beside:
+            passings.to_csv(path)
+        answer_written(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
+
+
+def _registered() -> Mapping[str, "Format"]:
+    from airrace.errors import UsageError
+    from airrace.export.formats import formats
+
+    try:
+        return formats()
+    except UsageError as error:
+        raise typer.BadParameter(str(error)) from error
+
+
+def _subcommand(form: "Format") -> Any:  # Any: as above
+    """Return the subcommand of a format."""
+
+    def write(
+        names: FlightNames,
+        output: Annotated[
+            Path | None, output_option("FILE", "The file; by default beside the first run, as RUN.FORMAT.")
+        ] = None,
+        stage: StageOfFlights = None,
+        rate: Annotated[
+            float | None, typer.Option(metavar="HZ", help="Samples per second; by default what suits the format.")
+        ] = None,
+        origin: Annotated[
+            str | None,
+            typer.Option(metavar="LAT,LON,ELEV", help="Where the course lies: degrees, and metres above the sea."),
+        ] = None,
+        start: Annotated[
+            str | None,
+            typer.Option(metavar="TIME", help="When the clock starts, e.g. 2014-04-13T12:00:00Z; by default in 2000."),
+        ] = None,
+        force: Force = False,
+        as_json: AsJson = False,
+        quiet: Quiet = False,
+        verbose: Verbose = False,
+    ) -> None:
+        with answering(as_json=as_json, verbose=verbose) as answer:
+            from airrace.runs.flight_sources import output_of, write_flights
+
+            path = output or output_of(form.name, names)
+            ensure_room(path, as_json=as_json)
+            write_flights(form.name, names, path, stage=stage, rate=rate, origin=origin, start=start, force=force)
+            answer_written(answer, [path], quiet=quiet, format=form.name, flights=names)
+
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(form.name, help=form.help, cls=Command)(write)
+    return typer.main.get_command(alone)
