@@ -80,7 +80,7 @@ class Recorded:
         time: of the flight, s after the start, rising, shape (n,).
         histories: of the flight, in their order.
         passings: one per passage of the course.
-        breaches: of the rules.
+        violations: of the rules.
         label: what people call the flight by.
     """
 
@@ -90,7 +90,7 @@ class Recorded:
     time: Array
     histories: tuple[StoredHistory, ...]
     passings: tuple[StoredPassing, ...]
-    breaches: tuple[Violation, ...]
+    violations: tuple[Violation, ...]
     label: str
 
 
@@ -132,7 +132,7 @@ def encode_recorded(recorded: Recorded) -> Group:
                     {_named(one.quantity.name): _history(one, row) for row, one in enumerate(recorded.histories)}
                 ),
                 "passings": table_of(StoredPassing, recorded.passings),
-                "breaches": table_of(Violation, recorded.breaches),
+                "violations": table_of(Violation, recorded.violations),
             }
         ),
     }
@@ -155,7 +155,7 @@ def decode_recorded(root: Group) -> Recorded:
     if not is_recorded(root) or schema != RECORDED_SCHEMA:
         raise CheckpointError(f"the flown log's schema is {schema}; this airrace reads schema {RECORDED_SCHEMA}")
     place = Place("", root).expecting("inputs", "versions", "log", "flight")
-    flight = place.group("flight").expecting("label", "time", "histories", "passings", "breaches")
+    flight = place.group("flight").expecting("label", "time", "histories", "passings", "violations")
     time = flight.floats("time")
     ensure_sizes(time, f"{flight.path}/time")
     if len(time) < 2 or not (np.diff(time) > 0.0).all():
@@ -172,7 +172,7 @@ def decode_recorded(root: Group) -> Recorded:
         time=time,
         histories=histories,
         passings=passings,
-        breaches=rows_of(Violation, flight.table("breaches"), f"{flight.path}/breaches"),
+        violations=rows_of(Violation, flight.table("violations"), f"{flight.path}/violations"),
         label=flight.text("label"),
     )
 

@@ -87,7 +87,7 @@ def _legs_table(comparison: Comparison, legs: list[LegComparison]) -> Table:
 
 
 def log_texts(flown: LogView, *, legs: bool = False) -> Iterator[str]:
-    """Yield race time and passings, breaches and remarks; at most 80 columns wide.
+    """Yield race time and passings, violations and remarks; at most 80 columns wide.
 
     Args:
         flown: what is told.
@@ -95,8 +95,8 @@ def log_texts(flown: LogView, *, legs: bool = False) -> Iterator[str]:
     """
     flight = flown.flight()
     yield rendered(_passings_table(flight), columns=PAGE)
-    if flown.breaches:
-        yield rendered(_breaches_table(flown.breaches), columns=PAGE)
+    if flown.violations:
+        yield rendered(_violations_table(flown.violations), columns=PAGE)
     yield f"penalties of what is certain: {penalty_text(flown.penalty)}"
     if line := laps_line(flight):
         yield line
@@ -128,7 +128,7 @@ def _passings_table(flight: Flight) -> Table:
     return plain_table(f"{flight.label}: race time {race_time}, as flown", ("passing",), numbers, rows)
 
 
-def _breaches_table(violations: Sequence[Violation]) -> Table:
+def _violations_table(violations: Sequence[Violation]) -> Table:
     """Return a table of the rules that would be broken; `+-` is the standard deviation of what was flown."""
     table = plain_table("rules that would be broken", ("at", "rule"), ("time\ns", "flown", "+-", "allowed"), ())
     for name in ("unit", "penalty", "certain"):

@@ -1,4 +1,4 @@
-"""A recording as a flight of a race: run, path, histories, passings, breaches, and what there is to tell of it."""
+"""A recording as a flight of a race: run, path, histories, passings, violations, and what there is to tell of it."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.environment.atmosphere import g0
-from airrace.logs.passings import PassedRun, in_frame, in_order, runs, standing
+from airrace.logs.passings import CourseRun, in_frame, in_order, runs, standing
 from airrace.logs.recording import Recording, counted, refuse
 from airrace.logs.smoothing import (
     DERIVED,
@@ -21,9 +21,9 @@ from airrace.logs.smoothing import (
     measured_histories,
     path_attitude,
     roll_rate,
-    smoothed,
+    smooth,
 )
-from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, breaches
+from airrace.logs.violations import NONE_KNOWN, Penalties, StandardDeviations, Violation, violations
 from airrace.planning.race import Race
 from airrace.records import record
 from airrace.results import Crossing, Flight, History, Source, attitude
@@ -81,12 +81,12 @@ TOLD = 5
 
 
 @record
-class Flown:
+class LogFlight:
     """A flown run through a course.
 
     Attributes:
         flight: with its histories and crossings; its clock starts at the start.
-        breaches: the rules that it would break.
+        violations: of the rules.
         known: how well every passing is known, by the names of the passages.
         recording: the part of the log that it was made from, on the clock of the log.
         offset: the time of the log at which the flight's clock starts, s.
@@ -94,14 +94,14 @@ class Flown:
     """
 
     flight: Flight
-    breaches: tuple[Violation, ...]
+    violations: tuple[Violation, ...]
     known: Mapping[str, StandardDeviations]
     recording: Recording
     offset: float
     remarks: tuple[str, ...]
 
 
-def flown_flight(
+def flight_from_log(
     recording: Recording,
     race: Race,
     *,
@@ -109,7 +109,7 @@ def flown_flight(
     penalties: Penalties = NONE_KNOWN,
     noise: float | None = None,
     run: int | None = None,
-) -> Flown:
+) -> LogFlight:
     """Return the flight that a recording tells of.
 
     Args:
@@ -124,15 +124,15 @@ def flown_flight(
         InputError: the recording does not pass the course, or has no such run.
     """
     placed = in_frame(in_order(recording), race)
-    chosen, told = _chosen_run(placed, race, run)
+    chosen, remarks = _chosen_run(placed, race, run)
     if chosen.end - chosen.begin > LONGEST:
         refuse(
             placed.path, 0, f"a run of {chosen.end - chosen.begin:.0f} s is too long; at most {LONGEST:g} s are read"
         )
     within = (placed.time >= chosen.begin - MARGIN) & (placed.time <= chosen.end + MARGIN)
-    part = placed.kept(within, *told)
-    path = smoothed(part.time, np.stack([part.columns[name] for name in ("x", "y", "height")]), noise)
-    fine = _fine_times(path)
+    part = placed.select(within, *remarks)
+    path = smooth(part.time, np.stack([part.columns[name] for name in ("x", "y", "height")]), noise)
+    fine = path.time[0] + SAMPLING * np.arange(int((path.time[-1] - path.time[0]) / SAMPLING) + 1)
     position, _, _ = path.at(fine)
     again = runs(race, fine, position[0], position[1])
     if not again:
@@ -142,13 +142,12 @@ def flown_flight(
     known = _deviations(part, path, final, flight)
     axes = {p.name: one.axis for p, one in zip(race.course.passages, final.passings, strict=True) if one is not None}
     remarks = (*part.remarks, *_remarks(part, path, flight))
-    return Flown(flight, breaches(flight, axes, known, penalties), known, part, final.begin, remarks)
+    return LogFlight(flight, violations(flight, axes, known, penalties), known, part, final.begin, remarks)
 
 
-def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[PassedRun, tuple[str, ...]]:
+def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[CourseRun, tuple[str, ...]]:
     """Return the run that is imported, as found on a coarse path, and a sentence where there are several."""
-    time, x, y = _coarse(placed)
-    found = runs(race, time, x, y)
+    found = runs(race, *_coarse(placed))
     if not found:
         count = sum(standing(one) for one in race.course.passages)
         refuse(
@@ -159,15 +158,16 @@ def _chosen_run(placed: Recording, race: Race, wanted: int | None) -> tuple[Pass
         )
     if wanted is not None and not 1 <= wanted <= len(found):
         refuse(placed.path, 0, f"has {len(found)} runs through the course; there is no run {wanted}")
-    best = max(range(len(found)), key=lambda index: (found[index].count, -_way_off(found[index])))
+    closest = [sum(one.aside**2 for one in run.passings if one is not None) for run in found]
+    best = max(range(len(found)), key=lambda index: (found[index].count, -closest[index]))
     index = best if wanted is None else wanted - 1
     if len(found) == 1:
         return found[0], ()
     begins, own = ", ".join(f"{one.begin:.1f}" for one in found[:TOLD_RUNS]), ""
     if len(found) > TOLD_RUNS:
         begins, own = f"{begins}, ...", f", which begins at {found[index].begin:.1f} s"
-    told = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
-    return found[index], (f"{told}{own}",)
+    remark = f"the log holds {len(found)} runs, which begin {begins} s after its first sample; this is run {index + 1}"
+    return found[index], (f"{remark}{own}",)
 
 
 def _coarse(placed: Recording) -> tuple[Array, Array, Array]:
@@ -183,16 +183,7 @@ def _coarse(placed: Recording) -> tuple[Array, Array, Array]:
     return time, places[0], places[1]
 
 
-def _way_off(run: PassedRun) -> float:
-    return sum(one.aside**2 for one in run.passings if one is not None)
-
-
-def _fine_times(path: Path) -> Array:
-    count = int((path.time[-1] - path.time[0]) / SAMPLING)
-    return path.time[0] + SAMPLING * np.arange(count + 1)
-
-
-def _flight(race: Race, part: Recording, path: Path, run: PassedRun, label: str) -> Flight:
+def _flight(race: Race, part: Recording, path: Path, run: CourseRun, label: str) -> Flight:
     """Return the flight from the first passing to the last one; its time axis holds all passings."""
     own = [one.time for one in run.passings if one is not None]
     between = np.arange(run.begin, run.end, SAMPLING)
@@ -215,19 +206,15 @@ def _histories(race: Race, part: Recording, path: Path, time: Array) -> Historie
     if {"phi", "theta", "psi"} <= set(measured):
         R_OB = euler_axes(*(measured[name].values for name in ("psi", "theta", "phi")))
         path_frame = path_attitude(velocity, R_OB[:, 1])
-        given |= _attitudes(PATH_ATTITUDE, path_frame) | _attitudes(BODY_ATTITUDE, attitude.quaternions(R_OB))
-        rate = roll_rate(attitude.path_axes(path_frame), time)
-        given["p_Kbar"] = History(DERIVED["p_Kbar"], rate, Basis.DERIVED)
+        rows = (*path_frame, *attitude.quaternions(R_OB))
+        derived: dict[str, Array] = dict(zip((*PATH_ATTITUDE, *BODY_ATTITUDE), rows, strict=True))
+        derived["p_Kbar"] = roll_rate(attitude.path_axes(path_frame), time)
+        declared = {**GLOSSARY, **DERIVED}
+        given |= {name: History(declared[name], values, Basis.DERIVED) for name, values in derived.items()}
     return complete_histories(race, {**given, **measured})
 
 
-def _attitudes(names: Sequence[str], rows: Sequence[Array]) -> dict[str, History]:
-    """Return the rows of a quaternion as histories, derived from angles that were measured."""
-    declared = {**GLOSSARY, **DERIVED}
-    return {name: History(declared[name], row, Basis.DERIVED) for name, row in zip(names, rows, strict=True)}
-
-
-def _times(passages: Sequence[Passage], run: PassedRun, flight: Flight) -> list[float]:
+def _times(passages: Sequence[Passage], run: CourseRun, flight: Flight) -> list[float]:
     """Return the time of every passing on the flight's clock; NaN for what was not passed.
 
     What stands nowhere is passed between its neighbours, where the conditions are kept best; the highest such place if
@@ -238,11 +225,8 @@ def _times(passages: Sequence[Passage], run: PassedRun, flight: Flight) -> list[
         if standing(passage):
             continue
         before = max((one for one in times[:index] if math.isfinite(one)), default=0.0)
-        behind = (
-            run_time
-            for later, run_time in zip(passages[index + 1 :], times[index + 1 :], strict=True)
-            if standing(later) and math.isfinite(run_time)
-        )
+        later = zip(passages[index + 1 :], times[index + 1 :], strict=True)
+        behind = (one for other, one in later if standing(other) and math.isfinite(one))
         after = next(behind, float(flight.time[-1]))
         rows = np.flatnonzero((flight.time > before) & (flight.time < after))
         if len(rows):
@@ -252,23 +236,18 @@ def _times(passages: Sequence[Passage], run: PassedRun, flight: Flight) -> list[
 
 def _nearest(passage: Passage, flight: Flight, rows: NDArray[np.int64]) -> int:
     """Return which of the rows keeps the conditions of an element that stands nowhere best."""
-    columns = {
-        "x": flight["x"][rows],
-        "y": flight["y"][rows],
-        "z": flight["z"][rows],
-        "climb_sine": np.sin(flight["gamma"][rows]) * 100.0,  # an angle weighs as much as so many metres
-    }
+    columns = {name: flight[name][rows] for name in ("x", "y", "z")} | {"climb_sine": np.sin(flight["gamma"][rows])}
     off = np.zeros(len(rows))
     for name, allowed in passage.element.conditions(passage.element.axis or 0.0).items():
         if name in columns:
-            scale = 100.0 if name == "climb_sine" else 1.0
-            values = columns[name]
+            scale = 100.0 if name == "climb_sine" else 1.0  # an angle weighs as much as so many metres
+            values = scale * columns[name]
             off += np.maximum(values - scale * allowed.upper, 0.0) + np.maximum(scale * allowed.lower - values, 0.0)
     best = np.flatnonzero(off <= off.min() + 1e-9)
     return int(best[np.argmax(flight["height"][rows][best])])
 
 
-def _deviations(part: Recording, path: Path, run: PassedRun, flight: Flight) -> Mapping[str, StandardDeviations]:
+def _deviations(part: Recording, path: Path, run: CourseRun, flight: Flight) -> Mapping[str, StandardDeviations]:
     """Return how well every passing is known, by the names of the passages; see `INFLATION` and `BANK_AT_A_GATE`.
 
     A bank that was recorded is known as well as the lines between its samples tell it.
@@ -299,25 +278,25 @@ def _remarks(part: Recording, path: Path, flight: Flight) -> list[str]:
     steps = np.diff(part.time)
     usual = float(np.median(steps))
     north, east, up = path.scatter.tolist()
-    told = [
+    remarks = [
         f"positions come at {1.0 / usual:.3g} Hz and scatter by {north:.2g}, {east:.2g} and {up:.2g} m "
         "about the smoothed path (north, east, up)"
     ]
     if count := int(path.outliers.sum()):
         first = int(part.lines[np.flatnonzero(path.outliers)[0]])
-        told.append(f"{counted(count, 'outlier')} left out, the first one in line {first}")
+        remarks.append(f"{counted(count, 'outlier')} left out, the first one in line {first}")
     gaps = np.flatnonzero((steps > GAP) & (steps > 2.5 * usual))
     for row in gaps[:TOLD].tolist():
-        told.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")
+        remarks.append(f"a gap of {steps[row]:.2f} s behind line {part.lines[row]}: the path is bridged there")
     if len(gaps) > TOLD:
-        told.append(f"and {len(gaps) - TOLD} more gaps")
+        remarks.append(f"and {len(gaps) - TOLD} more gaps")
     missing = [one.name for one in flight.crossings if not one.found]
     if missing:
-        told.append(f"not passed: {', '.join(missing)}")
+        remarks.append(f"not passed: {', '.join(missing)}")
     estimated = [words for name, words in (("phi", "bank"), ("n_z", "load factor")) if not _is_measured(flight, name)]
     if estimated:
-        told.append(f"estimated from the positions, not recorded: {', '.join(estimated)}")
-    return told
+        remarks.append(f"estimated from the positions, not recorded: {', '.join(estimated)}")
+    return remarks
 
 
 def _is_measured(flight: Flight, name: str) -> bool:

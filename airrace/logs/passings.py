@@ -8,6 +8,7 @@ passed between its neighbours, where the path comes nearest to what is asked.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,35 +35,35 @@ NEAREST_IN_TIME = 1e-4
 
 def in_order(recording: Recording) -> Recording:
     """Return the recording without samples that lack a position, and without those that repeat a time."""
-    places = [name for name in ("latitude", "longitude", "x", "y", "altitude", "height") if name in recording.columns]
-    heights = [recording.columns[name] for name in ("height", "altitude") if name in recording.columns]
+    columns = recording.columns
+    heights = [columns[name] for name in ("height", "altitude") if name in columns]
     known: NDArray[np.bool_] = np.logical_or.reduce(np.isfinite(heights), axis=0)
-    for name in places:
-        if name not in ("altitude", "height"):
-            known &= np.isfinite(recording.columns[name])
-    told: list[str] = []
+    for name in ("latitude", "longitude", "x", "y"):
+        if name in columns:
+            known &= np.isfinite(columns[name])
+    remarks: list[str] = []
     if not known.all():
-        told.append(f"{counted(int((~known).sum()), 'sample')} without a position and left out")
-    fresh = known.copy()
+        remarks.append(f"{counted(int((~known).sum()), 'sample')} without a position and left out")
     rows = np.flatnonzero(known)
+    fresh = known.copy()
     fresh[rows] = _apart(recording.time[rows])
     if repeated := int(known.sum() - fresh.sum()):
         nearest = f"{1e3 * NEAREST_IN_TIME:g} ms"
-        told.append(f"{counted(repeated, 'sample')} left out for coming less than {nearest} behind another")
+        remarks.append(f"{counted(repeated, 'sample')} left out for coming less than {nearest} behind another")
     if fresh.sum() < 2:
         refuse(recording.path, 0, "has no two samples with a time and a position")
-    return recording.kept(fresh, *told)
+    return recording.select(fresh, *remarks)
 
 
 def _apart(time: Array) -> NDArray[np.bool_]:
-    """Return the samples that come late enough behind the last one that is kept; times rise or repeat."""
-    kept = np.ones(len(time), bool)
+    """Return the samples that come late enough behind the last one of them; times rise or repeat."""
+    apart = np.ones(len(time), bool)
     last = 0.0
     for row in (np.flatnonzero(np.diff(time) < NEAREST_IN_TIME) + 1).tolist():
-        if kept[row - 1]:
+        if apart[row - 1]:
             last = float(time[row - 1])
-        kept[row] = time[row] - last >= NEAREST_IN_TIME
-    return kept
+        apart[row] = time[row] - last >= NEAREST_IN_TIME
+    return apart
 
 
 def in_frame(recording: Recording, race: Race) -> Recording:
@@ -85,10 +86,8 @@ def in_frame(recording: Recording, race: Race) -> Recording:
     if "altitude" in columns:
         height = np.where(np.isfinite(height), height, columns["altitude"] - race.course.origin.elevation)
     columns["height"] = height
-    told = Recording(
-        recording.path, recording.format, recording.time, columns, recording.lines, recording.begins, recording.remarks
-    )
-    near = _near(told, race)
+    framed = replace(recording, columns=columns)
+    near = _near(framed, race)
     if near.sum() < 2:
         refuse(
             recording.path,
@@ -96,12 +95,12 @@ def in_frame(recording: Recording, race: Race) -> Recording:
             f"is nowhere within {FAR / 1000.0:g} km of the course {race.course.name}; is it another course, or are "
             "latitude and longitude mixed up?",
         )
-    outliers = _leaps(told) & near
-    if count := int(outliers.sum()):
-        line = int(told.lines[np.flatnonzero(outliers)[0]])
-        where = f"the first one in line {line}"
-        return told.kept(near & ~outliers, f"{counted(count, 'outlier')} left out: leaps faster than sound, {where}")
-    return told.kept(near)
+    outliers = _leaps(framed) & near
+    if not outliers.any():
+        return framed.select(near)
+    where = f"the first one in line {int(framed.lines[outliers][0])}"
+    remark = f"{counted(int(outliers.sum()), 'outlier')} left out: leaps faster than sound, {where}"
+    return framed.select(near & ~outliers, remark)
 
 
 def _near(recording: Recording, race: Race) -> NDArray[np.bool_]:
@@ -114,19 +113,15 @@ def _near(recording: Recording, race: Race) -> NDArray[np.bool_]:
 
 def _leaps(recording: Recording) -> NDArray[np.bool_]:
     """Return the samples that are reached and left too fast, while their neighbours agree with one another."""
-    places = np.stack([recording.columns[name] for name in ("x", "y", "height")])
-    time = recording.time
+    places, time = np.stack([recording.columns[name] for name in ("x", "y", "height")]), recording.time
     leap = np.zeros(len(time), bool)
-    if len(time) < 3:
-        return leap
-    fast = _too_far(places[:, 1:] - places[:, :-1], np.diff(time))
-    around = np.logical_not(_too_far(places[:, 2:] - places[:, :-2], time[2:] - time[:-2]))
-    leap[1:-1] = fast[1:] & fast[:-1] & around
+    if len(time) > 2:
+        fast, around = (
+            np.linalg.norm(places[:, k:] - places[:, :-k], axis=0) > FASTEST * (time[k:] - time[:-k]) + SCATTER
+            for k in (1, 2)
+        )
+        leap[1:-1] = fast[1:] & fast[:-1] & ~around
     return leap
-
-
-def _too_far(way: Array, seconds: Array) -> NDArray[np.bool_]:
-    return np.asarray(np.linalg.norm(way, axis=0) > FASTEST * seconds + SCATTER, bool)
 
 
 ASIDE = 60.0
@@ -140,7 +135,7 @@ PACE = 0.05
 
 
 @record
-class Passed:
+class LineCrossing:
     """A crossing of the line across an element.
 
     Attributes:
@@ -155,10 +150,10 @@ class Passed:
 
 
 @record
-class PassedRun:
+class CourseRun:
     """A run through the course: one entry per passage, None where it was not passed or stands nowhere."""
 
-    passings: tuple[Passed | None, ...]
+    passings: tuple[LineCrossing | None, ...]
 
     @property
     def begin(self) -> float:
@@ -181,7 +176,7 @@ def standing(passage: Passage) -> bool:
     return passage.element.stands and passage.element.place is not None
 
 
-def candidates(passage: Passage, time: Array, x: Array, y: Array) -> list[Passed]:
+def candidates(passage: Passage, time: Array, x: Array, y: Array) -> list[LineCrossing]:
     """Return all crossings of the line across an element, in the order of time.
 
     Args:
@@ -192,7 +187,7 @@ def candidates(passage: Passage, time: Array, x: Array, y: Array) -> list[Passed
     assert place is not None
     axes = {round(one.axis, 9): one.axis for one in passage.element.crossings(passage.direction, 0.0, rolling=False)}
     reach = float(getattr(passage.element, "reach", 0.0))
-    found: list[Passed] = []
+    found: list[LineCrossing] = []
     for axis in axes.values():
         along = math.cos(axis) * (x - place[0]) + math.sin(axis) * (y - place[1])
         right = -math.sin(axis) * (x - place[0]) + math.cos(axis) * (y - place[1])
@@ -201,11 +196,11 @@ def candidates(passage: Passage, time: Array, x: Array, y: Array) -> list[Passed
         aside = right[rows] + share * (right[rows + 1] - right[rows])
         when = time[rows] + share * (time[rows + 1] - time[rows])
         near = np.abs(aside) <= ASIDE + reach
-        found += [Passed(float(t), axis, float(a)) for t, a in zip(when[near], aside[near], strict=True)]
+        found += [LineCrossing(float(t), axis, float(a)) for t, a in zip(when[near], aside[near], strict=True)]
     return sorted(found, key=lambda one: one.time)
 
 
-def runs(race: Race, time: Array, x: Array, y: Array) -> list[PassedRun]:
+def runs(race: Race, time: Array, x: Array, y: Array) -> list[CourseRun]:
     """Return the runs on a path that share no time, in their order; each makes half of the passings at least.
 
     Args:
@@ -215,7 +210,7 @@ def runs(race: Race, time: Array, x: Array, y: Array) -> list[PassedRun]:
     passages = race.course.passages
     known = [candidates(one, time, x, y) if standing(one) else [] for one in passages]
     needed = sum(standing(one) for one in passages)
-    found: list[PassedRun] = []
+    found: list[CourseRun] = []
     while True:
         best = _best(passages, known)
         if best is None or best.count < max(0.5 * needed, 1):
@@ -224,7 +219,7 @@ def runs(race: Race, time: Array, x: Array, y: Array) -> list[PassedRun]:
         known = [[one for one in row if not best.begin <= one.time <= best.end] for row in known]
 
 
-def _best(passages: Sequence[Passage], known: Sequence[Sequence[Passed]]) -> PassedRun | None:
+def _best(passages: Sequence[Passage], known: Sequence[Sequence[LineCrossing]]) -> CourseRun | None:
     """Return the run of the least cost, by dynamic programming from the last passage back to the first.
 
     At all times at which anything is passed it is known what the rest of the course costs from there; `later` is that
@@ -236,16 +231,21 @@ def _best(passages: Sequence[Passage], known: Sequence[Sequence[Passed]]) -> Pas
     later = np.zeros(len(times) + 1)  # at the end of the path, too
     choices: list[Array] = []
     for passage, row in zip(reversed(passages), reversed(known), strict=True):
-        if not standing(passage):
-            choices.append(np.full(len(times) + 1, -1))
-            continue
-        later, choice = _with_passage(times, later, row)
+        choice = np.full(len(times) + 1, -1)
+        if standing(passage):
+            later, choice = _with_passage(times, later, row)
         choices.append(choice)
-    first = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
-    return _followed(times, first, list(reversed(choices)), known)
+    place = int(np.argmin(later[:-1]))  # a run begins at any time, and waiting for it costs nothing
+    passings: list[LineCrossing | None] = []
+    for choice, row in zip(reversed(choices), known, strict=True):
+        number = int(choice[place])
+        passings.append(row[number] if number >= 0 else None)
+        if number >= 0:
+            place = int(np.searchsorted(times, row[number].time)) + 1
+    return CourseRun(tuple(passings)) if any(one is not None for one in passings) else None
 
 
-def _with_passage(times: Array, later: Array, row: Sequence[Passed]) -> tuple[Array, Array]:
+def _with_passage(times: Array, later: Array, row: Sequence[LineCrossing]) -> tuple[Array, Array]:
     """Return the cost of the rest from every time on with one more passage, and which of its crossings comes next."""
     when = np.array([one.time for one in row], np.float64)
     off = np.array([one.aside for one in row], np.float64) / SCALE
@@ -262,15 +262,3 @@ def _with_passage(times: Array, later: Array, row: Sequence[Passed]) -> tuple[Ar
     taken = passed < best[:-1]
     best[:-1][taken], choice[:-1][taken] = passed[taken], chosen[taken]
     return best, choice
-
-
-def _followed(
-    times: Array, place: int, choices: Sequence[Array], known: Sequence[Sequence[Passed]]
-) -> PassedRun | None:
-    passings: list[Passed | None] = []
-    for choice, row in zip(choices, known, strict=True):
-        number = int(choice[place])
-        passings.append(row[number] if number >= 0 else None)
-        if number >= 0:
-            place = int(np.searchsorted(times, row[number].time)) + 1
-    return PassedRun(tuple(passings)) if any(one is not None for one in passings) else None

@@ -1,9 +1,11 @@
 """A flown log as recorded: its samples, its clock, and the fields that its columns are recognised as."""
 
+import contextlib
 import math
 import re
+from array import array
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from datetime import UTC, datetime, tzinfo
 from typing import Never
 
@@ -39,11 +41,11 @@ class Recording:
     begins: datetime | None = None
     remarks: tuple[str, ...] = ()
 
-    def kept(self, rows: NDArray[np.bool_] | NDArray[np.int64], *remarks: str) -> "Recording":
+    def select(self, rows: NDArray[np.bool_] | NDArray[np.int64], *remarks: str) -> "Recording":
         """Return the recording with some of its samples only, and further remarks."""
         columns = {name: values[rows] for name, values in self.columns.items()}
-        told = (*self.remarks, *remarks)
-        return Recording(self.path, self.format, self.time[rows], columns, self.lines[rows], self.begins, told)
+        remarks = (*self.remarks, *remarks)
+        return replace(self, time=self.time[rows], columns=columns, lines=self.lines[rows], remarks=remarks)
 
 
 @record
@@ -90,6 +92,56 @@ def listed(words: Sequence[str], most: int = 12) -> str:
     return ", ".join(shown) + (", ..." if len(words) > most else "")
 
 
+SAMPLES_MAX = 6_000_000
+"""The largest number of samples that are read: 83 hours at 20 Hz."""
+
+
+class SampleTable:
+    """Samples of a log as they are read: the line of each, and the values of its columns.
+
+    Args:
+        path: of the file, for messages.
+        columns: their number.
+        what: the word for samples in messages.
+    """
+
+    def __init__(self, path: str, columns: int, what: str = "samples") -> None:
+        self.path, self._what = path, what
+        self.lines = array("q")
+        self.columns = [array("d") for _ in range(columns)]
+
+    def append(self, line: int, *values: float) -> None:
+        """Add a sample; refuse it where there are too many."""
+        if len(self.lines) >= SAMPLES_MAX:
+            refuse(self.path, line, f"holds more than {SAMPLES_MAX} {self._what}; cut the log to the flight")
+        self.lines.append(line)
+        for column, value in zip(self.columns, values, strict=True):
+            column.append(value)
+
+    def number(self, line: int, text: str, key: str, *, finite: bool = True, hint: str = "") -> float:
+        """Return the number that a text holds; refuse the log where it holds none."""
+        with contextlib.suppress(ValueError):
+            value = float(text)
+            if math.isfinite(value) or not finite:
+                return value
+        refuse(self.path, line, f"`{text[:40]}` is no number{hint}", key)
+
+    def arrays(self, missing: str) -> tuple[NDArray[np.int64], list[Array]]:
+        """Return the lines and the columns; refuse the log with the words `missing` where there are not two samples."""
+        if len(self.lines) < 2:
+            refuse(self.path, 0, missing)
+        return np.array(self.lines, np.int64), [np.array(one, np.float64) for one in self.columns]
+
+    def ensure_rising(self, time: Array, message: str, key: str = "") -> None:
+        """Refuse the log where time runs backwards; `{before}`, `{after}` and `{line}` in the message tell where."""
+        rows = np.flatnonzero(np.diff(time) < 0.0)
+        if len(rows):
+            row = int(rows[0])
+            before, after = (f"{one:.3f} s" for one in (time[row : row + 2] - time[0]).tolist())
+            told = message.format(before=before, after=after, line=self.lines[row])
+            refuse(self.path, self.lines[row + 1], told, key)
+
+
 DAY = 86400.0
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d*)?))?")
 _SINCE_1970 = 1e8
@@ -125,18 +177,16 @@ def clock_for(unit: str, sample: str, zone: tzinfo | None) -> Clock:
     """
     match unit if unit != "auto" else _guessed(sample):
         case "iso":
-            naive = bool(sample) and _naive(sample)
-            return Clock(lambda text: _iso(text, zone), dated=True, zoned=naive)
+            with contextlib.suppress(ValueError):
+                naive = datetime.fromisoformat(sample.strip()).tzinfo is None
+                return Clock(lambda text: _iso(text, zone), dated=True, zoned=naive)
+            return Clock(lambda text: _iso(text, zone), dated=True)
         case "clock":
             return Clock(clock_seconds, wraps=True)
-        case "unix":
-            return Clock(_number, dated=True)
-        case "unix ms":
-            return Clock(lambda text: _number(text) / 1000.0, dated=True)
-        case "ms":
-            return Clock(lambda text: _number(text) / 1000.0)
-        case _:
-            return Clock(_number)
+        case ("s" | "unix") as counted:
+            return Clock(_finite, dated=counted == "unix")
+        case milliseconds:
+            return Clock(lambda text: _finite(text) / 1000.0, dated=milliseconds == "unix ms")
 
 
 def clock_seconds(text: str) -> float:
@@ -168,12 +218,6 @@ def instant(seconds: float) -> datetime | None:
         return None
 
 
-def first_backwards(time: Array) -> int | None:
-    """Return the index of the first time that lies before the one ahead of it; None if there is none."""
-    rows: Sequence[int] = np.flatnonzero(np.diff(time) < 0.0).tolist()
-    return rows[0] + 1 if rows else None
-
-
 def _guessed(sample: str) -> str:
     text = sample.strip()
     if re.match(r"\d{4}-\d{2}-\d{2}", text):
@@ -192,14 +236,7 @@ def _iso(text: str, zone: tzinfo | None) -> float:
     return (when if when.tzinfo is not None else when.replace(tzinfo=zone or UTC)).timestamp()
 
 
-def _naive(text: str) -> bool:
-    try:
-        return datetime.fromisoformat(text.strip()).tzinfo is None
-    except ValueError:
-        return False
-
-
-def _number(text: str) -> float:
+def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(text)
@@ -291,18 +328,14 @@ def recognised(header: str) -> tuple[Field, str] | None:
 
     A unit may follow in brackets or behind an underscore: `alt [ft]`, `height_m`, `Ground speed (kt)`.
     """
-    for base, unit in _readings(header):
+    base, unit = split_unit(header)
+    readings = [(base, unit)] if unit else [(header, "")]
+    if not unit and (suffixed := _SUFFIXED.match(header.strip())):
+        readings.append((suffixed["header"], suffixed["unit"]))
+    for base, unit in readings:
         plain = " ".join(base.lower().replace("_", " ").split())
         for one in FIELDS.values():
             known = unit_named(one, unit) if unit else next(iter(one.units))
             if known is not None and plain in one.aliases:
                 return one, known
     return None
-
-
-def _readings(header: str) -> list[tuple[str, str]]:
-    bracketed = split_unit(header)
-    if bracketed[1]:
-        return [bracketed]
-    suffixed = _SUFFIXED.match(header.strip())
-    return [(header, ""), *([(suffixed["header"], suffixed["unit"])] if suffixed else [])]

@@ -97,7 +97,7 @@ class Path:
         return found
 
 
-def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
+def smooth(time: Array, places: Array, noise: float | None = None) -> Path:
     """Return the path of positions.
 
     Args:
@@ -108,19 +108,20 @@ def smoothed(time: Array, places: Array, noise: float | None = None) -> Path:
     sigma = np.full(3, max(noise, LEAST_NOISE)) if noise is not None else _noise(time, places)
     nodes = time[0] - EDGE + STEP * np.arange(int(np.ceil((time[-1] - time[0] + 2.0 * EDGE) / STEP)) + 1)
     system = _System(nodes, time)
-    weights, kept = np.ones(len(nodes) - 1), np.ones(len(time), bool)
+    weights, near = np.ones(len(nodes) - 1), np.ones(len(time), bool)
     states, factors, off = np.zeros((3, len(nodes), 3)), list[Array](), np.zeros_like(places)
     for _ in range(ITERATIONS):
-        solved = [system.solve(places[axis], kept / sigma[axis] ** 2, weights / DENSITY[axis]) for axis in range(3)]
+        solved = [system.solve(places[axis], near / sigma[axis] ** 2, weights / DENSITY[axis]) for axis in range(3)]
         states, factors = np.stack([state for state, _ in solved]), [factor for _, factor in solved]
         surprise = np.sum([system.surprise(states[axis]) / DENSITY[axis] for axis in range(3)], axis=0)
         weights = (FREEDOM + 9.0) / (FREEDOM + surprise)  # of the nine numbers of a step
         off = places - system.positions(states)
         near = np.logical_and.reduce(np.abs(off) < OUTLYING * sigma[:, None], axis=0)
-        kept = near if near.mean() > MOSTLY else np.ones_like(near)
-    scatter = np.sqrt(np.mean(off[:, kept] ** 2, axis=1)) if kept.any() else np.full(3, np.nan)
+        if near.mean() <= MOSTLY:
+            near = np.ones_like(near)
+    scatter = np.sqrt(np.mean(off[:, near] ** 2, axis=1)) if near.any() else np.full(3, np.nan)
     position, velocity, acceleration = np.moveaxis(states, 2, 0)
-    return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(kept), scatter, tuple(factors))
+    return Path(nodes, position, velocity, acceleration, sigma, np.logical_not(near), scatter, tuple(factors))
 
 
 def _noise(time: Array, places: Array) -> Array:
@@ -343,16 +344,13 @@ def path_attitude(velocity: Array, right_wing: Array) -> list[Array]:
 
 def euler_axes(psi: Array, theta: Array, phi: Array) -> Array:
     """Return `R_OB` of heading, pitch and roll, rad, shape (3, 3, n)."""
-    cz, sz = np.asarray(np.cos(psi)), np.asarray(np.sin(psi))
-    cy, sy = np.asarray(np.cos(theta)), np.asarray(np.sin(theta))
-    cx, sx = np.asarray(np.cos(phi)), np.asarray(np.sin(phi))
-    return np.stack(
-        [
-            np.stack([cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx]),
-            np.stack([sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx]),
-            np.stack([-sy, cy * sx, cy * cx]),
-        ]
+    (cz, sz), (cy, sy), (cx, sx) = ((np.cos(one), np.sin(one)) for one in (psi, theta, phi))
+    rows = (
+        (cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx),
+        (sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx),
+        (-sy, cy * sx, cy * cx),
     )
+    return np.array(rows)
 
 
 def _lift(race: Race, position: Array, V_K: Array, n_z: Array) -> dict[str, Array]:

@@ -1,6 +1,6 @@
 """Violations of the rules in a flown run, and the penalties for them.
 
-A passing is measured by the conditions that its element sets to an optimum. A breach that is smaller than three
+A passing is measured by the conditions that its element sets to an optimum. A violation that is smaller than three
 standard deviations of its measurement is told as uncertain.
 """
 
@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from airrace.dynamics.crossing import crossing_values
 from airrace.frames import angle_between
@@ -19,9 +18,9 @@ from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results import Crossing, Flight
-from airrace.results.clearances import distances
+from airrace.results.clearances import at_row, surroundings
 from airrace.results.flight import PATH_ATTITUDE
-from airrace.track.course import Passage
+from airrace.results.legs import legs_of
 from airrace.track.element import Element
 from airrace.track.passing import Passing, Tolerant
 
@@ -67,10 +66,8 @@ class Penalties:
 
 NONE_KNOWN = Penalties()
 """The penalties of a course whose rules name none."""
-
-
 SURE = 3.0
-"""The number of standard deviations of a measurement beyond which a breach is taken for certain.
+"""The number of standard deviations of a measurement beyond which a violation is taken for certain.
 
 An optimum touches its limits at many gates, and of two standard deviations every fortieth such passing exceeds them.
 """
@@ -102,7 +99,7 @@ class Violation:
 
     @property
     def certain(self) -> bool:
-        """Whether the breach is larger than what the measurement may be wrong by."""
+        """Whether the violation is larger than what the measurement may be wrong by."""
         return not abs(self.value - self.limit) < SURE * self.deviation  # certain where that is not known
 
 
@@ -131,7 +128,7 @@ class StandardDeviations:
 NOT_KNOWN = StandardDeviations(*(math.nan,) * 7)
 
 
-def breaches(
+def violations(
     flight: Flight, axes: Mapping[str, float], deviations: Mapping[str, StandardDeviations], penalties: Penalties
 ) -> tuple[Violation, ...]:
     """Return all rules that a flight would break, in the order of the course, then those of the flight as a whole.
@@ -145,136 +142,115 @@ def breaches(
     found: list[Violation] = []
     for crossing in flight.crossings:
         known = deviations.get(crossing.name, NOT_KNOWN)
-        found += _Judge(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties).breaches()
+        found += _PassingRules(flight.race, crossing, axes.get(crossing.name, 0.0), known, penalties).violations()
     worst = max(deviations.values(), key=lambda one: one.up, default=NOT_KNOWN)
     return (*found, *_load_factors(flight, penalties, worst.load), *_distances(flight, worst))
 
 
-class _Judge:
-    """The judge of one passing."""
+class _PassingRules:
+    """The rules of one passing, at which a gate that is optimised to a point is a window."""
 
     def __init__(
         self, race: Race, crossing: Crossing, axis: float, known: StandardDeviations, penalties: Penalties
     ) -> None:
+        element = crossing.passage.element
+        self._tolerances = element.tolerances if isinstance(element, Tolerant) else None
+        if isinstance(element, Tolerant) and element.passing is Passing.POINT:
+            kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
+            element = replace(kind, passing=Passing.WINDOW)
+        self._element: Element = element
         self._crossing, self._known, self._penalties = crossing, known, penalties
-        self._element = by_the_rules(crossing.passage.element)
         self._span, self._axis = race.aircraft.airframe.b, axis
 
-    def breaches(self) -> Iterator[Violation]:
+    def violations(self) -> Iterator[Violation]:
         """Yield what is broken."""
-        passage = self._crossing.passage
         if not self._crossing.found:
-            penalty = self._penalties.missed if self._element.stands else self._penalties.manoeuvre
-            yield self._breach("missed" if self._element.stands else "manoeuvre", math.nan, math.nan, "", penalty)
+            rule, penalty = ("missed", self._penalties.missed) if self._element.stands else self._manoeuvre
+            yield self._violation(rule, math.nan, math.nan, "", penalty)
             return
-        bounds = self._element.conditions(self._axis)
-        values = self._values()
+        bounds, values = self._element.conditions(self._axis), self._values()
         yield from self._beside(bounds, values)
         yield from self._heights(bounds, values)
         yield from self._angles(bounds, values)
-        yield from self._speed(passage)
+        yield from self._speed()
+
+    @property
+    def _manoeuvre(self) -> tuple[str, float | None]:
+        return "manoeuvre", self._penalties.manoeuvre
 
     def _values(self) -> Mapping[str, float]:
+        """Return what conditions are of, by name, and the bank that is asked for."""
+        value = self._crossing.value
         bank = self._element.prescribed_bank or 0.0
-        if self._element.two_edged and self._crossing.value("mu") * bank < 0.0:
+        if self._element.two_edged and value("mu") * bank < 0.0:
             bank = -bank
         frame = self._element.frame(axis=self._axis, bank=bank, span=self._span)
-        q = [self._crossing.value(name) for name in PATH_ATTITUDE]
-        place = (self._crossing.value("x"), self._crossing.value("y"), self._crossing.value("z"))
-        seen = crossing_values(position=place, V_K=self._crossing.value("V_K"), q=q, place=crossing_parameters(frame))
-        named = {name: float(value) for name, value in vars(seen).items()}
+        place = (value("x"), value("y"), value("z"))
+        q = [value(name) for name in PATH_ATTITUDE]
+        values = crossing_values(position=place, V_K=value("V_K"), q=q, place=crossing_parameters(frame))
+        named = {name: float(one) for name, one in vars(values).items()}
         return named | {"x": place[0], "y": place[1], "z": place[2], "bank": bank}
 
     def _beside(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
         """Yield a pylon that is touched, or a passing outside: of the centre, else of the worse of the wing tips."""
-        outside = bounds.get("right", _between_pylons(self._element))
-        if excess := _excess(values["right"], outside):
+        half = 0.5 * getattr(self._element, "width", math.inf)
+        if excess := _excess(values["right"], bounds.get("right", Interval(-half, half))):
             limit = values["right"] - excess
-            yield self._breach("missed", values["right"], limit, "m", self._penalties.missed, self._known.across)
+            yield self._violation("missed", values["right"], limit, "m", self._penalties.missed, self._known.across)
             return
-        tips = ("right_wing", "left_wing", "beside_right", "beside_left")
-        worst = max(
-            (name for name in tips if name in bounds),
-            key=lambda name: abs(_excess(values[name], bounds[name])),
-            default="",
-        )
-        if worst and (excess := _excess(values[worst], bounds[worst])):
-            clearance = self._element.tolerances.clearance if isinstance(self._element, Tolerant) else 0.0
-            left = clearance - abs(excess)
-            penalty = self._penalties.pylon if left <= 0.0 else 0.0
-            yield self._breach("pylon", left, clearance, "m", penalty, self._known.tip)
+        tips = (name for name in ("right_wing", "left_wing", "beside_right", "beside_left") if name in bounds)
+        excess = max((abs(_excess(values[name], bounds[name])) for name in tips), default=0.0)
+        if excess:
+            clearance = 0.0 if self._tolerances is None else self._tolerances.clearance
+            penalty = self._penalties.pylon if clearance - excess <= 0.0 else 0.0
+            yield self._violation("pylon", clearance - excess, clearance, "m", penalty, self._known.tip)
 
     def _heights(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
-        if "height" in bounds:
-            allowed = bounds["height"]
-        else:
-            depth = bounds.get("z", Interval())
-            allowed = Interval(-depth.upper, -depth.lower)
-        excess = _excess(values["height"], allowed)
+        depth = bounds.get("z", Interval())
+        excess = _excess(values["height"], bounds.get("height", Interval(-depth.upper, -depth.lower)))
         if excess:
-            rule, penalty = (
-                ("too-high", self._penalties.too_high) if excess > 0.0 else ("too-low", self._penalties.too_low)
-            )
-            if not self._element.stands:
-                rule, penalty = "manoeuvre", self._penalties.manoeuvre
-            yield self._breach(rule, values["height"], values["height"] - excess, "m", penalty, self._known.up)
+            too_high, too_low = ("too-high", self._penalties.too_high), ("too-low", self._penalties.too_low)
+            rule, penalty = (too_high if excess > 0.0 else too_low) if self._element.stands else self._manoeuvre
+            yield self._violation(rule, values["height"], values["height"] - excess, "m", penalty, self._known.up)
 
     def _angles(self, bounds: Mapping[str, Interval], values: Mapping[str, float]) -> Iterator[Violation]:
-        climb = math.degrees(math.asin(max(-1.0, min(1.0, values["climb_sine"]))))
-        if excess := _excess(values["climb_sine"], bounds.get("climb_sine", Interval())):
-            limit = math.degrees(math.asin(max(-1.0, min(1.0, values["climb_sine"] - excess))))
-            yield self._breach("climb", climb, limit, "deg", self._penalties.climb, math.degrees(self._known.path))
-        tolerance = _tolerance_of_bank(self._element)
-        if tolerance is not None:
-            off = math.degrees(angle_between(values["bank"], self._crossing.value("mu")))
-            if abs(off) > tolerance:
-                limit, known = math.copysign(tolerance, off), math.degrees(self._known.bank)
-                yield self._breach("bank", off, limit, "deg", self._penalties.bank, known)
-        if {"course_excess_right", "course_excess_left"} <= set(bounds) and isinstance(self._element, Tolerant):
-            off = math.degrees(math.atan2(values["course_sine"], values["course_cosine"]))
-            most = math.degrees(self._element.tolerances.crossing)
+        path, bank = math.degrees(self._known.path), math.degrees(self._known.bank)
+        sine = values["climb_sine"]
+        if excess := _excess(sine, bounds.get("climb_sine", Interval())):
+            climb, limit = (math.degrees(math.asin(max(-1.0, min(1.0, one)))) for one in (sine, sine - excess))
+            yield self._violation("climb", climb, limit, "deg", self._penalties.climb, path)
+        if self._tolerances is None:
+            return
+        allowed: list[tuple[str, float, float, float | None, float]] = []
+        if self._element.prescribed_bank is not None:
+            off = angle_between(values["bank"], self._crossing.value("mu"))
+            allowed.append(("bank", off, self._tolerances.bank, self._penalties.bank, bank))
+        if {"course_excess_right", "course_excess_left"} <= set(bounds):
+            off = math.atan2(values["course_sine"], values["course_cosine"])
+            allowed.append(("course", off, self._tolerances.crossing, None, path))
+        for rule, off, most, penalty, known in allowed:
+            off, most = math.degrees(off), math.degrees(most)
             if abs(off) > most:
-                yield self._breach("course", off, math.copysign(most, off), "deg", None, math.degrees(self._known.path))
+                yield self._violation(rule, off, math.copysign(most, off), "deg", penalty, known)
 
-    def _speed(self, passage: Passage) -> Iterator[Violation]:
+    def _speed(self) -> Iterator[Violation]:
         speed = self._crossing.value("V_K")
-        if excess := _excess(speed, passage.speed):
-            limit, ends = speed - excess, self._penalties.start_speed_end
-            over = ends is not None and speed > ends
-            penalty = math.inf if over else self._penalties.start_speed
-            known = self._known.speed / KNOT
-            yield self._breach("start-speed", speed / KNOT, limit / KNOT, "kt", penalty, known)
+        if excess := _excess(speed, self._crossing.passage.speed):
+            ends = self._penalties.start_speed_end
+            penalty = math.inf if ends is not None and speed > ends else self._penalties.start_speed
+            speeds = speed / KNOT, (speed - excess) / KNOT
+            yield self._violation("start-speed", *speeds, "kt", penalty, self._known.speed / KNOT)
 
-    def _breach(
+    def _violation(
         self, rule: str, value: float, limit: float, unit: str, penalty: float | None, deviation: float = math.nan
     ) -> Violation:
         known = math.nan if penalty is None else penalty
         return Violation(self._crossing.name, rule, self._crossing.time, value, limit, deviation, unit, known)
 
 
-def by_the_rules(element: Element) -> Element:
-    """Return an element as the rules judge it: a passing that is optimised to a point is flown through a window."""
-    if isinstance(element, Tolerant) and element.passing is Passing.POINT:
-        kind: Any = element  # every kind of gate is a dataclass, but not all that is tolerant need be
-        return replace(kind, passing=Passing.WINDOW)
-    return element
-
-
 def _excess(value: float, allowed: Interval) -> float:
     """Return by how much a value lies above (positive) or below (negative) what is allowed; 0 where it does not."""
     return max(value - allowed.upper, 0.0) + min(value - allowed.lower, 0.0)
-
-
-def _between_pylons(element: Element) -> Interval:
-    width = getattr(element, "width", math.inf)
-    return Interval(-0.5 * width, 0.5 * width)
-
-
-def _tolerance_of_bank(element: Element) -> float | None:
-    """Return the tolerance of the bank, deg; None where the element leaves the bank free."""
-    if element.prescribed_bank is None or not isinstance(element, Tolerant):
-        return None
-    return math.degrees(element.tolerances.bank)
 
 
 def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Iterator[Violation]:
@@ -288,9 +264,8 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
         yield Violation("", "load-factor", when, most, penalties.load_factor_end, deviation, "g", math.inf)
         return
     limit = penalties.load_factor_from or flight.course.rules.n_z.upper
-    above = np.concatenate(([False], n_z > limit, [False]))
-    begins, ends = np.flatnonzero(np.diff(above.astype(int)) == 1), np.flatnonzero(np.diff(above.astype(int)) == -1)
-    lasting = time[ends - 1] - time[begins] if len(begins) else np.zeros(0)
+    turns = np.flatnonzero(np.diff(np.concatenate(([False], n_z > limit, [False])).astype(int)))
+    lasting = time[turns[1::2] - 1] - time[turns[::2]]
     if len(lasting) and lasting.max() >= penalties.load_factor_time:
         known = math.nan if penalties.load_factor is None else penalties.load_factor
         yield Violation("", "load-factor", when, most, limit, deviation, "g", known)
@@ -298,23 +273,15 @@ def _load_factors(flight: Flight, penalties: Penalties, deviation: float) -> Ite
 
 def _distances(flight: Flight, known: StandardDeviations) -> Iterator[Violation]:
     """Yield what the flight came too near to: people, safety lines, borders, floor and ceiling."""
-    for one in distances(flight):
-        if one.kind == "pylon":
-            continue
-        rows = np.concatenate([_rows(flight, leg) for leg in sorted(one.legs)]) if one.legs is not None else None
-        values = one.values if rows is None else one.values[rows]
-        if not len(values):
-            continue
-        least = int(np.argmin(values))
-        if values[least] < one.required:
-            row = least if rows is None else int(rows[least])
-            rule, when, nearest = one.kind.replace(" ", "-"), float(flight.time[row]), float(values[least])
-            off = known.up if rule in ("floor", "ceiling") else known.across
-            yield Violation("", rule, when, nearest, one.required, off, "m", math.nan)
-
-
-def _rows(flight: Flight, leg: int) -> NDArray[np.int64]:
-    before, after = flight.crossings[leg - 1], flight.crossings[leg]
-    if leg == 0 or not (before.found and after.found):
-        return np.zeros(0, np.int64)
-    return np.flatnonzero((flight.time >= before.time) & (flight.time <= after.time))
+    legs = {leg.number: leg.rows for leg in legs_of(flight)}
+    for one in surroundings(flight) if flight.has("x", "y", "height") else ():
+        rows = np.arange(len(flight.time))
+        if one.legs is not None:
+            rows = np.concatenate([legs[number] for number in sorted(one.legs)])
+        if len(rows):
+            row = int(rows[int(np.argmin(one.values[rows]))])
+            nearest = at_row(flight, one, row)
+            if nearest.margin < 0.0:
+                rule = one.kind.replace(" ", "-")
+                off = known.up if rule in ("floor", "ceiling") else known.across
+                yield Violation("", rule, nearest.time, nearest.distance, one.required, off, "m", math.nan)

@@ -222,7 +222,7 @@ def log_sections(flown: LogView) -> list[str]:
     log = flown.recorded.log
     told = [("log", log.path), ("format", log.format), ("begins", log.begins or "at an unknown date")]
     return [
-        violations_section(flown.breaches, flown.penalty),
+        violations_section(flown.violations, flown.penalty),
         recording_section([*told, ("start", f"{log.offset:.3f} s after the first sample")], flown.remarks),
         inputs_section(flown.inputs, [], flown.recorded.versions),
     ]

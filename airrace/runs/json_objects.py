@@ -233,7 +233,7 @@ def _clearance(one: Clearance) -> dict[str, object]:
 
 
 def flown_object(flown: "LogView") -> dict[str, object]:
-    """Return race time, passings, breaches, legs and remarks; SI units and radians, breaches in their own units."""
+    """Return race time, passings, violations, legs and remarks; SI units and radians, violations in their own units."""
     flight, log = flown.flight(), flown.recorded.log
     return {
         "flown": True,
@@ -247,7 +247,7 @@ def flown_object(flown: "LogView") -> dict[str, object]:
         "penalty_s": finite(flown.penalty),
         "race_over": math.isinf(flown.penalty),
         "passings": _passings(flight),
-        "breaches": [_breach(one) for one in flown.breaches],
+        "violations": [_violation_object(one) for one in flown.violations],
         **legs_object(flight),
         "histories": {name: one.basis.value for name, one in flight.histories.items()},
         "remarks": list(flown.remarks),
@@ -267,7 +267,7 @@ def _passings(flight: Flight) -> list[dict[str, object]]:
     ]
 
 
-def _breach(one: Violation) -> dict[str, object]:
+def _violation_object(one: Violation) -> dict[str, object]:
     return {
         "passing": one.passing or None,
         "rule": one.rule,

@@ -21,7 +21,7 @@ from airrace.runs.stage_view import Splits
 from airrace.standard_streams import stem_of
 
 if TYPE_CHECKING:
-    from airrace.logs.log_flight import Flown
+    from airrace.logs.log_flight import LogFlight
     from airrace.logs.recording import ColumnLayout
 
 RATES = 1e-3, 1e4
@@ -41,9 +41,9 @@ class LogView:
     recorded: Recorded
 
     @property
-    def breaches(self) -> tuple[Violation, ...]:
+    def violations(self) -> tuple[Violation, ...]:
         """The rules that the flight would break, in the order of the course."""
-        return self.recorded.breaches
+        return self.recorded.violations
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -52,8 +52,8 @@ class LogView:
 
     @property
     def penalty(self) -> float:
-        """The penalties of all breaches that are certain, s; infinity where one of them ends the race."""
-        known = [one.penalty for one in self.breaches if one.certain and not math.isnan(one.penalty)]
+        """The penalties of all violations that are certain, s; infinity where one of them ends the race."""
+        known = [one.penalty for one in self.violations if one.certain and not math.isnan(one.penalty)]
         return float(sum(known))
 
     def flight(self, label: str | None = None) -> Flight:
@@ -134,7 +134,7 @@ class LogView:
         write_recorded(Path(path), self.recorded)
 
 
-def new_flown_log(inputs: Inputs, flown: "Flown") -> LogView:
+def new_flown_log(inputs: Inputs, flown: "LogFlight") -> LogView:
     """Return a flown log that is stored nowhere yet."""
     flight, log = flown.flight, flown.recording
     recorded = Recorded(
@@ -153,7 +153,7 @@ def new_flown_log(inputs: Inputs, flown: "Flown") -> LogView:
         time=flight.time,
         histories=tuple(StoredHistory(one.quantity, one.values, one.basis.value) for one in flight.histories.values()),
         passings=tuple(StoredPassing(one.name, one.time) for one in flight.crossings),
-        breaches=flown.breaches,
+        violations=flown.violations,
         label=flight.label,
     )
     return LogView(inputs, recorded)
@@ -187,9 +187,11 @@ def flown_through(
 ) -> LogView:
     """Return a log as a flight through a course that is at hand; arguments and errors are those of `import_log`."""
     # Imported here: imported logs are read without whatever makes a flight of a log.
-    from airrace.logs.log_flight import flown_flight
+    from airrace.logs.log_flight import flight_from_log
     from airrace.logs.reading import read_log
 
     recording = read_log(log, layout, aircraft=name)
-    flown = flown_flight(recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run)
+    flown = flight_from_log(
+        recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run
+    )
     return new_flown_log(inputs, flown)

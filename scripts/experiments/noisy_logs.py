@@ -5,7 +5,7 @@
 Each run is a checkpoint whose last stage found a flight. It is sampled at every rate, with a straight lead-in and
 lead-out and white noise of every size (m), as many times as there are seeds, and imported as a log of its course. The
 first table holds the errors at all passings, each divided by the standard deviation that the import tells of it: their
-root mean square, which should be near to 1 and hardly above it, and the greatest. The second one counts breaches that
+root mean square, which should be near to 1 and hardly above it, and the greatest. The second one counts violations that
 the import takes for certain: an optimum breaks no rule, so there should be none.
 """
 
@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import airrace
-from airrace.logs.log_flight import Flown, flown_flight
+from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.procedure.results_api import sampler
 from airrace.results import Crossing, Flight
@@ -44,7 +44,7 @@ class Recorded:
     noise: float
     seed: int
 
-    def imported(self) -> Flown:
+    def imported(self) -> LogFlight:
         """Return what the import makes of the log."""
         run = self.run
         with tempfile.TemporaryDirectory() as folder:
@@ -52,7 +52,7 @@ class Recorded:
             with path.open("w") as file:
                 file.write("time [s],north [m],east [m],height [m]\n")
                 np.savetxt(file, np.column_stack(self._samples()), fmt="%.4f", delimiter=",")
-            return flown_flight(read_log(path), run.inputs.race, label="log", penalties=run.inputs.penalties)
+            return flight_from_log(read_log(path), run.inputs.race, label="log", penalties=run.inputs.penalties)
 
     def _samples(self) -> list[Array]:
         at, last = sampler(self.run.inputs.race, self.run.results[-1]), self.run.race_time
@@ -68,7 +68,7 @@ class Recorded:
         return samples
 
 
-def errors(flown: Flown, known: Flight) -> Iterator[Mapping[str, float]]:
+def errors(flown: LogFlight, known: Flight) -> Iterator[Mapping[str, float]]:
     """Yield the errors at every passing, in standard deviations, by `QUANTITIES`."""
     for seen, true in zip(flown.flight.crossings, known.crossings, strict=True):
         if seen.found and seen.name in flown.known:
@@ -108,7 +108,7 @@ def main() -> None:
             found[hz, noise] += errors(flown, known)
             certain += [
                 (run.name, f"{hz:g}", f"{noise:g}", str(seed), one.passing, one.rule)
-                for one in flown.breaches
+                for one in flown.violations
                 if one.certain
             ]
         print(f"{hz:g} Hz, {noise:g} m", file=sys.stderr, flush=True)

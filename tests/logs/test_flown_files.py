@@ -57,9 +57,9 @@ def test_a_stored_flight_is_the_imported_one(folder: Path) -> None:
 
 def test_the_breaches_are_stored(folder: Path, recorded: Recorded) -> None:
     flown, imported = opened_log(recorded), airrace.import_log(folder / "log.csv", "rovinj_2014")
-    assert flown.breaches
+    assert flown.violations
     assert flown.penalty == 0.0
-    assert repr(flown.breaches) == repr(imported.breaches)
+    assert repr(flown.violations) == repr(imported.violations)
 
 
 def test_what_was_recorded_is_stored(recorded: Recorded) -> None:
@@ -89,7 +89,7 @@ def test_the_object_tells_passings_breaches_and_bases(folder: Path) -> None:
     assert code == 0
     assert told["race_time_s"] == pytest.approx(list(known().passings.values())[-1], abs=0.05)
     assert [one["passing"] for one in told["passings"]] == list(known().passings)
-    assert {"rule", "certain", "penalty_s", "deviation"} <= set(told["breaches"][0])
+    assert {"rule", "certain", "penalty_s", "deviation"} <= set(told["violations"][0])
     assert told["histories"]["mu"] == "derived"
     assert len(told["legs"]) == len(known().passings) - 1
 

@@ -27,7 +27,7 @@ def near(passing: str, width: float = 0.8) -> np.ndarray:
 
 
 def certain(seen: Fixes) -> list[tuple[str, str, float]]:
-    found = imported(csv_text(seen), penalties=RULES).breaches
+    found = imported(csv_text(seen), penalties=RULES).violations
     return [(one.passing, one.rule, one.penalty) for one in found if one.certain]
 
 
@@ -49,7 +49,7 @@ def test_a_gate_passed_beside_its_pylons_is_missed() -> None:
 
 def test_a_breach_tells_how_far_it_goes() -> None:
     high = imported(csv_text(replace(EXACT, height=EXACT.height + 15.0 * near("1:g4"))), penalties=RULES)
-    breach = next(one for one in high.breaches if one.rule == "too-high" and one.passing == "1:g4")
+    breach = next(one for one in high.violations if one.rule == "too-high" and one.passing == "1:g4")
     at = next(one for one in high.flight.crossings if one.name == "1:g4")
     assert (breach.value, breach.limit, breach.unit) == (at.value("height"), 25.0, "m")
     assert breach.time == at.time
@@ -73,10 +73,10 @@ def test_a_recorded_bank_is_judged_and_an_estimate_is_not_certain() -> None:
     assert one.flight.basis("phi") is Basis.MEASURED
     assert np.degrees(one.flight["phi"]) == pytest.approx(25.0)
     assert "p_Kbar" in one.flight
-    banks = [breach for breach in one.breaches if breach.rule == "bank" and breach.certain]
+    banks = [breach for breach in one.violations if breach.rule == "bank" and breach.certain]
     assert {breach.passing for breach in banks} >= {"1:g4", "1:g5", "1:g6", "1:g7"}
     assert all(breach.penalty == 2.0 for breach in banks)
-    estimated = [breach for breach in flown(20.0, 1).breaches if breach.rule == "bank"]
+    estimated = [breach for breach in flown(20.0, 1).violations if breach.rule == "bank"]
     assert estimated
     assert not any(breach.certain for breach in estimated)
 
@@ -92,8 +92,8 @@ def test_an_optimum_that_is_recorded_without_noise_breaks_no_rule_with_certainty
     )
     one = imported(text + "\n", penalties=RULES)
     assert one.flight.basis("phi") is Basis.MEASURED
-    assert [breach for breach in one.breaches if breach.certain] == []
-    assert all(math.isfinite(breach.deviation) for breach in one.breaches if breach.rule == "bank")
+    assert [breach for breach in one.violations if breach.certain] == []
+    assert all(math.isfinite(breach.deviation) for breach in one.violations if breach.rule == "bank")
 
 
 def test_the_deviation_between_samples_bounds_what_is_lost_there() -> None:
@@ -118,10 +118,10 @@ def test_a_recorded_load_factor_is_kept_and_judged() -> None:
     ):
         one = imported(text, penalties=rules)
         assert one.flight.basis("n_z") is Basis.MEASURED
-        (breach,) = [breach for breach in one.breaches if breach.rule == "load-factor"]
+        (breach,) = [breach for breach in one.violations if breach.rule == "load-factor"]
         assert (breach.value, breach.penalty, breach.certain) == (pytest.approx(10.6), penalty, True)
     short = imported(text, penalties=replace(RULES, load_factor=1.0, load_factor_time=1.0))
-    assert not [breach for breach in short.breaches if breach.rule == "load-factor"]
+    assert not [breach for breach in short.violations if breach.rule == "load-factor"]
 
 
 def test_the_better_of_two_runs_is_taken_and_told() -> None:
@@ -156,7 +156,7 @@ def test_a_passing_that_was_not_made_is_told_and_its_legs_are_not_flown() -> Non
     one = imported(csv_text(cut), penalties=RULES)
     assert math.isnan(one.flight.race_time)
     assert "not passed: 1:g0#2" in one.remarks
-    assert ("1:g0#2", "missed", 4.0) in [(b.passing, b.rule, b.penalty) for b in one.breaches]
+    assert ("1:g0#2", "missed", 4.0) in [(b.passing, b.rule, b.penalty) for b in one.violations]
 
 
 @pytest.mark.parametrize("name", preset_names())

@@ -172,7 +172,7 @@ GPX = '<gpx><trk><trkseg><trkpt lat="1" lon="2"><ele>3</ele>{}</trkpt></trkseg><
         (GPX.format("<time>noon</time>"), "a.gpx", "a.gpx:1:1: time: `noon` is no time; expected one such as 2016"),
         ("<gpx></gpx>", "a.gpx", "a.gpx: holds no recorded track"),
         ("<gpx><trk>", "a.gpx", "a.gpx:1:1: is no XML: no element found"),
-        ('<!DOCTYPE a [<!ENTITY b "c">]><gpx/>', "a.gpx", "a.gpx:1:1: holds a document type; a GPX file has none"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><gpx/>', "a.gpx", "a.gpx:1:1: holds a document type; such a file needs none"),
         ("AXXX\nB12345\n", "a.igc", "a.igc:2:1: is no fix of a flight recorder: `B12345`"),
         ("AXXX\n", "a.igc", "a.igc: holds no fixes (B records)"),
         ("FileType=text/acmi/tacview\nFileVersion=3\n", "a.acmi", "a.acmi:2:1: expected `FileVersion=2.x`"),
@@ -211,7 +211,7 @@ def test_a_damaged_archive_is_refused(tmp_path: Path) -> None:
 
 
 def test_too_many_samples_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("airrace.logs.csv_log.ROWS_MAX", 3)
+    monkeypatch.setattr("airrace.logs.recording.SAMPLES_MAX", 3)
     said = refused(tmp_path, HEAD + "".join(f"{row},1,2,3\n" for row in range(1, 9)))
     assert said == "log.csv:5:1: holds more than 3 samples; cut the log to the flight"
 
@@ -247,12 +247,12 @@ def test_faults_of_a_mapping_are_said_with_their_lines(tmp_path: Path) -> None:
 
 def test_another_course_is_refused(tmp_path: Path) -> None:
     from airrace.inputs import load_inputs
-    from airrace.logs.log_flight import flown_flight
+    from airrace.logs.log_flight import flight_from_log
 
     text = csv_text(SEEN)
     with pytest.raises(InputError, match="passes less than half of the 15 gates and pylons of Chiba 2015"):
-        flown_flight(read(tmp_path, text), load_inputs("chiba_2015").race, label="log")
+        flight_from_log(read(tmp_path, text), load_inputs("chiba_2015").race, label="log")
     with pytest.raises(InputError, match="is nowhere within 10 km of the course Rovinj 2014"):
-        flown_flight(read(tmp_path, "time,lat,lon,alt\n0,13,45,3\n1,13,45,3\n"), race(), label="log")
+        flight_from_log(read(tmp_path, "time,lat,lon,alt\n0,13,45,3\n1,13,45,3\n"), race(), label="log")
     with pytest.raises(InputError, match="there is no run 2"):
-        flown_flight(read(tmp_path, text), race(), label="log", run=2)
+        flight_from_log(read(tmp_path, text), race(), label="log", run=2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic import GAP, LEAD, Fixes, csv_text, fixes, known, race
 
-from airrace.logs.log_flight import Flown, flown_flight
+from airrace.logs.log_flight import LogFlight, flight_from_log
 from airrace.logs.reading import read_log
 from airrace.logs.violations import Penalties
 from airrace.results import Basis, legs_of
@@ -19,20 +19,20 @@ SEEDS = (1, 2, 3)
 
 
 @functools.cache
-def flown(hz: float, seed: int, noise: float = 1.5) -> Flown:
+def flown(hz: float, seed: int, noise: float = 1.5) -> LogFlight:
     return imported(csv_text(fixes(hz, seed=seed, noise=noise)))
 
 
-def imported(text: str, path: Path | None = None, penalties: Penalties | None = None) -> Flown:
+def imported(text: str, path: Path | None = None, penalties: Penalties | None = None) -> LogFlight:
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
         file = path or Path(folder) / "log.csv"
         file.write_text(text)
-        return flown_flight(read_log(file), race(), label="log", penalties=penalties or Penalties())
+        return flight_from_log(read_log(file), race(), label="log", penalties=penalties or Penalties())
 
 
-def off_bank(one: Flown) -> tuple[Array, Array, Array]:
+def off_bank(one: LogFlight) -> tuple[Array, Array, Array]:
     """Errors of the bank, deg, away from the gap; the true load factor and roll rate there."""
     time = one.flight.time
     error = np.degrees(np.angle(np.exp(1j * (one.flight["mu"] - known().at("mu", time)))))
@@ -118,11 +118,11 @@ def test_gap_rate_and_estimates_are_told() -> None:
 
 
 def test_noise_is_estimated() -> None:
-    from airrace.logs.smoothing import smoothed
+    from airrace.logs.smoothing import smooth
 
     for noise in (0.1, 1.5, 5.0):
         seen = fixes(20.0, noise=noise, gap=(0.0, 0.0))
-        path = smoothed(seen.time, np.stack([seen.north, seen.east, seen.height]))
+        path = smooth(seen.time, np.stack([seen.north, seen.east, seen.height]))
         assert path.noise == pytest.approx(noise, rel=0.2)
         assert path.scatter == pytest.approx(noise, rel=0.2)
 
@@ -130,7 +130,7 @@ def test_noise_is_estimated() -> None:
 @pytest.mark.parametrize("hz", RATES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_optimum_breaks_no_rule_for_certain(hz: float, seed: int) -> None:
-    assert [one for one in flown(hz, seed).breaches if one.certain] == []
+    assert [one for one in flown(hz, seed).violations if one.certain] == []
 
 
 def test_outliers_are_left_out_and_told() -> None:
@@ -148,11 +148,11 @@ def test_outliers_are_left_out_and_told() -> None:
 
 
 def test_a_straight_line_is_smoothed_into_itself() -> None:
-    from airrace.logs.smoothing import smoothed
+    from airrace.logs.smoothing import smooth
 
     time = np.arange(0.0, 10.0, 0.1)
     places = np.stack([80.0 * time, -3.0 * time, np.full_like(time, 50.0)])
-    path = smoothed(time, places)
+    path = smooth(time, places)
     position, velocity, acceleration = path.at(time)
     assert position == pytest.approx(places, abs=1e-6)
     assert velocity[0] == pytest.approx(80.0, abs=1e-4)
@@ -179,10 +179,10 @@ def test_a_level_turn_has_the_load_factor_of_its_bank() -> None:
 
 
 def test_a_noise_that_is_said_too_small_leaves_no_log_without_positions() -> None:
-    from airrace.logs.smoothing import smoothed
+    from airrace.logs.smoothing import smooth
 
     seen = fixes(20.0, noise=5.0)
-    path = smoothed(seen.time, np.stack([seen.north, seen.east, seen.height]), noise=1e-6)
+    path = smooth(seen.time, np.stack([seen.north, seen.east, seen.height]), noise=1e-6)
     assert np.isfinite(path.position).all()
     assert path.outliers.mean() < 0.5
 
