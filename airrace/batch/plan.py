@@ -13,11 +13,11 @@ from airrace.runs.command_result import ExitCode
 
 
 @record
-class Ways:
+class RouteSummary:
     """The routes that a job has tried, in short.
 
     Attributes:
-        flown: the way that was proved, in words.
+        flown: the route that was proved, in words.
         tried: how many there were, this one among them.
         next: the fastest of the others, in words; empty where there is none.
         behind: the time by which that one is behind on the rough mesh, s; None if there is none.
@@ -30,15 +30,15 @@ class Ways:
 
 
 # Any: JSON
-def ways_of(run: Mapping[str, Any] | None) -> Ways | None:
-    """Return the ways of the stage that explored, from the object of `airrace optimize --json`; None without one."""
-    told = [stage["ways"] for stage in (run or {}).get("stages", ()) if stage.get("ways")]
+def routes_of(run: Mapping[str, Any] | None) -> RouteSummary | None:
+    """Return the routes of the stage that explored, from the object of `airrace optimize --json`; None without one."""
+    told = [stage["routes"] for stage in (run or {}).get("stages", ()) if stage.get("routes")]
     if not told:
         return None
     flown, *others = told[0]
     if not others:
-        return Ways(flown["way"], 1)
-    return Ways(flown["way"], 1 + len(others), others[0]["way"], others[0]["difference_s"])
+        return RouteSummary(flown["route"], 1)
+    return RouteSummary(flown["route"], 1 + len(others), others[0]["route"], others[0]["difference_s"])
 
 
 @record
@@ -52,7 +52,7 @@ class JobResult:
         wall: the wall time of the attempt that ended it, s.
         retries: why earlier attempts did not end it.
         findings: what is wrong with the inputs.
-        ways: which route was flown; None where no other was tried.
+        routes: which route was flown; None where no other was tried.
         stage: the last one that is finished; empty where none is.
         laps: lap times of that stage, s; empty for a race of one lap.
     """
@@ -63,7 +63,7 @@ class JobResult:
     wall: float = 0.0
     retries: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
-    ways: Ways | None = None
+    routes: RouteSummary | None = None
     stage: str = ""
     laps: tuple[float, ...] = ()
 
@@ -78,7 +78,7 @@ def result_of(record: JobRecord) -> JobResult:
         record.wall,
         record.retries,
         record.findings,
-        ways_of(record.run),
+        routes_of(record.run),
         stage=stages[-1].get("stage", ""),
         laps=tuple(stages[-1].get("lap_times_s", ())),
     )

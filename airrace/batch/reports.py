@@ -26,7 +26,7 @@ from airrace.runs.command_result import ExitCode
 
 COLUMNS = ("name", "course", "track", "aircraft")
 MEASURED = ("state", "code", "stage", "race_time_s", "behind_s", "laps_s", "wall_s", "kept", "retries", "message")
-WAYS = ("way", "ways_tried", "next_way", "next_way_behind_s")
+ROUTES = ("route", "routes_evaluated", "next_route", "next_route_behind_s")
 
 
 def csv_text(rows: Sequence[RankingRow], folder: Path) -> str:
@@ -37,9 +37,9 @@ def csv_text(rows: Sequence[RankingRow], folder: Path) -> str:
     keys = list(dict.fromkeys(key for row in rows for key, _ in row.step.swept))
     written = io.StringIO()
     writer = csv.writer(written)
-    writer.writerow([*COLUMNS, *keys, *MEASURED, *WAYS, "checkpoint"])
+    writer.writerow([*COLUMNS, *keys, *MEASURED, *ROUTES, "checkpoint"])
     for row in rows:
-        step, result, swept, ways = row.step, row.result, dict(row.step.swept), row.result.ways
+        step, result, swept, routes = row.step, row.result, dict(row.step.swept), row.result.routes
         writer.writerow(
             [
                 *(step.name, step.course, step.track, step.aircraft),
@@ -49,7 +49,11 @@ def csv_text(rows: Sequence[RankingRow], folder: Path) -> str:
                 "yes" if step.action == "keep" else "no",
                 len(result.retries),
                 result.message,
-                *((None,) * len(WAYS) if ways is None else (ways.flown, ways.tried, ways.next, ways.behind)),
+                *(
+                    (None,) * len(ROUTES)
+                    if routes is None
+                    else (routes.flown, routes.tried, routes.next, routes.behind)
+                ),
                 checkpoint_path(folder, step.name) if step.action != "refuse" else None,
             ]
         )
@@ -62,7 +66,7 @@ ROWS_MAX = 500
 
 def markdown_text(rows: Sequence[RankingRow], summaries: Sequence[WindSummary]) -> str:
     """Return the report: a heading, the table, the routes, what is wrong, and the winds."""
-    return "\n".join([*_ranking(rows), *_ways(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
+    return "\n".join([*_ranking(rows), *_routes(rows), *_troubles(rows), *_winds(summaries)]) + "\n"
 
 
 def _ranking(rows: Sequence[RankingRow]) -> Iterator[str]:
@@ -82,16 +86,16 @@ def _ranking(rows: Sequence[RankingRow]) -> Iterator[str]:
         yield f"and {len(rows) - ROWS_MAX} more"
 
 
-def _ways(rows: Sequence[RankingRow]) -> Iterator[str]:
-    told = [(row, row.result.ways) for row in rows if row.result.ways is not None]
+def _routes(rows: Sequence[RankingRow]) -> Iterator[str]:
+    told = [(row, row.result.routes) for row in rows if row.result.routes is not None]
     if not told:
         return
     yield ""
     yield "| job | route | routes tried | next best route | behind s |"
     yield "|---|---|---:|---|---:|"
-    for row, ways in told[:ROWS_MAX]:
-        behind = "" if ways.behind is None else f"{ways.behind:+.3f}"
-        yield f"| {_cell(row.step.name)} | {_cell(ways.flown)} | {ways.tried} | {_cell(ways.next)} | {behind} |"
+    for row, routes in told[:ROWS_MAX]:
+        behind = "" if routes.behind is None else f"{routes.behind:+.3f}"
+        yield f"| {_cell(row.step.name)} | {_cell(routes.flown)} | {routes.tried} | {_cell(routes.next)} | {behind} |"
 
 
 def _troubles(rows: Sequence[RankingRow]) -> Iterator[str]:

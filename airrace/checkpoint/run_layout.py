@@ -17,7 +17,7 @@
     mesh/why, coarser, defect, drift    (N,) but for coarser, which is (N + 1,); empty where nothing was measured
     certificate/solver_status, items   (absent where the stage is not certified by design)
     splits, attempts, timings, provenance    tables, SI and radians
-    search/ways, loops, summary         tables: other routes that were tried
+    search/routes, loops, summary         tables: other routes that were tried
     suggested_changes                   table: what would resolve conflicts of limits; only where there are any
     alternatives/N/                     flights on other routes, but for the hashes like the stage itself
 """
@@ -42,12 +42,12 @@ from airrace.procedure.result import (
     NoteKind,
     Outcome,
     RefinementReason,
+    Route,
     SearchReport,
     StageProvenance,
     StageResult,
     SuggestedChange,
     Timings,
-    Way,
 )
 from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
@@ -81,9 +81,9 @@ class NoteRow:
 class SearchSummary:
     """The one row that says how exploring went, see `SearchReport`."""
 
-    led: int
-    elsewhere: int
-    lost: int
+    converged_to_best: int
+    converged_elsewhere: int
+    failed: int
     seconds: float
 
 
@@ -175,10 +175,10 @@ def _encode_mesh(record: MeshRecord) -> Group:
 
 
 def _encode_explored(explored: SearchReport) -> Group:
-    summary = SearchSummary(explored.led, explored.elsewhere, explored.lost, explored.seconds)
+    summary = SearchSummary(explored.converged_to_best, explored.converged_elsewhere, explored.failed, explored.seconds)
     return Group(
         {
-            "ways": table_of(Way, explored.ways),
+            "routes": table_of(Route, explored.routes),
             "loops": Table({"loop": explored.loops}),
             "summary": table_of(SearchSummary, [summary]),
         }
@@ -342,11 +342,16 @@ def _decode_certificate(place: Place) -> Certificate:
 
 
 def _decode_explored(place: Place) -> SearchReport:
-    place.expecting("ways", "loops", "summary")
+    place.expecting("routes", "loops", "summary")
     summary = _one_row(place, "summary", SearchSummary)
-    ways = rows_of(Way, place.table("ways"), f"{place.path}/ways")
+    routes = rows_of(Route, place.table("routes"), f"{place.path}/routes")
     return SearchReport(
-        ways, summary.led, summary.elsewhere, summary.lost, summary.seconds, place.texts("loops", "loop")
+        routes,
+        summary.converged_to_best,
+        summary.converged_elsewhere,
+        summary.failed,
+        summary.seconds,
+        place.texts("loops", "loop"),
     )
 
 

@@ -114,13 +114,13 @@ def _ranking(row: RankingRow) -> tuple[str, ...]:
 
 def _flown(rows: Sequence[RankingRow]) -> tuple[list[str], list[list[str]]]:
     """Return the heads and the cells of how the jobs were flown, of what any of them has to tell."""
-    explored, laps = any(row.result.ways is not None for row in rows), any(row.result.laps for row in rows)
+    explored, laps = any(row.result.routes is not None for row in rows), any(row.result.laps for row in rows)
     heads = [
         *(["best lap\ns"] if laps else []),
-        *(["ways\ntried", "next way\nbehind s"] if explored else []),
+        *(["routes\nevaluated", "next route\nbehind s"] if explored else []),
         "wall\ns",
     ]
-    cells = [[*([_best_lap(row)] if laps else []), *(_ways(row) if explored else ()), _wall(row)] for row in rows]
+    cells = [[*([_best_lap(row)] if laps else []), *(_routes(row) if explored else ()), _wall(row)] for row in rows]
     return heads, cells
 
 
@@ -137,11 +137,11 @@ def _best_lap(row: RankingRow) -> str:
     return f"{min(row.result.laps):.3f}" if row.result.laps else "-"
 
 
-def _ways(row: RankingRow) -> tuple[str, str]:
-    ways = row.result.ways
-    if ways is None:
+def _routes(row: RankingRow) -> tuple[str, str]:
+    routes = row.result.routes
+    if routes is None:
         return "-", "-"
-    return str(ways.tried), "-" if ways.behind is None else f"{ways.behind:+.3f}"
+    return str(routes.tried), "-" if routes.behind is None else f"{routes.behind:+.3f}"
 
 
 def _wall(row: RankingRow) -> str:

@@ -46,7 +46,7 @@ def result_tables(result: StageResult, *, certificate: bool = True) -> list[Tabl
         certificate: whether the items of its certificate are listed.
     """
     tables = [splits_table(result)] if result.splits and result.is_flight else []
-    tables += [ways_table(result.search)] if result.search.ways else []
+    tables += [routes_table(result.search)] if result.search.routes else []
     if certificate and result.certificate is not None:
         stands = result.outcome is Outcome.SOLVED or not result.certificate.holds
         tables.append(certificate_table(result.certificate, "" if stands else DOES_NOT_STAND))
@@ -164,25 +164,26 @@ def _for_people(item: Item) -> tuple[float, float, str]:
 
 
 SHOWN = 12
-"""The largest number of ways in the table; all of them are in the checkpoint and in the object."""
+"""The largest number of routes in the table; all of them are in the checkpoint and in the object."""
 
 
-def ways_table(explored: SearchReport) -> Table:
-    """Return a table of the best way and those that came next, with what they cost."""
-    starts = f"{explored.led} of {explored.led + explored.elsewhere + explored.lost} flights led to the best"
-    title = f"routes: {len(explored.ways)} tried in {explored.seconds:.1f} s, {starts}"
+def routes_table(explored: SearchReport) -> Table:
+    """Return a table of the best route and those that came next, with what they cost."""
+    solves = explored.converged_to_best + explored.converged_elsewhere + explored.failed
+    starts = f"{explored.converged_to_best} of {solves} multistarts converged to the best"
+    title = f"routes: {len(explored.routes)} tried in {explored.seconds:.1f} s, {starts}"
     table = Table(
         title=Text(title), title_justify="left", box=box.SIMPLE, pad_edge=False, collapse_padding=True, show_edge=False
     )
-    table.add_column("way", overflow="fold")
+    table.add_column("route", overflow="fold")
     for name in ("rough time\ns", "behind\ns"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("priced", no_wrap=True)
-    for place, way in enumerate(explored.ways[:SHOWN]):
-        behind = "best" if place == 0 else f"{way.difference:+.3f}"
-        table.add_row(Text(way.text), f"{way.race_time:.3f}", behind, way.priced)
-    if len(explored.ways) > SHOWN:
-        table.add_row(Text(f"and {len(explored.ways) - SHOWN} more"), "", "", "")
+    table.add_column("evaluated\nby", no_wrap=True)
+    for place, route in enumerate(explored.routes[:SHOWN]):
+        behind = "best" if place == 0 else f"{route.difference:+.3f}"
+        table.add_row(Text(route.text), f"{route.race_time:.3f}", behind, route.evaluated_by)
+    if len(explored.routes) > SHOWN:
+        table.add_row(Text(f"and {len(explored.routes) - SHOWN} more"), "", "", "")
     return table
 
 
@@ -374,7 +375,7 @@ def flight_texts(task: "Task", results: Sequence[StageResult]) -> Iterator[str]:
 
     yield from (f"{one.stage.value}: {one.remarks}" for one in results if one.holds and one.remarks)
     tables = [stages_table(results)] if any(result.holds for result in results) else []
-    tables += [ways_table(one.search) for one in results[:-1] if one.search.ways]
+    tables += [routes_table(one.search) for one in results[:-1] if one.search.routes]
     yield from (rendered(table, columns=PAGE) for table in (*tables, *result_tables(results[-1])))
     misses = near_misses_text(StageView(task.run.inputs, results[-1], {}).flight()) if results[-1].is_flight else ""
     if misses:

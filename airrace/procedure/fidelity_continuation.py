@@ -362,15 +362,15 @@ def _warn(result: StageResult, explored: SearchReport, best: SearchReport) -> No
         logger.warning(
             "the best route took %.2f s when solved coarsely but failed the final check; the %s flight, another one, "
             "takes %.2f s",
-            *(best.ways[0].race_time, result.state.value, result.trajectory.race_time),
+            *(best.routes[0].race_time, result.state.value, result.trajectory.race_time),
         )
 
 
 def _kept(result: StageResult, explored: SearchReport) -> bool:
     """Tell whether a flight holds and is about as fast as the best way was when it was solved coarsely."""
-    if not result.holds or not explored.ways:
+    if not result.holds or not explored.routes:
         return result.holds
-    return result.trajectory.race_time <= explored.ways[0].race_time + LOST
+    return result.trajectory.race_time <= explored.routes[0].race_time + LOST
 
 
 def _made(start: Start) -> Start:

@@ -167,39 +167,39 @@ NO_RECORD = MeshRecord(np.zeros(0, np.int8), np.zeros(0, np.bool_), np.zeros(0),
 
 
 @record
-class Way:
+class Route:
     """A route that was tried.
 
     Attributes:
         text: what it is, in words.
         race_time: of the whole race flown so, as far as a rough mesh tells, s.
         difference: to the best, on the same terms, s.
-        priced: "jointly" for a flight that was optimised as a whole, "window" for one whose turn was flown alone.
+        evaluated_by: "joint" if optimized as a whole, "window" if only some legs were, the rest held.
     """
 
     text: str
     race_time: float
     difference: float
-    priced: str
+    evaluated_by: str
 
 
 @record
 class SearchReport:
-    """The ways that exploring tried before a race was optimised.
+    """The routes that the search evaluated before a race was optimised.
 
     Attributes:
-        ways: the best first, then the others by race time; empty where nothing was explored.
-        led: how many of the flights that were optimised as a whole led to the best.
-        elsewhere: how many of them led to other ways.
-        lost: how many of them led nowhere.
-        seconds: that exploring took.
+        routes: the best first, then the others by race time; empty without a search.
+        converged_to_best: number of joint optimizations that converged to the best route.
+        converged_elsewhere: number that converged to other routes.
+        failed: number that did not converge.
+        seconds: duration of the search, s.
         loops: needless loops that the best still flies, a sentence each.
     """
 
-    ways: tuple[Way, ...] = ()
-    led: int = 0
-    elsewhere: int = 0
-    lost: int = 0
+    routes: tuple[Route, ...] = ()
+    converged_to_best: int = 0
+    converged_elsewhere: int = 0
+    failed: int = 0
     seconds: float = 0.0
     loops: tuple[str, ...] = ()
 

@@ -54,7 +54,7 @@ def certificate_section(certificate: Certificate | None) -> str:
 def search_section(result: StageResult) -> str:
     """Return the routes that a stage tried; empty where it tried none."""
     search = result.search
-    if not search.ways:
+    if not search.routes:
         return ""
     mesh = f"Race times are those of the {result.stage.value} on a rough mesh; the best way was then optimised in full."
     return table_section(search_table(search, "Routes that were tried", notes=[mesh, *search.loops]))

@@ -246,7 +246,7 @@ def explored_stage(run: Run, flown: StageView) -> StageView:
     """
     names = [one.name for one in run]
     before = run.stages[: names.index(flown.name) + 1]
-    return next((one for one in reversed(before) if one.result.search.ways), flown)
+    return next((one for one in reversed(before) if one.result.search.routes), flown)
 
 
 def stage_sections(flown: StageView, explored: StageView | None = None, *, priced: bool = False) -> list[str]:

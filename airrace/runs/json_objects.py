@@ -9,7 +9,7 @@ import numpy as np
 
 from airrace.logs.violations import Violation
 from airrace.optimal_control.certificate import Certificate
-from airrace.procedure.result import GateSplit, RefinementReason, SearchReport, StageResult, SuggestedChange, Way
+from airrace.procedure.result import GateSplit, RefinementReason, Route, SearchReport, StageResult, SuggestedChange
 from airrace.procedure.split_comparison import compared, last_common
 from airrace.results import Flight, laps_of
 from airrace.results.clearances import Clearance, NearMiss, near_misses
@@ -70,8 +70,8 @@ def stage_object(result: StageResult) -> dict[str, object]:
             for alternative in result.alternatives
         ],
         "mesh": mesh_object(result),
-        "ways": [way_object(way) for way in result.search.ways],
-        "search": search_object(result.search) if result.search.ways else None,
+        "routes": [route_object(route) for route in result.search.routes],
+        "search": search_object(result.search) if result.search.routes else None,
         "conflicts": conflict_objects(result.suggested_changes),
         "certificate": None if result.certificate is None else certificate_object(result.certificate),
     }
@@ -99,13 +99,13 @@ def mesh_object(result: StageResult) -> dict[str, object] | None:
     }
 
 
-def way_object(way: Way) -> dict[str, object]:
+def route_object(route: Route) -> dict[str, object]:
     """Return the object of a route that was tried; race time and difference are those of a rough mesh."""
     return {
-        "way": way.text,
-        "race_time_s": finite(way.race_time),
-        "difference_s": finite(way.difference),
-        "priced": way.priced,
+        "route": route.text,
+        "race_time_s": finite(route.race_time),
+        "difference_s": finite(route.difference),
+        "evaluated_by": route.evaluated_by,
     }
 
 
@@ -113,9 +113,9 @@ def search_object(explored: SearchReport) -> dict[str, object]:
     """Return how exploring went: of the flights optimised as a whole, how many led to the best, elsewhere, nowhere."""
     return {
         "seconds": finite(explored.seconds),
-        "led_to_best": explored.led,
-        "led_elsewhere": explored.elsewhere,
-        "lost": explored.lost,
+        "converged_to_best": explored.converged_to_best,
+        "converged_elsewhere": explored.converged_elsewhere,
+        "failed": explored.failed,
         "loops": list(explored.loops),
     }
 

@@ -186,7 +186,7 @@ def contradictions(result: StageResult) -> Iterator[str]:
     yield from _start(result)
     yield from _message(result)
     yield from _seconds(result)
-    yield from _ways(result.search)
+    yield from _routes(result.search)
     for alternative in result.alternatives:
         if not alternative.holds or alternative.trajectory.race_time < result.trajectory.race_time:
             yield "an alternative does not hold, or is the faster one"
@@ -234,17 +234,17 @@ def _seconds(result: StageResult) -> Iterator[str]:
         yield "its attempts are not possible"
 
 
-def _ways(explored: SearchReport) -> Iterator[str]:
-    counts = (explored.led, explored.elsewhere, explored.lost, explored.seconds)
+def _routes(explored: SearchReport) -> Iterator[str]:
+    counts = (explored.converged_to_best, explored.converged_elsewhere, explored.failed, explored.seconds)
     if not all(math.isfinite(one) and one >= 0 for one in counts):
-        yield "exploring went in a way that is not possible"
-    if not explored.ways:
+        yield "the record of the search is not possible"
+    if not explored.routes:
         return
-    best = explored.ways[0].race_time
-    differences = [way.race_time - way.difference - best for way in explored.ways]
+    best = explored.routes[0].race_time
+    differences = [route.race_time - route.difference - best for route in explored.routes]
     if not all(abs(one) <= SUM_ROUNDED * max(1.0, best) for one in differences):
         yield "the routes that were tried differ from the best by other times than are told"
-    later = [way.difference for way in explored.ways[1:]]
+    later = [route.difference for route in explored.routes[1:]]
     if any(after < before for before, after in itertools.pairwise(later)):
         yield "the routes that were tried are out of order"
 

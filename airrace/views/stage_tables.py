@@ -66,10 +66,10 @@ def certificate_table(certificate: Certificate, title: str, notes: Sequence[str]
 
 
 _SEARCH = (
-    Column("way", wraps=True),
+    Column("route", wraps=True),
     Column("rough time", "s", ".3f"),
     Column("behind", "s", "+.3f"),
-    Column("priced"),
+    Column("evaluated by"),
 )
 
 
@@ -82,12 +82,12 @@ def search_table(search: SearchReport, title: str = "", most: int | None = None,
         most: routes to be listed; None for all.
         notes: sentences that belong to it.
     """
-    flights = search.led + search.elsewhere + search.lost
-    tried = f"routes: {len(search.ways)} tried in {search.seconds:.1f} s"
+    best, starts = search.converged_to_best, search.converged_to_best + search.converged_elsewhere + search.failed
+    tried = f"routes: {len(search.routes)} tried in {search.seconds:.1f} s"
     rows: list[tuple[str | float, ...]] = [
-        (way.text, way.race_time, "best" if number == 0 else way.difference, way.priced)
-        for number, way in enumerate(search.ways[:most])
+        (route.text, route.race_time, "best" if number == 0 else route.difference, route.evaluated_by)
+        for number, route in enumerate(search.routes[:most])
     ]
-    if len(rows) < len(search.ways):
-        rows.append((f"and {len(search.ways) - len(rows)} more", "", "", ""))
-    return Table(title or f"{tried}, {search.led} of {flights} flights led to the best", _SEARCH, rows, notes)
+    if len(rows) < len(search.routes):
+        rows.append((f"and {len(search.routes) - len(rows)} more", "", "", ""))
+    return Table(title or f"{tried}, {best} of {starts} multistarts converged to the best", _SEARCH, rows, notes)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, Ways
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, RouteSummary
 from airrace.batch.ranking import STATES, RankingRow, ranking_of, wind_summaries
 from airrace.cli.batch_tables import NAME_MAX, folded, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
@@ -33,7 +33,7 @@ WIDEST = rows_of(
                 1234.5,
                 laps=(50.25, 49.875 + code),
                 stage=LONGEST,
-                ways=Ways("g1: flat", 15, "g1: over the top", 10.125),
+                routes=RouteSummary("g1: flat", 15, "g1: over the top", 10.125),
             ),
         )
         for code in STATES
@@ -66,8 +66,8 @@ def test_tables_fit_the_terminal_and_break_no_word(
         assert {*row.state.split(), flight.stage or "-", f"{flight.race_time:.3f}", row.behind_words} <= words
         assert {f"{flight.wall:.1f}", *flight.message.split()} <= words
         assert row.step.name in words or set(folded(row.step.name).split()) <= words
-        if flight.ways is not None:
-            assert {f"{min(flight.laps):.3f}", str(flight.ways.tried), f"{flight.ways.behind:+.3f}"} <= words
+        if flight.routes is not None:
+            assert {f"{min(flight.laps):.3f}", str(flight.routes.tried), f"{flight.routes.behind:+.3f}"} <= words
 
 
 def test_a_name_on_several_lines_is_the_name() -> None:

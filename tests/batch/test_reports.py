@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from junitparser import Error, Failure, JUnitXml, Skipped, TestSuite
 
 from airrace.batch import github
-from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, Ways, invalid, ways_of
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob, RouteSummary, invalid, routes_of
 from airrace.batch.ranking import RankingRow, counts, ranking_of, wind_summaries, wind_words
 from airrace.batch.reports import csv_text, fit, junit_text, markdown_text
 from airrace.batch.supervision import Policy
@@ -101,16 +101,19 @@ def test_the_csv_has_a_column_for_every_swept_key() -> None:
 
 EXPLORED = rows_of(
     (a_step("plain"), JobResult(0, "", 61.0)),
-    (a_step("bent"), JobResult(0, "", 60.0, ways=Ways("a | b: to the left", 7, "a -> b: over the top", 0.125))),
+    (
+        a_step("bent"),
+        JobResult(0, "", 60.0, routes=RouteSummary("a | b: to the left", 7, "a -> b: over the top", 0.125)),
+    ),
 )
 
 
 def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
     table = list(csv.DictReader(io.StringIO(csv_text(EXPLORED, Path("out")))))
-    assert [line["way"] for line in table] == ["a | b: to the left", ""]
-    assert [line["ways_tried"] for line in table] == ["7", ""]
-    assert [line["next_way"] for line in table] == ["a -> b: over the top", ""]
-    assert [line["next_way_behind_s"] for line in table] == ["0.125", ""]
+    assert [line["route"] for line in table] == ["a | b: to the left", ""]
+    assert [line["routes_evaluated"] for line in table] == ["7", ""]
+    assert [line["next_route"] for line in table] == ["a -> b: over the top", ""]
+    assert [line["next_route_behind_s"] for line in table] == ["0.125", ""]
     text = markdown_text(EXPLORED, ())
     assert "| bent | a \\| b: to the left | 7 | a -> b: over the top | +0.125 |" in text.splitlines()
     assert "routes tried" not in markdown_text(ROWS, ())
@@ -118,16 +121,16 @@ def test_reports_tell_which_way_round_was_flown_and_which_came_next() -> None:
     assert shown[-2].split()[:5] == ["bent", "certified", "-", "60.000", "best"]
     assert shown[-2].split()[5:] == ["7", "+0.125", "0.0"]
     assert shown[-1].split()[4:7] == ["+1.000", "-", "-"]
-    assert "next way" not in rendered(*ranking_tables(ROWS))
+    assert "next route" not in rendered(*ranking_tables(ROWS))
 
 
-def test_the_ways_of_a_run_are_those_of_the_stage_that_explored() -> None:
-    best, other = ({"way": way, "difference_s": late} for way, late in (("flat", 0.0), ("high", 0.5)))
-    silent = {"stage": "six-dof", "ways": []}
-    assert ways_of({"stages": [{"ways": [best, other]}, silent]}) == Ways("flat", 2, "high", 0.5)
-    assert ways_of({"stages": [{"ways": [best]}, silent]}) == Ways("flat", 1)
-    assert ways_of({"stages": [silent]}) is None
-    assert ways_of(None) is None
+def test_the_routes_of_a_run_are_those_of_the_stage_that_explored() -> None:
+    best, other = ({"route": way, "difference_s": late} for way, late in (("flat", 0.0), ("high", 0.5)))
+    silent = {"stage": "six-dof", "routes": []}
+    assert routes_of({"stages": [{"routes": [best, other]}, silent]}) == RouteSummary("flat", 2, "high", 0.5)
+    assert routes_of({"stages": [{"routes": [best]}, silent]}) == RouteSummary("flat", 1)
+    assert routes_of({"stages": [silent]}) is None
+    assert routes_of(None) is None
 
 
 @pytest.fixture(scope="module")

@@ -25,27 +25,27 @@ from hypothesis import strategies as st
 from airrace.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from airrace.checkpoint.store import seal, unseal
 from airrace.errors import CheckpointError
-from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, SuggestedChange, Way
+from airrace.procedure.result import NOT_SEARCHED, Outcome, Route, SearchReport, Stage, StageResult, SuggestedChange
 
 EXPLORED = SearchReport(
-    ways=(
-        Way("g4 -> g5: over the top to the right, 140 m high", 54.6, 0.0, "jointly"),
-        Way("g4 -> g5: 180 degrees to the left, flat", 54.9, 0.3, "window"),
+    routes=(
+        Route("g4 -> g5: over the top to the right, 140 m high", 54.6, 0.0, "joint"),
+        Route("g4 -> g5: 180 degrees to the left, flat", 54.9, 0.3, "window"),
     ),
-    led=3,
-    elsewhere=1,
-    lost=1,
+    converged_to_best=3,
+    converged_elsewhere=1,
+    failed=1,
     seconds=4.5,
     loops=("g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m",),
 )
 STAGE = "stages/point-mass"
-ways = records(Way, text=texts, race_time=numbers, difference=numbers, priced=texts)
+routes = records(Route, text=texts, race_time=numbers, difference=numbers, evaluated_by=texts)
 explored = st.builds(
     SearchReport,
-    ways,
-    led=counts,
-    elsewhere=counts,
-    lost=counts,
+    routes,
+    converged_to_best=counts,
+    converged_elsewhere=counts,
+    failed=counts,
     seconds=numbers,
     loops=st.lists(texts, max_size=3).map(tuple),
 )
@@ -114,8 +114,8 @@ def test_plain_hdf5_shows_ways_and_rivals(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "run.h5", checkpoint_of(contested()))
     with h5py.File(tmp_path / "run.h5", "r") as file:
         stage = file[STAGE]
-        assert stage["search/ways"]["text"][0].decode() == EXPLORED.ways[0].text
-        assert stage["search/ways"]["difference"].tolist() == [0.0, 0.3]
+        assert stage["search/routes"]["text"][0].decode() == EXPLORED.routes[0].text
+        assert stage["search/routes"]["difference"].tolist() == [0.0, 0.3]
         assert list(stage["alternatives"]) == ["1", "2"]
         # The time axis of an alternative's histories is its own.
         assert stage["alternatives/2/states/V_K"].dims[0][0] == stage["alternatives/2/time"]
@@ -128,16 +128,16 @@ def renew(file: h5py.File, name: str, data: np.ndarray) -> None:
 
 FORGERIES: dict[str, tuple[Callable[[h5py.File], object], str]] = {
     "unknown member": (lambda f: f.create_group(f"{STAGE}/search/more"), "'more' is unknown"),
-    "no ways": (lambda f: f.pop(f"{STAGE}/search/ways"), "'ways' is missing"),
+    "no routes": (lambda f: f.pop(f"{STAGE}/search/routes"), "'routes' is missing"),
     "no summary": (lambda f: f.pop(f"{STAGE}/search/summary"), "'summary' is missing"),
     "two summaries": (
         lambda f: renew(f, f"{STAGE}/search/summary", np.repeat(f[f"{STAGE}/search/summary"][()], 2)),
         "summary: 2 rows instead of one",
     ),
     "loops of numbers": (lambda f: renew(f, f"{STAGE}/search/loops", np.zeros(2)), "loops"),
-    "ways of other columns": (
-        lambda f: renew(f, f"{STAGE}/search/ways", np.zeros(1, [("text", "S2"), ("race_time", "<f8")])),
-        "ways",
+    "routes of other columns": (
+        lambda f: renew(f, f"{STAGE}/search/routes", np.zeros(1, [("text", "S2"), ("race_time", "<f8")])),
+        "routes",
     ),
     "nothing explored": (lambda f: f.pop(f"{STAGE}/search"), "'search' is missing"),
     "no alternatives' group": (lambda f: f.pop(f"{STAGE}/alternatives"), "'alternatives' is missing"),
@@ -191,7 +191,7 @@ def test_stage_stands_on_its_ways_and_rivals() -> None:
     """What is computed from them is stale where they are others."""
     link = checkpoint_of(contested()).stages[0].chain_hash
     first, second = contested().alternatives
-    slower = replace(EXPLORED, ways=(EXPLORED.ways[0], replace(EXPLORED.ways[1], race_time=55.0)))
+    slower = replace(EXPLORED, routes=(EXPLORED.routes[0], replace(EXPLORED.routes[1], race_time=55.0)))
     others = (
         replace(contested(), search=slower),
         replace(contested(), alternatives=(second, first)),

@@ -17,11 +17,11 @@ import airrace
 from airrace.checkpoint import read_checkpoint
 from airrace.cli import run_tables
 from airrace.cli.main import app
-from airrace.cli.run_tables import SHOWN, result_tables, ways_table
+from airrace.cli.run_tables import SHOWN, result_tables, routes_table
 from airrace.cli.tables import rendered
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
-from airrace.procedure.result import SearchReport, Stage, StageResult, Way
+from airrace.procedure.result import Route, SearchReport, Stage, StageResult
 from airrace.results import Flight
 from airrace.results.clearances import Clearance, NearMiss
 from airrace.runs import json_objects
@@ -33,17 +33,17 @@ STYLE = re.compile(r"\x1b\[[0-9;]*m")
 LOOP = "g6 -> g7: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
 
 
-def explored(ways: int = 3, loops: tuple[str, ...] = ()) -> SearchReport:
+def explored(routes: int = 3, loops: tuple[str, ...] = ()) -> SearchReport:
     tried = tuple(
-        Way(
+        Route(
             f"1:g{number} -> 1:g{number + 1}: over the top to the right, {100 + number} m high",
             10.0 + 0.125 * number,
             0.125 * number,
-            "window" if number else "jointly",
+            "window" if number else "joint",
         )
-        for number in range(ways)
+        for number in range(routes)
     )
-    return SearchReport(tried, led=3, elsewhere=1, lost=1, seconds=4.5, loops=loops)
+    return SearchReport(tried, converged_to_best=3, converged_elsewhere=1, failed=1, seconds=4.5, loops=loops)
 
 
 def contested(found: SearchReport, own: StageResult | None = None) -> StageResult:
@@ -152,7 +152,7 @@ def test_optimize_and_show_tell_the_ways(folder: Path) -> None:
     shown = Ran("show", "rovinj_2014.h5")
     assert (flown.code, shown.code) == (0, 0)
     for told in (flown.out, shown.out):
-        assert "routes: 3 tried in 4.5 s, 3 of 5 flights led to the best" in told
+        assert "routes: 3 tried in 4.5 s, 3 of 5 multistarts converged to the best" in told
         assert "over the top to the right" in told
         assert "+0.125" in told
 
@@ -212,15 +212,20 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
     flown = Ran("optimize", TRACK, "--json").answer["stages"][-1]
     shown = Ran("show", "rovinj_2014.h5", "--json").answer["stages"][-1]
     for stage in (flown, shown):
-        assert stage["ways"] == [
-            {"way": way.text, "race_time_s": way.race_time, "difference_s": way.difference, "priced": way.priced}
-            for way in explored().ways
+        assert stage["routes"] == [
+            {
+                "route": route.text,
+                "race_time_s": route.race_time,
+                "difference_s": route.difference,
+                "evaluated_by": route.evaluated_by,
+            }
+            for route in explored().routes
         ]
         assert stage["search"] == {
             "seconds": 4.5,
-            "led_to_best": 3,
-            "led_elsewhere": 1,
-            "lost": 1,
+            "converged_to_best": 3,
+            "converged_elsewhere": 1,
+            "failed": 1,
             "loops": [LOOP],
         }
         assert stage["alternatives"] == [{"race_time_s": 10.0, "state": "certified", "certified": True}] * 2
@@ -228,22 +233,22 @@ def test_json_tells_the_same_ways_when_flown_and_when_shown(folder: Path) -> Non
 
 def test_stage_that_has_not_explored_tells_no_ways() -> None:
     told = stage_object(stage_result(Stage.POINT_MASS))
-    assert (told["ways"], told["search"], told["alternatives"]) == ([], None, [])
+    assert (told["routes"], told["search"], told["alternatives"]) == ([], None, [])
     shown = "".join(rendered(table) for table in result_tables(stage_result(Stage.POINT_MASS)))
     assert "routes" not in shown
 
 
 def test_object_of_a_way_without_a_number_is_json() -> None:
-    lost = replace(explored(1), ways=(Way("nowhere", float("nan"), float("inf"), "window"),))
+    lost = replace(explored(1), routes=(Route("nowhere", float("nan"), float("inf"), "window"),))
     text = json.dumps(run_object("t", [contested(lost)], 1.0, certified=True), allow_nan=False)
-    assert json.loads(text)["stages"][0]["ways"][0]["race_time_s"] is None
+    assert json.loads(text)["stages"][0]["routes"][0]["race_time_s"] is None
 
 
 @pytest.mark.parametrize("count", [1, SHOWN, SHOWN + 1, 40])
 def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    lines = STYLE.sub("", rendered(ways_table(explored(count)))).splitlines()
+    lines = STYLE.sub("", rendered(routes_table(explored(count)))).splitlines()
     told = [line for line in lines if "over the top" in line]
     assert len(told) == min(count, SHOWN)
     assert " best " in told[0]
@@ -255,9 +260,9 @@ def test_table_shows_the_first_ways_and_counts_the_others(count: int, monkeypatc
 def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", columns)
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    whole = "; ".join(way.text for way in explored(6).ways)
-    long = replace(explored(1), ways=(Way(whole, 10.0, 0.0, "jointly"),))
-    shown = STYLE.sub("", rendered(ways_table(long)))
+    whole = "; ".join(route.text for route in explored(6).routes)
+    long = replace(explored(1), routes=(Route(whole, 10.0, 0.0, "joint"),))
+    shown = STYLE.sub("", rendered(routes_table(long)))
     assert "\u2026" not in shown
     for word in whole.split():
         assert word in shown
@@ -265,5 +270,5 @@ def test_long_words_are_folded_and_never_cut(columns: str, monkeypatch: pytest.M
 
 def test_markup_in_names_is_shown_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "120")
-    odd = replace(explored(1), ways=(Way("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "jointly"),))
-    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(ways_table(odd))
+    odd = replace(explored(1), routes=(Route("1:[bold]g1[/bold] -> [red]: straight, flat", 10.0, 0.0, "joint"),))
+    assert "1:[bold]g1[/bold] -> [red]: straight, flat" in rendered(routes_table(odd))

@@ -10,7 +10,7 @@ import pytest
 from example_flights import half_cuban, windy
 from report_pages import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
 
-from airrace.procedure.result import SearchReport, Way
+from airrace.procedure.result import Route, SearchReport
 from airrace.report.flight_page import flight_page
 from airrace.report.sections import number
 from airrace.results.comparison import compare_flights
@@ -110,7 +110,7 @@ def test_a_run_tells_certificate_and_inputs() -> None:
 
 def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) -> None:
     run = half_cuban()
-    way = Way("over the top <left>", 9.25, 0.75, "jointly")
+    way = Route("over the top <left>", 9.25, 0.75, "joint")
     first, *later = run.checkpoint.stages
     tried = replace(first, result=replace(first.result, search=SearchReport((way,))))
     explored = replace(run, checkpoint=replace(run.checkpoint, stages=(tried, *later)))

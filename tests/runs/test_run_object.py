@@ -40,7 +40,7 @@ def test_the_object_has_the_documented_keys() -> None:
             "certified",
             "alternatives",
             "mesh",
-            "ways",
+            "routes",
             "search",
             "conflicts",
             "certificate",

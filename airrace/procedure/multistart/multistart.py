@@ -15,7 +15,7 @@ from airrace.procedure.multistart.description import describe_route, named, shap
 from airrace.procedure.multistart.search import EvaluatedWindow, Found, Search, Tried
 from airrace.procedure.multistart.segments import Segment, differing, same_way, shape, stretches
 from airrace.procedure.multistart.solver_pool import SolverPool
-from airrace.procedure.result import SearchReport, Way
+from airrace.procedure.result import Route, SearchReport
 from airrace.procedure.solve_and_refine import Start
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight
@@ -126,13 +126,13 @@ def _told(found: Found, best: CoarseSolution, course: Course, pace: PlanningMode
     places = stretches(course)
     led = [one for one in found.flights if not differing(best, one.coarse, places)]
     ways = [
-        Way(describe_route(course, best, places), best.race_time, 0.0, "jointly"),
+        Route(describe_route(course, best, places), best.race_time, 0.0, "joint"),
         *(_told_flight(one, best, course, places) for one in found.flights if one not in led),
         *(way for one in found.windows if (way := _told_window(one, best, course, places)) is not None),
     ]
     first, *others = ways
     # Of those with the same words the fastest is told, and a flight optimised jointly before a price.
-    unique = {way.text: way for way in sorted(others, key=lambda way: (way.priced == "jointly", -way.race_time))}
+    unique = {way.text: way for way in sorted(others, key=lambda way: (way.evaluated_by == "joint", -way.race_time))}
     ranked = sorted(unique.values(), key=lambda way: way.race_time)
     loops = tuple(_loops(best, course, pace, places))
     return SearchReport(
@@ -140,13 +140,15 @@ def _told(found: Found, best: CoarseSolution, course: Course, pace: PlanningMode
     )
 
 
-def _told_flight(tried: Tried, best: CoarseSolution, course: Course, places: Sequence[Segment]) -> Way:
+def _told_flight(tried: Tried, best: CoarseSolution, course: Course, places: Sequence[Segment]) -> Route:
     apart = differing(best, tried.coarse, list(places))
     text = way_in_words(course, tried.coarse, apart)
-    return Way(text, tried.coarse.race_time, tried.coarse.race_time - best.race_time, "jointly")
+    return Route(text, tried.coarse.race_time, tried.coarse.race_time - best.race_time, "joint")
 
 
-def _told_window(tried: EvaluatedWindow, best: CoarseSolution, course: Course, places: Sequence[Segment]) -> Way | None:
+def _told_window(
+    tried: EvaluatedWindow, best: CoarseSolution, course: Course, places: Sequence[Segment]
+) -> Route | None:
     """Return a way through a window; None if it is the best flight's own."""
     shown = tried.found.shown
     apart = [(one, place) for one, place in tried.found.inside(places) if not same_way(shown, one, best, place)]
@@ -154,7 +156,7 @@ def _told_window(tried: EvaluatedWindow, best: CoarseSolution, course: Course, p
         return None
     race_time = tried.found.window.base.race_time - tried.found.saved
     text = "; ".join(f"{named(course, place)}: {shape_in_words(shape(shown, one))}" for one, place in apart)
-    return Way(text, race_time, race_time - best.race_time, "window")
+    return Route(text, race_time, race_time - best.race_time, "window")
 
 
 def _loops(best: CoarseSolution, course: Course, pace: PlanningModel, places: Sequence[Segment]) -> list[str]:

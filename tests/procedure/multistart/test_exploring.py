@@ -19,7 +19,7 @@ from airrace.procedure.multistart.budget import THOROUGH, Radius, SearchBudget
 from airrace.procedure.multistart.multistart import Exploration, explore
 from airrace.procedure.multistart.search import WORTH
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import Stage, StageResult, Way
+from airrace.procedure.result import Route, Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import SearchEffort
 
@@ -62,7 +62,7 @@ def test_mirrored_race_takes_the_same_time_in_the_mirrored_ways() -> None:
     assert seconds(image) == pytest.approx(seconds(own), abs=SAME)
     other = {"right": "left", "left": "right"}
     # Names of passages stay as they are: only what follows the colon is seen in the mirror.
-    for way, seen in zip(own.search.ways, image.search.ways, strict=True):
+    for way, seen in zip(own.search.routes, image.search.routes, strict=True):
         legs = [leg.split(": ") for leg in way.text.split("; ")]
         expected = "; ".join(
             ": ".join([*leg[:-1], " ".join(_mirrored_word(word, other) for word in leg[-1].split(" "))]) for leg in legs
@@ -77,11 +77,11 @@ def _mirrored_word(word: str, other: dict[str, str]) -> str:
 
 
 def assert_same_flight(one: StageResult, other: StageResult) -> None:
-    assert one.search.ways == other.search.ways
-    assert (one.search.led, one.search.elsewhere, one.search.lost) == (
-        other.search.led,
-        other.search.elsewhere,
-        other.search.lost,
+    assert one.search.routes == other.search.routes
+    assert (one.search.converged_to_best, one.search.converged_elsewhere, one.search.failed) == (
+        other.search.converged_to_best,
+        other.search.converged_elsewhere,
+        other.search.failed,
     )
     for name in ("durations", "state", "control"):
         np.testing.assert_array_equal(getattr(one.trajectory, name), getattr(other.trajectory, name))
@@ -103,9 +103,9 @@ def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
     unimproved = search_with(dataclasses.replace(wide, rounds=0), SLALOM).search(0)
     improved = search_with(wide, SLALOM).search(0)
     tight = search_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), SLALOM).search(0)
-    assert unimproved.ways[0].race_time > tight.ways[0].race_time + 5.0
-    assert improved.ways[0].race_time == pytest.approx(tight.ways[0].race_time, abs=2e-2)
-    assert improved.ways[0].text == tight.ways[0].text
+    assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
+    assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
+    assert improved.routes[0].text == tight.routes[0].text
 
 
 def test_loop_that_is_left_is_told() -> None:
@@ -135,19 +135,19 @@ def test_race_that_is_flown_well_has_no_needless_loop(race: Race) -> None:
     assert optimum(race).search.loops == ()
 
 
-def ranked(ways: Sequence[Way]) -> list[float]:
+def ranked(ways: Sequence[Route]) -> list[float]:
     return [way.race_time for way in ways]
 
 
 @each_small_race
 def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> None:
     explored = optimum(race).search
-    best, *others = explored.ways
-    assert (best.difference, best.priced) == (0.0, "jointly")
+    best, *others = explored.routes
+    assert (best.difference, best.evaluated_by) == (0.0, "joint")
     assert ranked(others) == sorted(ranked(others))
-    for way in explored.ways:
+    for way in explored.routes:
         assert way.difference == pytest.approx(way.race_time - best.race_time, abs=1e-12)
-        assert way.priced in ("jointly", "window")
+        assert way.evaluated_by in ("joint", "window")
         assert way.difference > -WORTH, "a price that was not tried jointly"
     texts = [way.text for way in others]
     assert len(set(texts)) == len(texts)
@@ -157,11 +157,11 @@ def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> 
 
 @each_small_race
 def test_rough_time_of_the_best_way_is_near_the_certified_one(race: Race) -> None:
-    assert optimum(race).search.ways[0].race_time == pytest.approx(seconds(optimum(race)), abs=0.03)
+    assert optimum(race).search.routes[0].race_time == pytest.approx(seconds(optimum(race)), abs=0.03)
 
 
 def test_without_exploring_nothing_is_told() -> None:
-    assert optimum(SLALOM, OFF).search.ways == ()
+    assert optimum(SLALOM, OFF).search.routes == ()
     assert optimum(SLALOM, OFF).search.seconds == 0.0
 
 
@@ -172,7 +172,7 @@ def test_start_without_exploring_is_never_lost_by_it() -> None:
         patch.setattr(fidelity_continuation, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
         (result,) = optimize(SLALOM, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
     assert result.certified
-    assert (result.search.led, result.search.elsewhere, result.search.lost) == (1, 0, 0)
+    assert (result.search.converged_to_best, result.search.converged_elsewhere, result.search.failed) == (1, 0, 0)
     assert seconds(result) == pytest.approx(seconds(optimum(SLALOM, OFF)), abs=SAME)
 
 
@@ -189,7 +189,7 @@ def test_no_race_without_a_flight_has_starts() -> None:
     effort = dataclasses.replace(QUICK_EFFORT, radii=())
     found = search_with(effort, SMALL)
     assert found.starts == ()
-    assert found.search(0).ways == ()
+    assert found.search(0).routes == ()
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from airrace.procedure import fidelity_continuation
 from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.multistart import Exploration
 from airrace.procedure.progress import Silent
-from airrace.procedure.result import NOT_SEARCHED, Outcome, SearchReport, Stage, StageResult, State, Way
+from airrace.procedure.result import NOT_SEARCHED, Outcome, Route, SearchReport, Stage, StageResult, State
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.solve_and_refine import Start
@@ -157,17 +157,17 @@ def test_next_way_and_at_last_the_plan_are_tried_where_the_best_is_not_certified
 def test_ways_are_told_from_the_one_that_was_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse = planned_coarse_solution(SMALL)
     starts = (Start(coarse.flight, coarse.problem, coarse.iterate, 1.0),) * 2
-    told = [SearchReport(ways=(Way(text, 9.0, 0.0, "jointly"),)) for text in ("first", "second")]
+    told = [SearchReport(routes=(Route(text, 9.0, 0.0, "joint"),)) for text in ("first", "second")]
     monkeypatch.setattr(
         fidelity_continuation, "solve_with_refinement", Answers(taking(9.0, certified=False), taking(9.05))
     )
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, told.__getitem__))
     with open_session(QUICK) as session:
         result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
-    assert result.search.ways[0].text == "second"
+    assert result.search.routes[0].text == "second"
 
 
-BEST_WAY = SearchReport(ways=(Way("flat", 9.0, 0.0, "jointly"),))
+BEST_WAY = SearchReport(routes=(Route("flat", 9.0, 0.0, "joint"),))
 
 
 def test_next_way_is_tried_where_the_best_has_become_a_slower_one_on_its_way_to_the_proof(
