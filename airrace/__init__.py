@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from airrace.procedure.settings import Settings
     from airrace.procedure.stage import Stage
     from airrace.quantities import Interval
-    from airrace.runs.courses import Checked, init
+    from airrace.runs.courses import CourseCheck, init
     from airrace.runs.log_view import LogView
     from airrace.runs.run import Run
     from airrace.runs.stage_view import StageView
@@ -40,8 +40,8 @@ __all__ = [
     "Aircraft",
     "AirraceError",
     "Certificate",
-    "Checked",
     "Course",
+    "CourseCheck",
     "Crowd",
     "CrowdShape",
     "Direction",
@@ -95,7 +95,7 @@ _HOMES = {
     "airrace.procedure.settings": ("Settings",),
     "airrace.procedure.stage": ("Stage",),
     "airrace.quantities": ("Interval",),
-    "airrace.runs.courses": ("Checked", "init"),
+    "airrace.runs.courses": ("CourseCheck", "init"),
     "airrace.api": ("check", "import_log", "open", "optimize", "resume", "tracks"),
     "airrace.runs.log_view": ("LogView",),
     "airrace.runs.stage_view": ("StageView",),

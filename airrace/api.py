@@ -19,12 +19,20 @@ from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort
 from airrace.process import available_cores
-from airrace.runs.courses import Checked, ShippedTrack, checked, shipped
-from airrace.runs.execute import flown
-from airrace.runs.log_view import LogView, flown_through
+from airrace.runs.courses import CourseCheck, ShippedTrack, catalogue, check_course
+from airrace.runs.execute import execute
+from airrace.runs.log_view import LogView, fly_log_through
 from airrace.runs.output import ensure_free
-from airrace.runs.plan import Changes, Task, changed_task, continued_task, new_task, other_run, settings_texts
-from airrace.runs.run import Run, opened_run
+from airrace.runs.plan import (
+    Changes,
+    ExecutionPlan,
+    open_source_run,
+    plan_changed_run,
+    plan_new_run,
+    plan_resumed_run,
+    settings_texts,
+)
+from airrace.runs.run import Run, open_run
 from airrace.track.course import Course
 from airrace.views.progress_view import watching
 
@@ -138,7 +146,7 @@ def optimize(
     named = document_or_path(track)
     if named is None:
         raise UsageError("a course is needed: a name, a file or an object")
-    task = new_task(
+    plan = plan_new_run(
         named,
         aircraft=document_or_path(aircraft),
         settings=settings,
@@ -150,7 +158,7 @@ def optimize(
         path=path,
         start=start,
     )
-    return _fly(task, threads, timeout, progress)
+    return _fly(plan, threads, timeout, progress)
 
 
 def resume(
@@ -211,11 +219,11 @@ def resume(
     if path is not None:
         ensure_free(path, force=force)
     if not changes:
-        before = run if isinstance(run, Run) else opened_run(Path(run))
+        before = run if isinstance(run, Run) else open_run(Path(run))
         before = before if path is None else before.moved(path)
         again = stage_name(from_)
         return _fly(
-            continued_task(before, until=stage_name(until), from_stage=again, mesh_check=mesh_check),
+            plan_resumed_run(before, until=stage_name(until), from_stage=again, mesh_check=mesh_check),
             threads,
             timeout,
             progress,
@@ -223,8 +231,8 @@ def resume(
     changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
     if from_ is not None:
         raise UsageError("`from_` goes on in the same run; a changed run starts from the highest stage up to `until`")
-    before = run if isinstance(run, Run) else other_run(Path(run))
-    return _fly(changed_task(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
+    before = run if isinstance(run, Run) else open_source_run(Path(run))
+    return _fly(plan_changed_run(before, changes, until=stage_name(until), out=path), threads, timeout, progress)
 
 
 def open(path: str | Path) -> Run:
@@ -237,7 +245,7 @@ def open(path: str | Path) -> Run:
         CheckpointError: there is no such file, or it is not a whole, undamaged checkpoint.
         InputError: this version of airrace no longer accepts what the run was given.
     """
-    return opened_run(Path(path))
+    return open_run(Path(path))
 
 
 def check(
@@ -246,12 +254,12 @@ def check(
     aircraft: AircraftGiven | None = None,
     settings: SettingsGiven | None = None,
     set: Values = (),
-) -> Checked:
+) -> CourseCheck:
     """Read a course, review it as a race director would, and show it; nothing is flown.
 
     Examples:
         >>> airrace.check("rovinj_2014")
-        <Checked Rovinj 2014: 17 passages, 0 warnings>
+        <CourseCheck Rovinj 2014: 17 passages, 0 warnings>
 
     Args:
         track, aircraft, settings, set: see `optimize`.
@@ -267,7 +275,7 @@ def check(
     if named is None:
         raise UsageError("a course is needed: a name, a file or an object")
     flown_by = document_or_path(aircraft_of(track, aircraft))
-    return checked(named, aircraft=flown_by, settings=settings, overrides=value_texts(set))
+    return check_course(named, aircraft=flown_by, settings=settings, overrides=value_texts(set))
 
 
 def tracks() -> tuple[ShippedTrack, ...]:
@@ -277,22 +285,22 @@ def tracks() -> tuple[ShippedTrack, ...]:
         >>> [track.name for track in airrace.tracks()][:3]
         ['abu_dhabi_2016', 'air_race_x_2024', 'chiba_2015']
     """
-    return shipped().tracks
+    return catalogue().tracks
 
 
-def _fly(task: Task, threads: int | None, timeout: float | None, progress: bool | Progress) -> Run:
-    """Fly all stages of a task."""
-    with _watched(task, progress) as watcher:
-        steps = list(flown(task, threads=threads or available_cores(), timeout=timeout, progress=watcher))
-    return steps[-1] if steps else task.run
+def _fly(plan: ExecutionPlan, threads: int | None, timeout: float | None, progress: bool | Progress) -> Run:
+    """Fly all stages of a plan."""
+    with _watched(plan, progress) as watcher:
+        steps = list(execute(plan, threads=threads or available_cores(), timeout=timeout, progress=watcher))
+    return steps[-1] if steps else plan.run
 
 
 @contextmanager
-def _watched(task: Task, progress: bool | Progress) -> Generator[Progress, None, None]:
+def _watched(plan: ExecutionPlan, progress: bool | Progress) -> Generator[Progress, None, None]:
     if isinstance(progress, Progress):
         yield progress
     elif progress:
-        with watching(task.run.race.course.name, task.stages, quiet=False) as view:
+        with watching(plan.run.race.course.name, plan.stages, quiet=False) as view:
             yield view
     else:
         yield Silent()
@@ -342,6 +350,6 @@ def import_log(
     layout = layout if time_zone is None else with_zone(layout, time_zone)
     if noise is not None and not 0.0 < noise <= 100.0:
         raise UsageError(f"a noise of {noise:g} m makes no sense: it must lie above 0 and not above 100")
-    return flown_through(
+    return fly_log_through(
         Path(log), inputs, layout=layout, noise=known_noise if noise is None else noise, run=run, name=name
     )

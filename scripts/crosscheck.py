@@ -36,7 +36,7 @@ from airrace.jsbsim.accelerations import at_geopotential_height, differences, ra
 from airrace.jsbsim.aircraft_xml import EARTH, FLAT, Planet
 from airrace.jsbsim.simulation import fly_course, simulate
 from airrace.procedure import results_api
-from airrace.runs.run import Run, stored_run
+from airrace.runs.run import Run, run_of_checkpoint
 
 ROOT = Path(__file__).resolve().parent.parent
 STATES, SEED = 1000, 540
@@ -112,7 +112,7 @@ def main() -> int:
         print(row, flush=True)
 
     try:
-        runs = [stored_run(read_checkpoint(path), path) for path in paths]
+        runs = [run_of_checkpoint(read_checkpoint(path), path) for path in paths]
         print(f"{STATES} states: the worst of JSBSim minus ours; limits {FORCE_LIMIT} g and {ANGULAR_LIMIT} rad/s2")
         print(f"{'aircraft':<20}{'planet':<8}{'density':<24}{'g':>12}{'rad/s2':>12}  holds")
         for aircraft in dict.fromkeys([*shipped_aircraft(), *(run.inputs.race.aircraft for run in runs)]):

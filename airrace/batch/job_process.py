@@ -18,7 +18,7 @@ from airrace import interrupts, memory, process
 from airrace.optimal_control.solvers.process.idle_processes import start_early
 from airrace.procedure.progress import Iteration, Progress
 from airrace.procedure.result import Stage, StageResult
-from airrace.runs.command_result import Answer, ExitCode, empty_result, record_failure
+from airrace.runs.command_result import CommandResult, ExitCode, empty_result, record_failure
 
 if TYPE_CHECKING:
     from airrace.batch.job import Job
@@ -65,7 +65,7 @@ def main() -> None:
     job = Job.from_object(order["job"])
     with io.TextIOWrapper(answers, encoding="utf-8") as replies:
         told = JsonProgress(replies)
-        answer = Answer(empty_result(job.course))
+        answer = CommandResult(empty_result(job.course))
         try:
             _fly(answer, job, Path(order["checkpoint"]), told)
         except (Exception, KeyboardInterrupt) as error:  # the edge of the program: every error ends here
@@ -76,16 +76,16 @@ def main() -> None:
     sys.exit(int(answer.code))
 
 
-def _fly(answer: Answer, job: "Job", path: Path, progress: Progress) -> None:
+def _fly(answer: CommandResult, job: "Job", path: Path, progress: Progress) -> None:
     """Fly all stages up to the job's last one, except those in the checkpoint that still stand."""
     from airrace.inputs import inputs_from_documents
-    from airrace.runs.execute import fly_stages
-    from airrace.runs.plan import continued_task
-    from airrace.runs.run import new_run, taken_up
+    from airrace.runs.execute import execute_for_command
+    from airrace.runs.plan import plan_resumed_run
+    from airrace.runs.run import adopt_checkpoint, new_run
 
     inputs = inputs_from_documents(job.track, job.aircraft, job.settings, job.overrides)
-    run = taken_up(new_run(inputs, path))
-    fly_stages(answer, continued_task(run, until=job.until), threads=1, progress=progress)
+    run = adopt_checkpoint(new_run(inputs, path))
+    execute_for_command(answer, plan_resumed_run(run, until=job.until), threads=1, progress=progress)
 
 
 def _end_after(asked: IO[bytes]) -> None:

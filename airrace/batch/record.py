@@ -19,7 +19,7 @@ from airrace.checkpoint.atomic import replace_file
 from airrace.errors import AirraceError, Finding, StorageError, UsageError
 from airrace.records import record
 from airrace.runs.command_result import ExitCode
-from airrace.runs.execute import held
+from airrace.runs.execute import file_lock
 
 SCHEMA = "airrace/job/1"
 SIZE_MAX = 64 * 1024 * 1024
@@ -226,7 +226,7 @@ def locked(folder: Path) -> Generator[None, None, None]:
         raise StorageError(f"cannot write to the folder {folder}: {error.strerror}") from error
     if not os.access(folder, os.W_OK):
         raise StorageError(f"cannot write to the folder {folder}: permission denied")
-    with held(folder / NAME) as refused:
+    with file_lock(folder / NAME) as refused:
         if refused:
             raise UsageError(f"another batch is at work in {folder}; wait for it, or give --output")
         yield

@@ -8,7 +8,7 @@ from airrace.checkpoint.checkpoint import (
     inputs_hash,
     stale_stages,
 )
-from airrace.checkpoint.log_layout import Recorded, RecordedLog, StoredHistory, StoredPassing
+from airrace.checkpoint.log_layout import LogCheckpoint, RawLog, StoredHistory, StoredPassing
 from airrace.checkpoint.store import (
     Sign,
     Signature,
@@ -16,13 +16,13 @@ from airrace.checkpoint.store import (
     read_sealed,
     read_stored,
     write_checkpoint,
-    write_recorded,
+    write_log,
 )
 
 __all__ = [
     "Checkpoint",
-    "Recorded",
-    "RecordedLog",
+    "LogCheckpoint",
+    "RawLog",
     "Sign",
     "Signature",
     "StoredDocument",
@@ -36,5 +36,5 @@ __all__ = [
     "read_stored",
     "stale_stages",
     "write_checkpoint",
-    "write_recorded",
+    "write_log",
 ]

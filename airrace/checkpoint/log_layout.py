@@ -45,7 +45,7 @@ class StoredPassing:
 
 
 @record
-class RecordedLog:
+class RawLog:
     """The part of a log that the flight was made from, as it was read.
 
     Attributes:
@@ -70,7 +70,7 @@ class RecordedLog:
 
 
 @record
-class Recorded:
+class LogCheckpoint:
     """All that the file of a flown log holds.
 
     Attributes:
@@ -86,7 +86,7 @@ class Recorded:
 
     inputs: StoredInputs
     versions: Mapping[str, str]
-    log: RecordedLog
+    log: RawLog
     time: Array
     histories: tuple[StoredHistory, ...]
     passings: tuple[StoredPassing, ...]
@@ -96,13 +96,13 @@ class Recorded:
 
 FLOWN_LOG = "flown log"
 """The content of such a file."""
-RECORDED_SCHEMA = 1
+LOG_SCHEMA = 1
 """The version of this layout; a reader refuses every other."""
 BASES = ("measured", "derived")
 _TIME = "/flight/time"
 
 
-def encode_recorded(recorded: Recorded) -> Group:
+def encode_log(recorded: LogCheckpoint) -> Group:
     """Return a flown log as a tree.
 
     Raises:
@@ -136,15 +136,15 @@ def encode_recorded(recorded: Recorded) -> Group:
             }
         ),
     }
-    return Group(members, {CONTENT: FLOWN_LOG, "schema": RECORDED_SCHEMA})
+    return Group(members, {CONTENT: FLOWN_LOG, "schema": LOG_SCHEMA})
 
 
-def is_recorded(root: Group) -> bool:
+def is_log_checkpoint(root: Group) -> bool:
     """Return whether a tree is that of a flown log."""
     return root.attributes.get(CONTENT) == FLOWN_LOG
 
 
-def decode_recorded(root: Group) -> Recorded:
+def decode_log(root: Group) -> LogCheckpoint:
     """Return the flown log that a tree holds.
 
     Raises:
@@ -152,8 +152,8 @@ def decode_recorded(root: Group) -> Recorded:
             contradict each other, or numbers that no flight can have.
     """
     schema = root.attributes.get("schema")
-    if not is_recorded(root) or schema != RECORDED_SCHEMA:
-        raise CheckpointError(f"the flown log's schema is {schema}; this airrace reads schema {RECORDED_SCHEMA}")
+    if not is_log_checkpoint(root) or schema != LOG_SCHEMA:
+        raise CheckpointError(f"the flown log's schema is {schema}; this airrace reads schema {LOG_SCHEMA}")
     place = Place("", root).expecting("inputs", "versions", "log", "flight")
     flight = place.group("flight").expecting("label", "time", "histories", "passings", "violations")
     time = flight.floats("time")
@@ -165,7 +165,7 @@ def decode_recorded(root: Group) -> Recorded:
     known = [one.time for one in passings if not np.isnan(one.time)]
     if any(not time[0] <= one <= time[-1] for one in known) or any(a > b for a, b in itertools.pairwise(known)):
         raise CheckpointError(f"{flight.path}/passings: do not follow one another within the flight")
-    return Recorded(
+    return LogCheckpoint(
         inputs=inputs_of(place.group("inputs")),
         versions={one.name: one.version for one in rows_of(Version, place.table("versions"), "/versions")},
         log=_log(place.group("log")),
@@ -187,7 +187,7 @@ def _history(one: StoredHistory, row: int) -> Series:
     return Series(one.values, {**declaration(one.quantity, row), "basis": one.basis}, _TIME)
 
 
-def _log(place: Place) -> RecordedLog:
+def _log(place: Place) -> RawLog:
     place.expecting("path", "format", "begins", "time", "line", "offset", "columns", "remarks")
     time, lines, offset = place.floats("time"), place.integers("line"), place.floats("offset")
     columns = place.group("columns")
@@ -197,9 +197,7 @@ def _log(place: Place) -> RecordedLog:
     for name, recorded in {**values, "time": time, "offset": offset}.items():
         ensure_sizes(recorded[~np.isnan(recorded)], f"{place.path}/{name}")
     path, log_format, begins = (place.text(name) for name in ("path", "format", "begins"))
-    return RecordedLog(
-        path, log_format, begins, float(offset[0]), time, lines, values, place.texts("remarks", "remark")
-    )
+    return RawLog(path, log_format, begins, float(offset[0]), time, lines, values, place.texts("remarks", "remark"))
 
 
 def _histories(place: Place, length: int) -> tuple[StoredHistory, ...]:

@@ -27,7 +27,7 @@ from typing import TypeVar
 from airrace.checkpoint.atomic import replace_file
 from airrace.checkpoint.checkpoint import Checkpoint
 from airrace.checkpoint.hdf5 import Group, image_of, tree_of
-from airrace.checkpoint.log_layout import Recorded, decode_recorded, encode_recorded, is_recorded
+from airrace.checkpoint.log_layout import LogCheckpoint, decode_log, encode_log, is_log_checkpoint
 from airrace.checkpoint.run_layout import decode, encode
 from airrace.errors import CheckpointError
 from airrace.procedure.stage import Stage
@@ -75,11 +75,11 @@ def seal(image: bytes, sign: Sign | None = None) -> bytes:
 
 
 def unseal(content: bytes) -> bytes:
-    """Return the image of a sealed file; errors as of `unsealed`."""
-    return unsealed(content)[0]
+    """Return the image of a sealed file; errors as of `unseal`."""
+    return unseal_signed(content)[0]
 
 
-def unsealed(content: bytes) -> tuple[bytes, Signature | None]:
+def unseal_signed(content: bytes) -> tuple[bytes, Signature | None]:
     """Return the image of a sealed file, and the signature that it carries, which is not examined.
 
     Raises:
@@ -133,9 +133,9 @@ def write_checkpoint(
     _write(path, encode(checkpoint), decode, sign, [f"/stages/{one.value}" for one in unchanged])
 
 
-def write_recorded(path: Path, recorded: Recorded) -> None:
+def write_log(path: Path, recorded: LogCheckpoint) -> None:
     """Replace the file at `path` by a flown log, at once and as a whole; errors as of `write_checkpoint`."""
-    _write(path, encode_recorded(recorded), decode_recorded, None)
+    _write(path, encode_log(recorded), decode_log, None)
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -152,9 +152,9 @@ def read_sealed(path: Path) -> tuple[Checkpoint, Signature | None]:
     return _read(path, decode)
 
 
-def read_stored(path: Path) -> Checkpoint | Recorded:
+def read_stored(path: Path) -> Checkpoint | LogCheckpoint:
     """Return the run or the flown log at `path`, verified; errors as of `read_checkpoint`."""
-    return _read(path, lambda root: decode_recorded(root) if is_recorded(root) else decode(root))[0]
+    return _read(path, lambda root: decode_log(root) if is_log_checkpoint(root) else decode(root))[0]
 
 
 def _write(
@@ -173,7 +173,7 @@ def _write(
 
 def _read(path: Path, understood: Callable[[Group], T]) -> tuple[T, Signature | None]:
     try:
-        image, signature = unsealed(_content(path))
+        image, signature = unseal_signed(_content(path))
         logger.info("%s is read", name_of(path))
         return understood(tree_of(image)), signature
     except FileNotFoundError as error:

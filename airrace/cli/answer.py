@@ -12,7 +12,7 @@ import typer
 
 from airrace import interrupts
 from airrace.errors import UsageError
-from airrace.runs.command_result import Answer, ExitCode, of_error, record_failure
+from airrace.runs.command_result import CommandResult, ExitCode, of_error, record_failure
 from airrace.standard_streams import STANDARD, abandon_stdout
 from airrace.views.plain_text import one_line, styled
 
@@ -23,7 +23,7 @@ FINDINGS_SHOWN = 20
 @contextmanager
 def answering(
     fields: Mapping[str, object] | None = None, *, as_json: bool, verbose: bool = False
-) -> Generator[Answer, None, None]:
+) -> Generator[CommandResult, None, None]:
     """Run a command's body; turn whatever it raises into its answer, print it, and leave with its exit code.
 
     Args:
@@ -34,7 +34,7 @@ def answering(
     Raises:
         typer.Exit: with the code, unless it is 0.
     """
-    answer = Answer(dict(fields or {}))
+    answer = CommandResult(dict(fields or {}))
     log = _Log()
     logging.getLogger().addHandler(log)
     logging.getLogger("airrace").setLevel(logging.INFO if verbose else logging.NOTSET)
@@ -60,7 +60,7 @@ def ensure_room(*outputs: Path | None, as_json: bool) -> None:
 
 
 def answer_written(
-    answer: Answer, paths: Sequence[Path], *, quiet: bool = False, remark: str = "", **fields: object
+    answer: CommandResult, paths: Sequence[Path], *, quiet: bool = False, remark: str = "", **fields: object
 ) -> None:
     """Fill in the answer of a command that has written files; one that was written to stdout is not told.
 
@@ -82,7 +82,7 @@ class _Log(logging.Handler):
         print(f"airrace: {record.levelname.lower()}: {record.getMessage()}", file=sys.stderr)
 
 
-def _say(answer: Answer, *, as_json: bool) -> None:
+def _say(answer: CommandResult, *, as_json: bool) -> None:
     """Print the answer: the object or the texts on stdout.
 
     Findings and errors go to stderr either way, for whoever watches a script.

@@ -80,7 +80,7 @@ def batch(
         from airrace.batch.supervision import Policy, supervise
         from airrace.cli.batch_answer import Reports, answer_with, describe_plan
         from airrace.cli.batch_tables import watching_batch
-        from airrace.runs.plan import stage_named
+        from airrace.runs.plan import stage_by_name
         from airrace.runs.run import library_versions
 
         ensure_room(csv_file, junit_file, markdown_file, as_json=as_json)
@@ -89,9 +89,9 @@ def batch(
         manner = Manner(tuple(aircraft or ()), settings, tuple(overrides or ()), parse_sweeps(sweep or ()), until)
         sources = find_sources(courses, manner)
         for group in sources.groups:
-            stage_named(group.manner.until)
+            stage_by_name(group.manner.until)
         versions = ", ".join(f"{name} {number}" for name, number in library_versions().items())
-        last = stage_named(None).value
+        last = stage_by_name(None).value
         if dry_run:
             plan = make_plan(sources, output, until=last, versions=versions, choice=choice)
             describe_plan(answer, plan, quiet=quiet)

@@ -15,7 +15,7 @@ from airrace.cli.batch_tables import plan_line, ranking_tables, wind_tables
 from airrace.cli.tables import rendered, terminal_columns
 from airrace.errors import Finding, UsageError
 from airrace.records import record
-from airrace.runs.command_result import Answer, ExitCode, worst
+from airrace.runs.command_result import CommandResult, ExitCode, worst
 from airrace.runs.output import ensure_free, identity, write_text
 from airrace.standard_streams import STANDARD
 
@@ -65,7 +65,7 @@ def _writable(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
-def describe_plan(answer: Answer, plan: BatchPlan, *, quiet: bool) -> None:
+def describe_plan(answer: CommandResult, plan: BatchPlan, *, quiet: bool) -> None:
     """Fill in the answer of `--dry-run`."""
     actions = [step.action for step in plan.steps]
     totals = {action: actions.count(action) for action in ("fly", "keep", "refuse")}
@@ -81,7 +81,7 @@ def describe_plan(answer: Answer, plan: BatchPlan, *, quiet: bool) -> None:
 
 
 def answer_with(
-    answer: Answer, plan: BatchPlan, results: Sequence[JobResult], reports: Reports, *, wall: float, quiet: bool
+    answer: CommandResult, plan: BatchPlan, results: Sequence[JobResult], reports: Reports, *, wall: float, quiet: bool
 ) -> None:
     """Fill in the answer of a batch, and write its reports.
 
@@ -115,7 +115,7 @@ def answer_with(
     reports.write(rows, summaries, plan.folder)
 
 
-def _fail_for_inputs(answer: Answer, plan: BatchPlan, results: Sequence[JobResult]) -> None:
+def _fail_for_inputs(answer: CommandResult, plan: BatchPlan, results: Sequence[JobResult]) -> None:
     """Report all findings, each once."""
     findings = list(dict.fromkeys(_findings(plan, results)))
     if findings:

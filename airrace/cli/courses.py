@@ -47,9 +47,9 @@ def check(
         from airrace.cli.course_tables import course_tables, planned_table, remarks_text
         from airrace.cli.plan_view import COLUMNS, plan_view
         from airrace.cli.tables import rendered, takes_unicode, terminal_columns
-        from airrace.runs.courses import checked
+        from airrace.runs.courses import check_course
 
-        course = checked(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
+        course = check_course(track, aircraft=aircraft, settings=settings, overrides=overrides or ())
         answer.fields.update(valid=True, **course.as_object())
         if plot is not None:
             ensure_unread([plot], documents_of(course.inputs))
@@ -105,9 +105,9 @@ def tracks(as_json: AsJson = False, verbose: Verbose = False) -> None:
         from textwrap import fill
 
         from airrace.cli.tables import plain_table, rendered
-        from airrace.runs.courses import shipped
+        from airrace.runs.courses import catalogue
 
-        listed = shipped()
+        listed = catalogue()
         answer.fields.update(listed.as_object())
         courses = [(one.name, one.title, one.aircraft, str(one.laps), str(one.passages)) for one in listed.tracks]
         aircraft = [(one.name, one.title) for one in listed.aircraft]
@@ -152,10 +152,10 @@ def doctor(as_json: AsJson = False, verbose: Verbose = False) -> None:
     with answering({"healthy": False, "components": []}, as_json=as_json, verbose=verbose) as answer:
         from dataclasses import asdict
 
-        from airrace.cli.installation import examined
+        from airrace.cli.installation import examine
         from airrace.runs.command_result import ExitCode
 
-        components = examined()
+        components = examine()
         width = max(len(one.name) for one in components)
         lines = [
             f"{one.name:<{width}}  {one.fault or one.found or f'missing, needed for {one.needed_for}'}"

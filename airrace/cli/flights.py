@@ -68,14 +68,14 @@ def import_log(
     show, report, compare, plot and export take the file that is written.
     """
     with answering({"flown": True, "log": name_of(log)}, as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.output import beside, documents_of, ensure_free, ensure_unread
+        from airrace.runs.output import default_output_path, documents_of, ensure_free, ensure_unread
 
-        path = output or beside(log, "h5")
+        path = output or default_output_path(log, "h5")
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=[log, course, aircraft, mapping])
         from airrace.api import import_log as imported
         from airrace.cli.flight_tables import log_texts
-        from airrace.runs.json_objects import flown_object
+        from airrace.runs.json_objects import log_object
 
         flown = imported(
             log,
@@ -91,7 +91,7 @@ def import_log(
         )
         ensure_unread([path], documents_of(flown.inputs))
         flown.save(path)
-        answer.fields.update(flown_object(flown))
+        answer.fields.update(log_object(flown))
         if not quiet and path != STANDARD:
             answer.texts.extend(log_texts(flown))
         answer_written(answer, [path], quiet=quiet)
@@ -123,12 +123,12 @@ def compare(
             ensure_free(plot, force=force, sources=names)
         from airrace.cli.flight_tables import comparison_texts
         from airrace.results.comparison import compare_flights
-        from airrace.runs.flight_sources import opened_flights
-        from airrace.runs.json_objects import compared_object
+        from airrace.runs.flight_sources import open_flights
+        from airrace.runs.json_objects import comparison_object
 
-        reference, *others = opened_flights(names, stage=stage)
+        reference, *others = open_flights(names, stage=stage)
         comparisons = [compare_flights(reference, other) for other in others]
-        answer.fields.update(compared_object(reference, comparisons))
+        answer.fields.update(comparison_object(reference, comparisons))
         if plot is not None:
             from airrace.views.comparison_figure import draw_comparison
 
@@ -156,15 +156,15 @@ def plot(
 ) -> None:
     """Draw a flight: plan and profile by load factor, and histories with their limits (needs matplotlib)."""
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.flight_sources import opened_flight
-        from airrace.runs.output import beside, ensure_free
+        from airrace.runs.flight_sources import open_flight
+        from airrace.runs.output import default_output_path, ensure_free
         from airrace.views.drawing import ensure_drawable
 
-        path = output or beside(name, "kneeboard.png" if kneeboard else "png")
+        path = output or default_output_path(name, "kneeboard.png" if kneeboard else "png")
         ensure_room(path, as_json=as_json)
         ensure_drawable(path)
         ensure_free(path, force=force, sources=[name])
-        flight = opened_flight(name, stage=stage)
+        flight = open_flight(name, stage=stage)
         if kneeboard:
             from airrace.views.kneeboard import draw_kneeboard
 
@@ -199,14 +199,14 @@ def report(
 ) -> None:
     """Write a page that shows a flight: in space, over time, leg by leg. It opens in any browser, without a network."""
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.runs.flight_sources import opened_report
-        from airrace.runs.output import beside, ensure_free, write_text
+        from airrace.runs.flight_sources import report_of_flights
+        from airrace.runs.output import default_output_path, ensure_free, write_text
 
-        path = output or beside(run_file, "html")
+        path = output or default_output_path(run_file, "html")
         names = [str(run_file), *(flights or [])]
         ensure_room(path, as_json=as_json)
         ensure_free(path, force=force, sources=names)
-        write_text(path, opened_report(names, stage=stage, priced=sensitivities))
+        write_text(path, report_of_flights(names, stage=stage, priced=sensitivities))
         answer_written(answer, [path], quiet=quiet, remark="; any browser opens it", format="html", flights=names)
 
 
@@ -255,20 +255,20 @@ def csv_table(
     """
     with answering(as_json=as_json, verbose=verbose) as answer:
         from airrace.errors import UsageError
-        from airrace.runs.flight_sources import opened_file, source_of
+        from airrace.runs.flight_sources import open_file, source_of
         from airrace.runs.log_view import LogView
-        from airrace.runs.output import Named, ensure_free
+        from airrace.runs.output import FlightName, ensure_free
         from airrace.runs.stage_view import Splits
         from airrace.views.streams import PlainStream
 
         if splits and rate is not None:
             raise UsageError("gate splits have no rate; leave out --splits or --rate")
         ensure_room(output, as_json=as_json)
-        beside = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
-        for path in (output, *beside):
+        default_output_path = [] if splits or output == STANDARD else [output.with_suffix(f".splits{output.suffix}")]
+        for path in (output, *default_output_path):
             ensure_free(path, force=force, sources=[name])
-        named = Named.of(name)
-        flown = source_of(opened_file(named.path), named.stage or stage)
+        named = FlightName.of(name)
+        flown = source_of(open_file(named.path), named.stage or stage)
         passings = flown.splits if isinstance(flown, LogView) else Splits(flown.result.splits)
         if output != STANDARD:
             _ = passings.to_csv(output) if splits else flown.to_csv(output, rate)
@@ -279,9 +279,9 @@ def csv_table(
                 flown.write_csv(cast(TextIO, PlainStream(sys.stdout)), rate)
             except BrokenPipeError:  # the reader has seen enough
                 abandon_stdout()
-        for path in beside:
+        for path in default_output_path:
             passings.to_csv(path)
-        answer_written(answer, [output, *beside], quiet=quiet, format="csv", flights=[name])
+        answer_written(answer, [output, *default_output_path], quiet=quiet, format="csv", flights=[name])
 
 
 def _registered() -> Mapping[str, "Format"]:

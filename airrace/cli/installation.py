@@ -50,18 +50,18 @@ class Component:
     fault: str = ""
 
 
-def examined() -> tuple[Component, ...]:
+def examine() -> tuple[Component, ...]:
     """Return all components of this installation."""
     return (
         Component("Python", f"{platform.python_version()} on {platform.platform()}"),
         *_packages(),
-        _tried("native library", native_variant),
+        _try("native library", native_variant),
         Component("cores", f"{available_cores()} of {os.cpu_count()}"),
-        _tried("extensions", _extensions),
-        _tried("time zones", lambda: str(ZoneInfo("Europe/Zagreb")), "import --time-zone"),
-        _tried("this folder", lambda: _writable(Path.cwd()), "files without a folder in --output"),
-        _tried("temporary folder", lambda: _writable(Path(tempfile.gettempdir()))),
-        _tried("solver", solved),
+        _try("extensions", _extensions),
+        _try("time zones", lambda: str(ZoneInfo("Europe/Zagreb")), "import --time-zone"),
+        _try("this folder", lambda: _writable(Path.cwd()), "files without a folder in --output"),
+        _try("temporary folder", lambda: _writable(Path(tempfile.gettempdir()))),
+        _try("solver", solve_known_problem),
     )
 
 
@@ -82,7 +82,7 @@ class _Thrust(Vector[T]):
     acceleration: T = quantity("m/s2", lower=-1.0, upper=1.0)
 
 
-def solved() -> str:
+def solve_known_problem() -> str:
     """Solve a problem with a known answer in the solver process; return how long it took.
 
     A body at rest is brought to rest 1 m farther in minimum time, with at most 1 m/s2: that takes 2 s.
@@ -121,7 +121,7 @@ def _packages() -> Iterator[Component]:
                 yield Component(match["name"], "", "", "it is not installed")
 
 
-def _tried(name: str, find: Callable[[], str], needed_for: str = "") -> Component:
+def _try(name: str, find: Callable[[], str], needed_for: str = "") -> Component:
     """Return a component that is found by trying it."""
     try:
         return Component(name, find(), needed_for)

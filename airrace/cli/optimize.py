@@ -27,11 +27,11 @@ from airrace.cli.options import (
     track_option,
 )
 from airrace.procedure.settings import GuessKind, SearchEffort
-from airrace.runs.command_result import Answer, empty_result
+from airrace.runs.command_result import CommandResult, empty_result
 from airrace.standard_streams import STANDARD, stem_of
 
 if TYPE_CHECKING:
-    from airrace.runs.plan import Changes, Task
+    from airrace.runs.plan import Changes, ExecutionPlan
 
 
 def optimize(
@@ -83,7 +83,7 @@ def optimize(
             start_early(1 if search is SearchEffort.OFF else min(2, threads))  # the other is for what is tried
         from airrace.errors import UsageError
         from airrace.runs.output import NO_PIPE, ensure_free
-        from airrace.runs.plan import new_task, settings_texts
+        from airrace.runs.plan import plan_new_run, settings_texts
         from airrace.runs.signing import signer_of
 
         signer = None if sign is None else signer_of(sign)
@@ -96,10 +96,10 @@ def optimize(
             *(overrides or ()),
             *settings_texts(guess=guess, search=search, alternatives=alternatives, mesh_check=mesh_check),
         ]
-        task = new_task(
+        plan = plan_new_run(
             track, aircraft=aircraft, settings=settings, overrides=entries, until=until, path=path, start=start
         )
-        _fly(answer, task.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+        _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
 def resume(
@@ -136,8 +136,8 @@ def resume(
         threads = threads or available_cores()
         if not dry_run:
             start_early()
-        from airrace.runs.plan import Changes, changed_task, continued_task, other_run, settings_texts
-        from airrace.runs.run import opened_run
+        from airrace.runs.plan import Changes, open_source_run, plan_changed_run, plan_resumed_run, settings_texts
+        from airrace.runs.run import open_run
         from airrace.runs.signing import ensure_own, signer_of
 
         signer = None if sign is None else signer_of(sign)
@@ -145,11 +145,11 @@ def resume(
         _ensure_sensible(changes, run_file, output, sign, force=force, from_stage=from_stage)
         if output is not None:
             changes = changes.with_overrides(settings_texts(mesh_check=mesh_check))
-            task = changed_task(other_run(run_file), changes, until=until, out=output)
+            plan = plan_changed_run(open_source_run(run_file), changes, until=until, out=output)
         else:
             ensure_own(run_file, signer)
-            task = continued_task(opened_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
-        _fly(answer, task.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
+            plan = plan_resumed_run(open_run(run_file), until=until, from_stage=from_stage, mesh_check=mesh_check)
+        _fly(answer, plan.signed(signer), threads=threads, timeout=timeout, dry_run=dry_run, quiet=quiet)
 
 
 def _ensure_sensible(
@@ -178,21 +178,23 @@ def _ensure_sensible(
     ensure_free(out, force=force, sources=[run, changes.track, changes.aircraft, changes.settings, sign])
 
 
-def _fly(answer: Answer, task: "Task", *, threads: int, timeout: float | None, dry_run: bool, quiet: bool) -> None:
-    """Fly a task, watched on stderr, and fill in the answer with its tables; or only say what would run."""
+def _fly(
+    answer: CommandResult, plan: "ExecutionPlan", *, threads: int, timeout: float | None, dry_run: bool, quiet: bool
+) -> None:
+    """Fly a plan, watched on stderr, and fill in the answer with its tables; or only say what would run."""
     from airrace.runs.command_result import ExitCode
-    from airrace.runs.execute import fly_stages
-    from airrace.runs.plan import Step, described
+    from airrace.runs.execute import execute_for_command
+    from airrace.runs.plan import PlannedStage, step_lines
     from airrace.views.progress_view import watching
 
     if dry_run:
-        steps = task.steps or [Step(stage, "it is not finished") for stage in task.stages]
-        answer.fields = {"track": task.run.name, "steps": [step.as_object() for step in steps]}
-        answer.texts.extend(() if quiet else ["\n".join(described(steps))])
+        steps = plan.steps or [PlannedStage(stage, "it is not finished") for stage in plan.stages]
+        answer.fields = {"track": plan.run.name, "steps": [step.as_object() for step in steps]}
+        answer.texts.extend(() if quiet else ["\n".join(step_lines(steps))])
         return
-    with watching(task.run.race.course.name, task.stages, quiet=quiet) as progress:
-        results = fly_stages(answer, task, threads=threads, timeout=timeout, progress=progress)
+    with watching(plan.run.race.course.name, plan.stages, quiet=quiet) as progress:
+        results = execute_for_command(answer, plan, threads=threads, timeout=timeout, progress=progress)
     if results and answer.code is not ExitCode.INTERRUPTED and not quiet:
         from airrace.cli.run_tables import flight_texts  # not needed before there is something to show
 
-        answer.texts.extend(flight_texts(task, results))
+        answer.texts.extend(flight_texts(plan, results))

@@ -10,7 +10,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from airrace.cli.stored_stages import Shown
+from airrace.cli.stored_stages import StoredStages
 from airrace.cli.tables import (
     PAGE,
     add_numbers,
@@ -31,7 +31,7 @@ from airrace.trajectory import Array
 
 if TYPE_CHECKING:
     from airrace.procedure.restart import SourceRun
-    from airrace.runs.plan import Task
+    from airrace.runs.plan import ExecutionPlan
 
 DOES_NOT_STAND = "NOT certified: its items may hold, but the stage does not stand"
 ONE_MESH = "checked on one mesh; no second mesh has confirmed the race time"
@@ -331,7 +331,7 @@ UNVERIFIED = "\n".join(
 """The sentences that `airrace show` says of its numbers."""
 
 
-def run_texts(shown: Shown, *, legs: bool, certificates: bool) -> Iterator[str]:
+def run_texts(shown: StoredStages, *, legs: bool, certificates: bool) -> Iterator[str]:
     """Yield the stages, what each of them says, then splits, ways, legs and certificates; at most 80 columns wide.
 
     Args:
@@ -359,7 +359,7 @@ def _stage_texts(result: StageResult, *, certificates: bool) -> Iterator[str]:
         yield certificate_line(result)
 
 
-def _flight_texts(shown: Shown, *, legs: bool) -> Iterator[str]:
+def _flight_texts(shown: StoredStages, *, legs: bool) -> Iterator[str]:
     assert shown.flight is not None  # its stage is known
     if line := laps_line(shown.flight):
         yield line
@@ -369,7 +369,7 @@ def _flight_texts(shown: Shown, *, legs: bool) -> Iterator[str]:
         yield from (rendered(table, columns=PAGE) for table in leg_tables(shown.flight))
 
 
-def flight_texts(task: "Task", results: Sequence[StageResult]) -> Iterator[str]:
+def flight_texts(task: "ExecutionPlan", results: Sequence[StageResult]) -> Iterator[str]:
     """Yield what `optimize` and `resume` show of the stages of a run: messages, tables, and what was changed by it."""
     from airrace.runs.stage_view import StageView
 

@@ -22,28 +22,28 @@ def show(
 ) -> None:
     """Show stages, times, legs and certificates."""
     with answering(as_json=as_json, verbose=verbose) as answer:
-        from airrace.checkpoint import Recorded, read_sealed, read_stored
+        from airrace.checkpoint import LogCheckpoint, read_sealed, read_stored
         from airrace.cli.run_tables import run_texts
-        from airrace.cli.stored_stages import shown_object, shown_of
+        from airrace.cli.stored_stages import stored_stages, stored_stages_object
         from airrace.runs.signing import ensure_signed
 
         stored = read_stored(run_file)
-        signature = None if isinstance(stored, Recorded) or trust is None else read_sealed(run_file)[1]
+        signature = None if isinstance(stored, LogCheckpoint) or trust is None else read_sealed(run_file)[1]
         signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
-        if isinstance(stored, Recorded):
+        if isinstance(stored, LogCheckpoint):
             from airrace.cli.flight_tables import log_texts
             from airrace.runs.flight_sources import source_of
-            from airrace.runs.json_objects import flown_object
-            from airrace.runs.log_view import opened_log
+            from airrace.runs.json_objects import log_object
+            from airrace.runs.log_view import open_log
 
-            flown = opened_log(stored)
+            flown = open_log(stored)
             source_of(flown, stage)
-            answer.fields.update(flown_object(flown))
+            answer.fields.update(log_object(flown))
             if not as_json:
                 answer.texts.extend(log_texts(flown, legs=legs))
             return
-        shown = shown_of(stored, run_file, stage)
-        answer.fields.update(shown_object(shown))
+        shown = stored_stages(stored, run_file, stage)
+        answer.fields.update(stored_stages_object(shown))
         answer.fields["signed_by"] = signed_by or None
         if signed_by:
             answer.texts.append(f"signed by {signed_by}")
@@ -78,9 +78,9 @@ def verify(
         from airrace.errors import UsageError
         from airrace.procedure.result import UNVERIFIABLE
         from airrace.runs.command_result import ExitCode
-        from airrace.runs.run import readable, stored_run
+        from airrace.runs.run import ensure_readable, run_of_checkpoint
         from airrace.runs.signing import ensure_signed, signer_of
-        from airrace.runs.verification import verified
+        from airrace.runs.verification import verify_run
         from airrace.standard_streams import STANDARD
 
         if sign is not None and run_file == STANDARD:
@@ -88,9 +88,9 @@ def verify(
         signer = None if sign is None else signer_of(sign)
         checkpoint, signature = read_sealed(run_file)
         signed_by = "" if trust is None else ensure_signed(run_file, signature, trust)
-        run = readable(stored_run(checkpoint, run_file))
+        run = ensure_readable(run_of_checkpoint(checkpoint, run_file))
         answer.fields["track"] = run.name
-        stages = verified(run, versions=not other_versions)
+        stages = verify_run(run, versions=not other_versions)
         for stage in stages:
             if stage.objection:
                 answer.fail(ExitCode.NOT_CERTIFIED, f"{stage.result.stage.value}: {stage.objection}")
@@ -138,11 +138,11 @@ def sensitivity(
         from airrace.cli.flight_tables import sensitivities_csv, sensitivities_text
         from airrace.cli.tables import terminal_columns
         from airrace.errors import UsageError
-        from airrace.runs.run import opened_run
+        from airrace.runs.run import open_run
 
         if as_json and as_csv:
             raise UsageError("--json and --csv exclude each other")
-        run = opened_run(run_file)
+        run = open_run(run_file)
         priced = run.stage(stage)
         answer.fields.update(track=run.name, stage=priced.name, race_time_s=None, sensitivities={})
         found = list(priced.sensitivities(None if by is None else by.value).values())

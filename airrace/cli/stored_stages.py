@@ -9,15 +9,15 @@ from airrace.procedure.result import StageResult
 from airrace.records import record
 from airrace.results import Flight
 from airrace.runs.json_objects import legs_object, run_object, stage_object
-from airrace.runs.run import Run, readable, stored_run
-from airrace.runs.stage_view import is_certified, standing
+from airrace.runs.run import Run, ensure_readable, run_of_checkpoint
+from airrace.runs.stage_view import downgrade_stale, is_certified
 from airrace.views.plain_text import one_line
 
 logger = logging.getLogger(__name__)
 
 
 @record
-class Shown:
+class StoredStages:
     """Stages to be shown.
 
     Attributes:
@@ -36,7 +36,7 @@ class Shown:
     stage: str
 
 
-def shown_of(checkpoint: Checkpoint, path: Path, stage: str | None) -> Shown:
+def stored_stages(checkpoint: Checkpoint, path: Path, stage: str | None) -> StoredStages:
     """Choose what is shown.
 
     Args:
@@ -56,18 +56,18 @@ def shown_of(checkpoint: Checkpoint, path: Path, stage: str | None) -> Shown:
             raise UsageError(f"this run has no stage {stage!r}; it has: {names}")
     flown = next((result for result in reversed(results) if result.is_flight), None)
     if flown is None:
-        return Shown(checkpoint, every, results, None, "")
+        return StoredStages(checkpoint, every, results, None, "")
     if run is None:
         logger.warning("legs and laps are left out: this version of airrace refuses the inputs: %s", refusal)
-        return Shown(checkpoint, every, results, None, "")
+        return StoredStages(checkpoint, every, results, None, "")
     name = flown.stage.value
-    return Shown(checkpoint, every, results, run.flight(name), name)
+    return StoredStages(checkpoint, every, results, run.flight(name), name)
 
 
 def _understood(checkpoint: Checkpoint, path: Path) -> tuple[Run | None, str]:
     """Return the run; None, and why, where this version of airrace does not accept its inputs."""
     try:
-        return readable(stored_run(checkpoint, path)), ""
+        return ensure_readable(run_of_checkpoint(checkpoint, path)), ""
     except InputError as error:
         return None, str(error.findings[0])
 
@@ -76,10 +76,10 @@ def _standing(checkpoint: Checkpoint) -> tuple[StageResult, ...]:
     """Return the stages of a run whose inputs are not understood; they may stand on these inputs as they are stored."""
     stale = dict(stale_stages(checkpoint, inputs_hash(checkpoint.inputs.resolved)))
     results = (stored.result for stored in checkpoint.stages)
-    return tuple(standing(result, stale.get(result.stage, "")) for result in results)
+    return tuple(downgrade_stale(result, stale.get(result.stage, "")) for result in results)
 
 
-def shown_object(shown: Shown) -> dict[str, object]:
+def stored_stages_object(shown: StoredStages) -> dict[str, object]:
     """Return the object of the run, with `legs` and `laps` in the stage whose flight is told.
 
     `unverified` says that all of it is read from the file and nothing is measured.

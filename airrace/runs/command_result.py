@@ -80,7 +80,7 @@ def of_error(error: BaseException) -> ExitCode:
 
 
 @dataclass
-class Answer:
+class CommandResult:
     """An answer as far as it is known.
 
     Attributes:
@@ -109,7 +109,7 @@ def empty_result(track: str | None) -> dict[str, object]:
     return {"track": track, "certified": False, "race_time_s": None, "wall_s": None, "stages": []}
 
 
-def record_failure(answer: Answer, error: BaseException) -> None:
+def record_failure(answer: CommandResult, error: BaseException) -> None:
     """Turn what ended a command's body into its answer's code, sentence and findings."""
     if debugging():
         traceback.print_exception(error)

@@ -59,7 +59,7 @@ class ShippedAircraft:
 
 
 @record
-class Shipped:
+class Catalogue:
     """All that comes along; `rules` are the names that a track file's `rules` may give."""
 
     tracks: tuple[ShippedTrack, ...]
@@ -75,9 +75,9 @@ class Shipped:
         }
 
 
-def shipped() -> Shipped:
+def catalogue() -> Catalogue:
     """Read the courses and aircraft that come along, in alphabetical order of their names."""
-    return Shipped(tuple(map(_track, TRACKS.names)), tuple(map(_aircraft, AIRCRAFT.names)), preset_names())
+    return Catalogue(tuple(map(_track, TRACKS.names)), tuple(map(_aircraft, AIRCRAFT.names)), preset_names())
 
 
 def _track(name: str) -> ShippedTrack:
@@ -182,7 +182,7 @@ def _copied(like: Path) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Checked:
+class CourseCheck:
     """A course that is valid, and what a race director would ask about it.
 
     Attributes:
@@ -234,19 +234,19 @@ class Checked:
     def __repr__(self) -> str:
         course, count = self.race.course, len(self.warnings)
         passages = f"{len(course.passages)} passages"
-        return f"<Checked {course.name}: {passages}, {count} warning{'' if count == 1 else 's'}>"
+        return f"<CourseCheck {course.name}: {passages}, {count} warning{'' if count == 1 else 's'}>"
 
     def _repr_html_(self) -> str:
         return course_page(self.race, self.map_model, [remark.text for remark in self.warnings])
 
 
-def checked(
+def check_course(
     track: str | Path | Document,
     *,
     aircraft: str | Path | Document | None = None,
     settings: str | Path | None = None,
     overrides: Sequence[str] = (),
-) -> Checked:
+) -> CourseCheck:
     """Read a course and review it.
 
     Args:
@@ -262,4 +262,4 @@ def checked(
     )
     planned = planned_flight(inputs.race)
     remarks = in_order([*review(inputs.race), *remarks_on_line(planned)], inputs.race.course)
-    return Checked(inputs, planned, (*unused, *remarks))
+    return CourseCheck(inputs, planned, (*unused, *remarks))

@@ -14,18 +14,18 @@ from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import proves
 from airrace.procedure.progress import Progress
 from airrace.procedure.result import Stage, StageResult, State
-from airrace.runs.command_result import Answer, ExitCode
-from airrace.runs.json_objects import comparison_object, run_object
-from airrace.runs.plan import Task
+from airrace.runs.command_result import CommandResult, ExitCode
+from airrace.runs.json_objects import run_object, split_comparison_object
+from airrace.runs.plan import ExecutionPlan
 from airrace.runs.run import Run, stages_object
-from airrace.runs.stage_view import is_certified, unproved, verdict
+from airrace.runs.stage_view import is_certified, one_mesh_note, verdict
 
 PATIENCE = 0.1
 """The time for which a lock is tried, s: whoever holds it may just be removing it."""
 
 
 @contextmanager
-def flown_alone(path: Path | None) -> Generator[None, None, None]:
+def run_lock(path: Path | None) -> Generator[None, None, None]:
     """Hold the lock of a run's file while it is flown.
 
     It lies beside the file, for that is replaced after every stage. The system releases it when this process ends in
@@ -41,14 +41,14 @@ def flown_alone(path: Path | None) -> Generator[None, None, None]:
     if target is None or not target.parent.is_dir():
         yield
         return
-    with held(target.with_name(f".{target.name[:200]}.lock")) as refused:
+    with file_lock(target.with_name(f".{target.name[:200]}.lock")) as refused:
         if refused:
             raise UsageError(f"{path} is being flown by another process; wait for it, or name another file")
         yield
 
 
 @contextmanager
-def held(lock: Path) -> Generator[bool, None, None]:
+def file_lock(lock: Path) -> Generator[bool, None, None]:
     """Hold a lock that is a file of its own, and tell whether it is refused since another process holds it.
 
     Where its folder takes no files, or knows no locks, nobody holds it.
@@ -72,61 +72,61 @@ def held(lock: Path) -> Generator[bool, None, None]:
             own.release()
 
 
-def flown(task: Task, *, threads: int, timeout: float | None = None, progress: Progress) -> Iterator[Run]:
+def execute(plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress) -> Iterator[Run]:
     """Fly the stages that are not kept; yield the run after each, written to its file if it has one.
 
     The file is written before anything is computed, too: whatever ends the run, it can be resumed.
 
     Args:
-        task: what is to be flown.
+        plan: what is to be computed.
         threads: threads that evaluate derivatives.
         timeout: the longest wall time of what is flown, s; None for none.
         progress: who watches.
     """
-    return (run for run, _ in _flown(task, threads=threads, timeout=timeout, progress=progress))
+    return (run for run, _ in _execute(plan, threads=threads, timeout=timeout, progress=progress))
 
 
-def _flown(
-    task: Task, *, threads: int, timeout: float | None = None, progress: Progress
+def _execute(
+    plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[tuple[Run, StageResult]]:
     """Return the run after each stage that was flown, or proved, and that stage."""
     if timeout is not None and not timeout > 0.0:
         raise UsageError(f"a run needs some time: --timeout {timeout:g} leaves none")
-    with flown_alone(task.run.path):
-        yield from _flown_alone(task, threads=threads, timeout=timeout, progress=progress)
+    with run_lock(plan.run.path):
+        yield from _execute_locked(plan, threads=threads, timeout=timeout, progress=progress)
 
 
-def _flown_alone(
-    task: Task, *, threads: int, timeout: float | None = None, progress: Progress
+def _execute_locked(
+    plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Iterator[tuple[Run, StageResult]]:
-    run, start = task.run, task.start
-    kept = {result.stage for result in task.kept}
-    _keep(run)
+    run, start = plan.run, plan.start
+    kept = {result.stage for result in plan.reused}
+    _store(run)
     for result in procedure.optimize(
         run.inputs.race,
         run.inputs.settings,
-        until=task.until,
+        until=plan.until,
         threads=threads,
-        finished=task.kept,
+        finished=plan.reused,
         start=() if start is None else start.results,
         start_name="" if start is None else start.name,
         timeout=timeout,
         progress=progress,
     ):
         run = run.with_proof(result) if result.stage in kept else run.with_stage(result)
-        _keep(run, {one.stage for one in run.results} - {result.stage})
+        _store(run, {one.stage for one in run.results} - {result.stage})
         progress.stage_finished(result)  # now, and not before it is kept: what is announced is never lost
         yield run, result
 
 
-def fly_stages(
-    answer: Answer, task: Task, *, threads: int, timeout: float | None = None, progress: Progress
+def execute_for_command(
+    answer: CommandResult, plan: ExecutionPlan, *, threads: int, timeout: float | None = None, progress: Progress
 ) -> Sequence[StageResult]:
     """Fly the stages that are not kept, and fill in the answer's object, exit code and sentence.
 
     Args:
         answer: what the command has to say.
-        task: what is to be flown.
+        plan: what is to be computed.
         threads: threads that evaluate derivatives.
         timeout: the longest wall time of what is flown, s; None for none.
         progress: who watches.
@@ -138,45 +138,45 @@ def fly_stages(
         All stages of the run by now, in order.
     """
     started = time.perf_counter()
-    finished = {result.stage: result for result in task.kept}
+    finished = {result.stage: result for result in plan.reused}
     try:
-        for _, result in _flown(task, threads=threads, timeout=timeout, progress=progress):
+        for _, result in _execute(plan, threads=threads, timeout=timeout, progress=progress):
             finished[result.stage] = result
     except OutOfTime:
         answer.fail(
-            ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(task, tuple(finished.values()))}"
+            ExitCode.TIMEOUT, f"stopped after {timeout:g} s (--timeout); {_next_step(plan, tuple(finished.values()))}"
         )
     except BaseException as error:
         if not interrupts.caused(error):
             raise
         interrupts.hear()
-        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(task, tuple(finished.values()))}")
+        answer.fail(ExitCode.INTERRUPTED, f"interrupted; {_next_step(plan, tuple(finished.values()))}")
     finally:
         results = tuple(finished.values())
-        summarise(answer, task.run.name, results, time.perf_counter() - started)
-        answer.fields["stages"] = stages_object(task.run.inputs, results)
+        summarise(answer, plan.run.name, results, time.perf_counter() - started)
+        answer.fields["stages"] = stages_object(plan.run.inputs, results)
         for result in results:
-            if result.state is State.SOLVED and proves(task.run.inputs.settings, result.stage, task.until):
-                answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {unproved(result)}")
-        if task.start is not None:
-            answer.fields["compared"] = comparison_object(task.start, results)
+            if result.state is State.SOLVED and proves(plan.run.inputs.settings, result.stage, plan.until):
+                answer.fail(ExitCode.NOT_CERTIFIED, f"{result.stage.value}: {one_mesh_note(result)}")
+        if plan.start is not None:
+            answer.fields["compared"] = split_comparison_object(plan.start, results)
     return results
 
 
-def _keep(run: Run, unchanged: Collection[Stage] = ()) -> None:
+def _store(run: Run, unchanged: Collection[Stage] = ()) -> None:
     if run.path is not None:
         write_checkpoint(run.path, run.checkpoint, run.sign, unchanged)
 
 
-def _next_step(task: Task, results: Sequence[StageResult]) -> str:
+def _next_step(plan: ExecutionPlan, results: Sequence[StageResult]) -> str:
     """Return how a run that was ended before its end is continued, as a clause."""
-    if task.start is not None and not results:  # resuming would begin from the course alone
-        return f"no stage is finished; start from {task.start.name} again with --force"
+    if plan.start is not None and not results:  # resuming would begin from the course alone
+        return f"no stage is finished; start from {plan.start.name} again with --force"
     finished = ", ".join(result.stage.value for result in results) or "none"
-    return f"go on with `airrace resume {task.run.path}` (finished: {finished})"
+    return f"go on with `airrace resume {plan.run.path}` (finished: {finished})"
 
 
-def summarise(answer: Answer, track: str, results: Sequence[StageResult], wall: float) -> None:
+def summarise(answer: CommandResult, track: str, results: Sequence[StageResult], wall: float) -> None:
     """Fill in the object, and fail the answer unless the last stage is certified and all optima before it hold.
 
     Args:

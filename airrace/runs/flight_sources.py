@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from airrace.checkpoint import Recorded, read_stored
+from airrace.checkpoint import LogCheckpoint, read_stored
 from airrace.checkpoint.atomic import replace_file
 from airrace.errors import NotCertified, UsageError
 from airrace.export.formats import formats
@@ -16,15 +16,15 @@ from airrace.export.globe import BEGIN, on_globe
 from airrace.logs.reading import is_log
 from airrace.procedure.result import Stage
 from airrace.results import Flight
-from airrace.runs.log_view import LogView, flown_through, opened_log
-from airrace.runs.output import Named, beside, ensure_free
-from airrace.runs.run import Run, readable, stored_run
+from airrace.runs.log_view import LogView, fly_log_through, open_log
+from airrace.runs.output import FlightName, default_output_path, ensure_free
+from airrace.runs.run import Run, ensure_readable, run_of_checkpoint
 from airrace.runs.stage_view import StageView
 from airrace.standard_streams import stem_of
 from airrace.track.course import Origin
 
 
-def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
+def open_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Flight]:
     """Return the flights of these names, each with a label of its own.
 
     Labels are as short as tells the flights apart: the stem of the file, with the stage where one file gives several
@@ -40,22 +40,22 @@ def opened_flights(texts: Sequence[str], *, stage: str | None = None) -> list[Fl
         InputError: this version of airrace no longer accepts its inputs, or a log is not valid.
         UsageError: a run has no such stage, or that found no flight, or no course is at hand for a log.
     """
-    names = [Named.of(text) for text in texts]
-    kept = {name.path: opened_file(name.path) for name in names if not _is_log(name)}
+    names = [FlightName.of(text) for text in texts]
+    kept = {name.path: open_file(name.path) for name in names if not _is_log(name)}
     sources = [_source(name, kept, stage) for name in names]
     labels = _labels(names, sources)
     return [source.flight(label) for source, label in zip(sources, labels, strict=True)]
 
 
-def opened_flight(text: str, *, stage: str | None = None) -> Flight:
-    """Return the one flight of a name; errors as of `opened_flights`."""
-    return opened_flights([text], stage=stage)[0]
+def open_flight(text: str, *, stage: str | None = None) -> Flight:
+    """Return the one flight of a name; errors as of `open_flights`."""
+    return open_flights([text], stage=stage)[0]
 
 
-def opened_file(path: Path) -> Run | LogView:
-    """Return the run or the flown log in a file; errors as of `opened_flights`."""
+def open_file(path: Path) -> Run | LogView:
+    """Return the run or the flown log in a file; errors as of `open_flights`."""
     stored = read_stored(path)
-    return opened_log(stored) if isinstance(stored, Recorded) else readable(stored_run(stored, path))
+    return open_log(stored) if isinstance(stored, LogCheckpoint) else ensure_readable(run_of_checkpoint(stored, path))
 
 
 def source_of(kept: Run | LogView, stage: str | None) -> StageView | LogView:
@@ -71,11 +71,11 @@ def source_of(kept: Run | LogView, stage: str | None) -> StageView | LogView:
     return kept
 
 
-def _is_log(name: Named) -> bool:
+def _is_log(name: FlightName) -> bool:
     return name.stage is None and is_log(name.path)
 
 
-def _source(name: Named, kept: Mapping[Path, Run | LogView], stage: str | None) -> StageView | LogView:
+def _source(name: FlightName, kept: Mapping[Path, Run | LogView], stage: str | None) -> StageView | LogView:
     if not _is_log(name):
         one = kept[name.path]
         return source_of(one, name.stage or (stage if isinstance(one, Run) else None))
@@ -83,10 +83,10 @@ def _source(name: Named, kept: Mapping[Path, Run | LogView], stage: str | None) 
         raise UsageError(
             f"no course is at hand for the log {name.path}; import it with `airrace import {name.path} --course TRACK`"
         )
-    return flown_through(name.path, next(iter(kept.values())).inputs)
+    return fly_log_through(name.path, next(iter(kept.values())).inputs)
 
 
-def _labels(names: Sequence[Named], sources: Sequence[StageView | LogView]) -> list[str]:
+def _labels(names: Sequence[FlightName], sources: Sequence[StageView | LogView]) -> list[str]:
     """Return unique labels: the file's stem, its name with the stage, its path with the stage, at last a number."""
     stages = [source.name if isinstance(source, StageView) else "" for source in sources]
     several = len(set(filter(None, stages))) > 1
@@ -120,7 +120,7 @@ def write_flights(
 
     Args:
         format_name: one of `airrace.export.formats.formats()`.
-        names: of the flights, as of `opened_flights`.
+        names: of the flights, as of `open_flights`.
         output: the file; None for one beside the first run, with the suffix of the format.
         stage: of the runs that name none; None for their last ones.
         rate: samples per second; None for what suits the format.
@@ -140,7 +140,7 @@ def write_flights(
     low, high = EXPORT_RATES
     if rate is not None and not low <= rate <= high:
         raise UsageError(f"a rate of {rate:g} Hz cannot be exported: it must lie between {low:g} and {high:g}")
-    flights = opened_flights(names, stage=stage)
+    flights = open_flights(names, stage=stage)
     if chosen.globe or where is not None:
         flights = [on_globe(flight, where) for flight in flights]
     hertz = chosen.rate_hz if rate is None else rate
@@ -151,7 +151,7 @@ def write_flights(
 
 def output_of(format_name: str, names: Sequence[str]) -> Path:
     """Return the file into which flights are written unless another one is named."""
-    return beside(names[0], formats()[format_name].suffix or format_name)
+    return default_output_path(names[0], formats()[format_name].suffix or format_name)
 
 
 def origin_of(text: str) -> Origin:
@@ -186,7 +186,7 @@ def begin_of(text: str) -> datetime:
     return when if when.tzinfo is not None else when.replace(tzinfo=UTC)
 
 
-def opened_report(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
+def report_of_flights(names: Sequence[str], *, stage: str | None = None, priced: bool = False) -> str:
     """Return the page as text.
 
     Args:
@@ -203,9 +203,9 @@ def opened_report(names: Sequence[str], *, stage: str | None = None, priced: boo
     """
     from airrace.report.flight_page import flight_page
 
-    first = Named.of(names[0])
-    kept = opened_file(first.path)
-    flights = opened_flights(names, stage=stage)
+    first = FlightName.of(names[0])
+    kept = open_file(first.path)
+    flights = open_flights(names, stage=stage)
     if isinstance(kept, LogView):
         if priced:
             raise NotCertified(f"{first.path} is a flown log: it has no sensitivities")
@@ -230,12 +230,12 @@ def log_sections(flown: LogView) -> list[str]:
 
 def report_page(run: Run, stage: str | Stage | None = None, others: Sequence[str] = (), *, priced: bool = False) -> str:
     """Return the report about a stage of a run that is at hand, with flights by their names beside it; arguments and
-    errors are those of `opened_report`.
+    errors are those of `report_of_flights`.
     """
     from airrace.report.flight_page import flight_page
 
     flown = run.stage(stage)
-    flights = [flown.flight(), *opened_flights(others)]
+    flights = [flown.flight(), *open_flights(others)]
     sections = stage_sections(flown, explored_stage(run, flown), priced=priced)
     return flight_page(flights, sections, footer_of(flown)).as_html()
 

@@ -232,7 +232,7 @@ def _clearance(one: Clearance) -> dict[str, object]:
     }
 
 
-def flown_object(flown: "LogView") -> dict[str, object]:
+def log_object(flown: "LogView") -> dict[str, object]:
     """Return race time, passings, violations, legs and remarks; SI units and radians, violations in their own units."""
     flight, log = flown.flight(), flown.recorded.log
     return {
@@ -282,7 +282,7 @@ def _violation_object(one: Violation) -> dict[str, object]:
     }
 
 
-def compared_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
+def comparison_object(reference: Flight, comparisons: list[Comparison]) -> dict[str, object]:
     """Return what `airrace compare --json` prints: seconds, metres; legs in the order flown."""
     return {
         "tie_s": TIE,
@@ -351,7 +351,7 @@ def _leg_object(leg: LegComparison) -> dict[str, object]:
     }
 
 
-def comparison_object(start: "SourceRun", results: Sequence[StageResult]) -> dict[str, object] | None:
+def split_comparison_object(start: "SourceRun", results: Sequence[StageResult]) -> dict[str, object] | None:
     """Return the object `compared` of the answer, seconds; None where no stage holds in both runs."""
     common = last_common(start.results, results)
     if common is None:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
-from airrace.checkpoint import Recorded, RecordedLog, StoredHistory, StoredPassing, write_recorded
+from airrace.checkpoint import LogCheckpoint, RawLog, StoredHistory, StoredPassing, write_log
 from airrace.errors import CheckpointError, UsageError
 from airrace.export.csv import export_flight_csv
 from airrace.inputs import Inputs, inputs_from_documents
 from airrace.logs.violations import Violation
 from airrace.procedure.result import GateSplit
 from airrace.results import Basis, Crossing, Flight, History, Source
-from airrace.runs.output import written_or_returned
+from airrace.runs.output import write_or_return
 from airrace.runs.run import document_of, library_versions, stored_inputs
 from airrace.runs.stage_view import Splits
 from airrace.standard_streams import stem_of
@@ -38,7 +38,7 @@ class LogView:
     """
 
     inputs: Inputs
-    recorded: Recorded
+    recorded: LogCheckpoint
 
     @property
     def violations(self) -> tuple[Violation, ...]:
@@ -116,7 +116,7 @@ class LogView:
             UsageError: the rate cannot be exported.
             StorageError: the system refused.
         """
-        return written_or_returned(path, lambda stream: self.write_csv(stream, rate))
+        return write_or_return(path, lambda stream: self.write_csv(stream, rate))
 
     def write_csv(self, stream: TextIO, rate: float | None = None) -> None:
         """Write all histories as comma-separated values, as `to_csv` does, to a stream that is open."""
@@ -131,16 +131,16 @@ class LogView:
             StorageError: the system refused.
             CheckpointError: it cannot be stored, for instance because it would be too large.
         """
-        write_recorded(Path(path), self.recorded)
+        write_log(Path(path), self.recorded)
 
 
-def new_flown_log(inputs: Inputs, flown: "LogFlight") -> LogView:
+def new_log_view(inputs: Inputs, flown: "LogFlight") -> LogView:
     """Return a flown log that is stored nowhere yet."""
     flight, log = flown.flight, flown.recording
-    recorded = Recorded(
+    recorded = LogCheckpoint(
         inputs=stored_inputs(inputs),
         versions=library_versions(),
-        log=RecordedLog(
+        log=RawLog(
             path=log.path,
             format=log.format,
             begins="" if log.begins is None else log.begins.isoformat(),
@@ -159,7 +159,7 @@ def new_flown_log(inputs: Inputs, flown: "LogFlight") -> LogView:
     return LogView(inputs, recorded)
 
 
-def opened_log(recorded: Recorded) -> LogView:
+def open_log(recorded: LogCheckpoint) -> LogView:
     """Return a flown log that was read from its file; its inputs are understood anew from their stored texts.
 
     Raises:
@@ -176,7 +176,7 @@ def _without_settings(overrides: Sequence[str]) -> list[str]:
     return [one for one in overrides if not one.strip().startswith("settings.")]
 
 
-def flown_through(
+def fly_log_through(
     log: Path,
     inputs: Inputs,
     *,
@@ -194,4 +194,4 @@ def flown_through(
     flown = flight_from_log(
         recording, inputs.race, label=stem_of(log), penalties=inputs.penalties, noise=noise, run=run
     )
-    return new_flown_log(inputs, flown)
+    return new_log_view(inputs, flown)

@@ -17,14 +17,14 @@ from airrace.standard_streams import STANDARD
 
 
 @record
-class Named:
+class FlightName:
     """A flight as it was asked for: a file, and a stage or None for the last one."""
 
     path: Path
     stage: str | None
 
     @classmethod
-    def of(cls, text: str) -> "Named":
+    def of(cls, text: str) -> "FlightName":
         """Split `RUN.h5:STAGE`; a file whose name holds a colon comes first.
 
         Raises:
@@ -109,12 +109,12 @@ def _files(source: Source) -> set[Path | int]:
         return set()
     named = source.path if isinstance(source, Document) else str(source)
     path = Path(named)
-    if Named.of(named).path == STANDARD:
+    if FlightName.of(named).path == STANDARD:
         return {0}
-    return {path, TRACKS.file(path), AIRCRAFT.file(path), Named.of(named).path}
+    return {path, TRACKS.file(path), AIRCRAFT.file(path), FlightName.of(named).path}
 
 
-def beside(source: str | Path, suffix: str) -> Path:
+def default_output_path(source: str | Path, suffix: str) -> Path:
     """Return where a command writes that makes a file of a file and is told no other name: beside it, with its stem.
 
     What is made of stdin goes to stdout.
@@ -123,7 +123,7 @@ def beside(source: str | Path, suffix: str) -> Path:
         source: a file, or a flight as `RUN.h5:STAGE`.
         suffix: of the new file, without the dot before it, e.g. `png` or `kneeboard.png`.
     """
-    path = Named.of(str(source)).path
+    path = FlightName.of(str(source)).path
     return path if path == STANDARD else path.with_name(f"{path.stem}.{suffix}")
 
 
@@ -136,7 +136,7 @@ def write_text(path: Path, text: str) -> None:
     replace_file(path, text.encode("utf-8", "replace"))
 
 
-def written_or_returned(path: str | Path | None, write: Callable[[TextIO], None]) -> str:
+def write_or_return(path: str | Path | None, write: Callable[[TextIO], None]) -> str:
     """Return a text, or write it into a file piece by piece, and return nothing of it.
 
     Raises:

@@ -22,12 +22,12 @@ from airrace.procedure.result import Outcome, Stage, StageResult, State
 from airrace.procedure.settings import GuessKind, MeshCheck
 from airrace.records import record
 from airrace.runs.output import documents_of, ensure_unread
-from airrace.runs.run import Run, document_of, library_versions, new_run, resolved_text, stored_run
+from airrace.runs.run import Run, document_of, library_versions, new_run, resolved_text, run_of_checkpoint
 
 
 @record
-class Step:
-    """A stage of a task.
+class PlannedStage:
+    """A stage of a plan.
 
     Attributes:
         stage: which one.
@@ -49,25 +49,25 @@ class Step:
 
 
 @record
-class Task:
-    """A run and what is to be flown of it.
+class ExecutionPlan:
+    """A run and what is to be computed of it.
 
     Attributes:
         run: the run as it stands.
         until: the last stage.
-        kept: results that need not be computed again, though some may still have to be proved.
+        reused: results that need not be computed again, though some may still have to be proved.
         steps: every stage up to the last, with the reason why it runs; empty for a run of which nothing exists.
         start: another run to start from; None to start from the course alone.
     """
 
     run: Run
     until: Stage
-    kept: tuple[StageResult, ...] = ()
-    steps: tuple[Step, ...] = ()
+    reused: tuple[StageResult, ...] = ()
+    steps: tuple[PlannedStage, ...] = ()
     start: SourceRun | None = None
 
     def signed(self, sign: Sign | None) -> Self:
-        """Return this task with a way to sign the file of its run."""
+        """Return this plan with a way to sign the file of its run."""
         return replace(self, run=self.run.signing(sign))
 
     @property
@@ -80,14 +80,14 @@ class Task:
         return stages[1 if without_homotopy else 0 : stages.index(self.until) + 1]
 
 
-def described(steps: Sequence[Step]) -> Iterator[str]:
+def step_lines(steps: Sequence[PlannedStage]) -> Iterator[str]:
     """Yield one line per stage that says whether it is run or kept."""
     for step in steps:
         reason = step.reason or step.unproved
         yield f"{step.stage.value}: {step.action}{reason and f' ({reason})'}"
 
 
-def stage_named(text: str | None) -> Stage:
+def stage_by_name(text: str | None) -> Stage:
     """Return the stage that a user names, by default the last available one.
 
     Raises:
@@ -126,7 +126,7 @@ class Changes:
         return replace(self, overrides=(*self.overrides, *texts))
 
 
-def other_run(path: Path) -> Run:
+def open_source_run(path: Path) -> Run:
     """Open the run to start from, with one warning if other versions have written it.
 
     Its flight is only a start, and what is found is certified anew, so other versions do no harm.
@@ -147,10 +147,10 @@ def other_run(path: Path) -> Run:
             path,
             ", ".join(others),
         )
-    return stored_run(checkpoint, path)
+    return run_of_checkpoint(checkpoint, path)
 
 
-def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
+def with_changes(before: Run, changes: Changes, out: Path | None) -> Run:
     """Return a new run: the inputs of a stored one with changes.
 
     The files that are named replace the stored texts; stored overrides are made before the new ones.
@@ -173,7 +173,7 @@ def changed_run(before: Run, changes: Changes, out: Path | None) -> Run:
     return new_run(inputs_from_documents(track, aircraft, settings, (*stored.overrides, *changes.overrides)), out)
 
 
-def proved_otherwise(run: Run, mesh_check: MeshCheck | str) -> Run:
+def with_mesh_check(run: Run, mesh_check: MeshCheck | str) -> Run:
     """Return the same run, of which other stages are to be checked on a second mesh. Its stages stand as they did.
 
     Raises:
@@ -188,7 +188,7 @@ def proved_otherwise(run: Run, mesh_check: MeshCheck | str) -> Run:
     return replace(run, inputs=inputs, checkpoint=replace(run.checkpoint, inputs=changed))
 
 
-def another(before: Run, run: Run, until: Stage) -> SourceRun:
+def source_run(before: Run, run: Run, until: Stage) -> SourceRun:
     """Return the run to start from, as the procedure takes it.
 
     Raises:
@@ -213,7 +213,7 @@ def last_stage(run: Run) -> Stage:
     return run.results[-1].stage
 
 
-def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> Task:
+def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> ExecutionPlan:
     """Decide for every stage up to `until`. A stage that follows one that runs, runs, too.
 
     A stage that was solved on one mesh is kept, and proved if it is the last one or if all are to be proved.
@@ -229,7 +229,7 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
     stages = tuple(procedure.STAGES)
     if from_stage is not None and stages.index(from_stage) > stages.index(until):
         raise UsageError(f"{from_stage.value} comes after {until.value}, the last stage: nothing would run")
-    steps: list[Step] = []
+    steps: list[PlannedStage] = []
     kept: list[StageResult] = []
     for stage in stages[: stages.index(until) + 1]:
         stored = run.checkpoint.stage(stage)
@@ -243,21 +243,21 @@ def continuation(run: Run, *, until: Stage, from_stage: Stage | None = None) -> 
             continue
         else:
             reason = "not finished"
-        steps.append(Step(stage, reason))
+        steps.append(PlannedStage(stage, reason))
         if stored is not None and not reason:
             kept.append(stored.result)
             if stored.result.state is State.SOLVED and proves(run.inputs.settings, stage, until):
                 steps[-1] = replace(steps[-1], unproved="it was solved on one mesh")
-    return Task(run, until, tuple(kept), tuple(steps))
+    return ExecutionPlan(run, until, tuple(kept), tuple(steps))
 
 
-def starting_steps(start: SourceRun, until: Stage) -> tuple[Step, ...]:
+def starting_steps(start: SourceRun, until: Stage) -> tuple[PlannedStage, ...]:
     """Return the steps of a new run that is started from another one, if nothing stands in the way of that."""
     stages = tuple(procedure.STAGES)
     first = start.optima(stages[: stages.index(until) + 1])[0].stage
     climbed = itertools.pairwise(stages[stages.index(first) : stages.index(until) + 1])
-    later = (Step(stage, f"{before.value} runs before it") for before, stage in climbed)
-    return (Step(first, f"started from the one of {start.name}"), *later)
+    later = (PlannedStage(stage, f"{before.value} runs before it") for before, stage in climbed)
+    return (PlannedStage(first, f"started from the one of {start.name}"), *later)
 
 
 def _went_without(
@@ -285,7 +285,7 @@ def _unfit(result: StageResult) -> str:
     return ""
 
 
-def new_task(
+def plan_new_run(
     track: str | Path | Document,
     *,
     aircraft: str | Path | Document | None = None,
@@ -294,8 +294,8 @@ def new_task(
     until: str | None = None,
     path: Path | None = None,
     start: Run | str | Path | None = None,
-) -> Task:
-    """Return the task to fly all stages of a course up to the last.
+) -> ExecutionPlan:
+    """Return the plan to fly all stages of a course up to the last.
 
     Args:
         track, aircraft, settings, overrides: see `load_inputs`.
@@ -309,15 +309,15 @@ def new_task(
             read.
         CheckpointError: the other run cannot be read.
     """
-    last = stage_named(until)
+    last = stage_by_name(until)
     run = new_run(load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides), path)
     before = start.path if isinstance(start, Run) else start
     ensure_unread([] if path is None else [path], [*documents_of(run.inputs), before])
     if start is None:
-        return Task(run, last)
+        return ExecutionPlan(run, last)
     if not isinstance(start, Run):
-        start = other_run(Path(start))
-    return Task(run, last, start=another(start, run, last))
+        start = open_source_run(Path(start))
+    return ExecutionPlan(run, last, start=source_run(start, run, last))
 
 
 def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
@@ -326,9 +326,9 @@ def settings_texts(**chosen: Enum | str | int | None) -> list[str]:
     return [f"settings.{name}={value}" for name, value in plain.items() if value is not None]
 
 
-def continued_task(
+def plan_resumed_run(
     run: Run, *, until: str | None = None, from_stage: str | None = None, mesh_check: MeshCheck | str | None = None
-) -> Task:
+) -> ExecutionPlan:
     """Return what is left of a run: the stages after the last one that still stands, and proofs to be completed.
 
     Args:
@@ -341,12 +341,14 @@ def continued_task(
         InputError: `mesh_check` is not known.
         UsageError: no such stage, or `from_stage` comes after `until`.
     """
-    again = None if from_stage is None else stage_named(from_stage)
-    run = run if mesh_check is None else proved_otherwise(run, mesh_check)
-    return continuation(run, until=stage_named(until), from_stage=again)
+    again = None if from_stage is None else stage_by_name(from_stage)
+    run = run if mesh_check is None else with_mesh_check(run, mesh_check)
+    return continuation(run, until=stage_by_name(until), from_stage=again)
 
 
-def changed_task(before: Run, changes: Changes, *, until: str | None = None, out: Path | None = None) -> Task:
+def plan_changed_run(
+    before: Run, changes: Changes, *, until: str | None = None, out: Path | None = None
+) -> ExecutionPlan:
     """Return a new run with other inputs, started from the highest stage that holds of one that exists.
 
     Args:
@@ -359,8 +361,8 @@ def changed_task(before: Run, changes: Changes, *, until: str | None = None, out
         InputError: the changed inputs are not valid; it carries all findings.
         UsageError: there is nothing to start from, or the file to be written is one that is read.
     """
-    last = last_stage(before) if until is None else stage_named(until)
-    run = changed_run(before, changes, out)
+    last = last_stage(before) if until is None else stage_by_name(until)
+    run = with_changes(before, changes, out)
     ensure_unread([] if out is None else [out], [*documents_of(run.inputs), before.path])
-    start = another(before, run, last)
-    return Task(run, last, steps=starting_steps(start, last), start=start)
+    start = source_run(before, run, last)
+    return ExecutionPlan(run, last, steps=starting_steps(start, last), start=start)

@@ -29,7 +29,16 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.settings import MeshCheck
 from airrace.procedure.split_comparison import SplitComparison, compared, last_common
 from airrace.runs.json_objects import near_misses_object, run_object, stage_object
-from airrace.runs.stage_view import Prices, Splits, StageView, is_certified, run_line, run_page, standing, verdict
+from airrace.runs.stage_view import (
+    Prices,
+    Splits,
+    StageView,
+    downgrade_stale,
+    is_certified,
+    run_line,
+    run_page,
+    verdict,
+)
 from airrace.views.plain_text import one_line
 
 if TYPE_CHECKING:
@@ -101,7 +110,7 @@ class Run:
         stale, versions = self.stale, self.checkpoint.versions
         reasons = (stale.get(one.stage, "") for one in self.results)
         told = zip(self.results, reasons, strict=True)
-        return tuple(StageView(self.inputs, standing(one, reason), versions, reason) for one, reason in told)
+        return tuple(StageView(self.inputs, downgrade_stale(one, reason), versions, reason) for one, reason in told)
 
     def stage(self, name: str | Stage | None = None) -> StageView:
         """Return the stage of this name, by default the last one.
@@ -220,9 +229,9 @@ class Run:
         Raises:
             NotCertified: there is no certificate in this run.
         """
-        from airrace.runs.verification import verified
+        from airrace.runs.verification import verify_run
 
-        return verified(self)
+        return verify_run(self)
 
     def sensitivities(self, stage: str | Stage | None = None, by: str | None = None) -> Prices:
         """Return the sensitivities of a stage's race time to the inputs; see `StageView.sensitivities`."""
@@ -301,7 +310,7 @@ def wall_of(results: Sequence[StageResult]) -> float:
 
 def new_run(inputs: Inputs, path: Path | None = None) -> Run:
     """Return a run of which nothing is finished yet."""
-    return Run(inputs, Checkpoint(stored_inputs(inputs), made_with()), path)
+    return Run(inputs, Checkpoint(stored_inputs(inputs), current_versions()), path)
 
 
 def stored_inputs(inputs: Inputs) -> StoredInputs:
@@ -315,7 +324,7 @@ def stored_inputs(inputs: Inputs) -> StoredInputs:
     )
 
 
-def made_with() -> dict[str, str]:
+def current_versions() -> dict[str, str]:
     """Return the versions that a run which is made now tells of."""
     return {**library_versions(), "python": platform.python_version()}
 
@@ -330,7 +339,7 @@ def resolved_text(inputs: Inputs) -> str:
     return json.dumps(inputs.resolved, sort_keys=True, allow_nan=False)
 
 
-def opened_run(path: Path) -> Run:
+def open_run(path: Path) -> Run:
     """Return the run in a file.
 
     Raises:
@@ -338,10 +347,10 @@ def opened_run(path: Path) -> Run:
             of its stages' models.
         InputError: this version of airrace no longer accepts its inputs.
     """
-    return readable(stored_run(read_checkpoint(path), path))
+    return ensure_readable(run_of_checkpoint(read_checkpoint(path), path))
 
 
-def readable(run: Run) -> Run:
+def ensure_readable(run: Run) -> Run:
     """Return a run whose flights can be read by the models of their stages.
 
     Raises:
@@ -352,7 +361,7 @@ def readable(run: Run) -> Run:
     return run
 
 
-def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:
+def run_of_checkpoint(checkpoint: Checkpoint, path: Path | None) -> Run:
     """Return a run read from its checkpoint; its inputs are understood anew from their stored texts.
 
     Raises:
@@ -370,7 +379,7 @@ def stored_run(checkpoint: Checkpoint, path: Path | None) -> Run:
     return Run(inputs, current, path)
 
 
-def taken_up(run: Run) -> Run:
+def adopt_checkpoint(run: Run) -> Run:
     """Return a new run together with the stages that still stand of the checkpoint at its path.
 
     What is damaged, of other inputs or from other versions, is left aside.
@@ -384,8 +393,8 @@ def taken_up(run: Run) -> Run:
     if any(earlier.versions.get(name) != number for name, number in library_versions().items()):
         return run
     stale = {stage for stage, _ in stale_stages(earlier, inputs_hash(run.checkpoint.inputs.resolved))}
-    standing = tuple(one for one in earlier.stages if one.result.stage not in stale)
-    return replace(run, checkpoint=replace(run.checkpoint, stages=standing))
+    downgrade_stale = tuple(one for one in earlier.stages if one.result.stage not in stale)
+    return replace(run, checkpoint=replace(run.checkpoint, stages=downgrade_stale))
 
 
 def document_of(stored: StoredDocument) -> Document:

@@ -22,7 +22,7 @@ from airrace.results import Flight, Source, flight_of
 from airrace.results.derivation import table_columns
 from airrace.runs.command_result import ExitCode, worst
 from airrace.runs.json_objects import stage_object
-from airrace.runs.output import write_text, written_or_returned
+from airrace.runs.output import write_or_return, write_text
 from airrace.sensitivity.sensitivity import ParameterGroup, Price
 from airrace.trajectory import Trajectory
 from airrace.views.map_model import map_model
@@ -152,7 +152,7 @@ class Prices(Mapping[str, Price]):
         return sensitivities_table(self.by_key, SENSITIVITIES_SHOWN).html()
 
 
-def priced(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
+def stage_sensitivities(inputs: Inputs, result: StageResult, by: str | None = None) -> Prices:
     """Return the prices of a stage.
 
     Args:
@@ -228,7 +228,7 @@ class StageView:
 
     Examples:
         >>> run["point-mass"]
-        <FlownStage half_cuban_eight: point-mass, 8.634 s, certified>
+        <StageView half_cuban_eight: point-mass, 8.634 s, certified>
         >>> run["point-mass"].to_dataframe(rate=10).index[:3].tolist()
         [0.0, 0.1, 0.2]
 
@@ -358,7 +358,7 @@ class StageView:
             UsageError: the rate cannot be exported.
             StorageError: the system refused.
         """
-        return written_or_returned(path, lambda stream: self.write_csv(stream, rate))
+        return write_or_return(path, lambda stream: self.write_csv(stream, rate))
 
     def write_csv(self, stream: TextIO, rate: float | None = None) -> None:
         """Write the flight as comma-separated values, as `to_csv` does, to a stream that is open."""
@@ -380,14 +380,14 @@ class StageView:
 
         if self.stale:
             raise NotCertified(f"{self.name} has no sensitivities: {self.stale}")
-        return priced(self.inputs, self.result, by)
+        return stage_sensitivities(self.inputs, self.result, by)
 
     def as_object(self) -> dict[str, object]:
         """Return the object of this stage in `airrace show --json`."""
         return stage_object(self.result)
 
     def __repr__(self) -> str:
-        return f"<FlownStage {run_line(one_line(Path(self.inputs.track.path).stem), [self.result])}>"
+        return f"<StageView {run_line(one_line(Path(self.inputs.track.path).stem), [self.result])}>"
 
     def _repr_html_(self) -> str:
         return stage_page(self.inputs.race, self.result)
@@ -441,7 +441,7 @@ def is_certified(results: Sequence[StageResult]) -> bool:
     return bool(results) and worst(_codes(results)) is ExitCode.DONE
 
 
-def standing(result: StageResult, stale: str) -> StageResult:
+def downgrade_stale(result: StageResult, stale: str) -> StageResult:
     """Return a stage as it may be told: one that no longer stands is not certified, and says why.
 
     Args:
@@ -455,7 +455,7 @@ def standing(result: StageResult, stale: str) -> StageResult:
     return replace(result, outcome=outcome, message=message)
 
 
-def unproved(result: StageResult) -> str:
+def one_mesh_note(result: StageResult) -> str:
     """Return the sentence on a stage that was solved on one mesh where a certified one was wanted."""
     return result.remarks or "it is solved, but its race time was not confirmed on a second mesh"
 
@@ -482,6 +482,6 @@ def _verdict(result: StageResult) -> str:
     if result.certificate is None:
         return "the run ends with a guess, which is not certified"
     if result.state is State.SOLVED:
-        return unproved(result)
+        return one_mesh_note(result)
     failed = ", ".join(item.name for item in result.certificate.failed)
     return f"not certified: {failed or 'nothing was measured'}"

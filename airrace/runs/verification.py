@@ -22,7 +22,7 @@ from airrace.procedure.stage import STAGES, Stage
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.runs.json_objects import certificate_object
-from airrace.runs.run import Run, made_with
+from airrace.runs.run import Run, current_versions
 from airrace.trajectory import Array
 
 ROUNDED = 1e-6
@@ -179,7 +179,7 @@ def other_versions(stored: Mapping[str, str], running: Mapping[str, str]) -> str
     return f"it is said to be made with {', '.join(differ)}" if differ else ""
 
 
-def contradictions(result: StageResult) -> Iterator[str]:
+def inconsistencies(result: StageResult) -> Iterator[str]:
     """Yield a clause for every record of the making of a stage that contradicts another one, or that airrace never
     writes.
     """
@@ -300,7 +300,7 @@ class Verification:
         }
 
 
-def verified(run: Run, *, versions: bool = True) -> tuple[Verification, ...]:
+def verify_run(run: Run, *, versions: bool = True) -> tuple[Verification, ...]:
     """Measure every stage again, and hold what is stored against that.
 
     Args:
@@ -332,7 +332,7 @@ def _of_the_run(run: Run, *, versions: bool) -> Iterator[str]:
     """Yield what speaks against the whole of a run, which its last stage has to answer for."""
     if missing := missing_stages(run.inputs.settings, run.results):
         yield missing
-    if versions and (other := other_versions(run.checkpoint.versions, made_with())):
+    if versions and (other := other_versions(run.checkpoint.versions, current_versions())):
         yield f"{other}, which cannot be confirmed"
 
 
@@ -355,7 +355,7 @@ def _objections(result: StageResult, again: StageResult | None) -> list[str]:
     """Return clauses that say why a stage is not verified; nothing if it is."""
     if again is None or result.outcome is not Outcome.SOLVED:
         return [f"it ended {result.outcome.value}"]
-    return [*_failures(result, again), *discrepancies(result, again), *contradictions(result)]
+    return [*_failures(result, again), *discrepancies(result, again), *inconsistencies(result)]
 
 
 def _failures(result: StageResult, again: StageResult) -> Iterator[str]:

@@ -28,7 +28,7 @@ from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, Settings
 from airrace.procedure.solver_session import SolverSession
-from airrace.runs.run import stored_run
+from airrace.runs.run import run_of_checkpoint
 from airrace.sensitivity.lagrangian import STEP, prices
 from airrace.sensitivity.sensitivity import Activity, Price
 
@@ -133,7 +133,7 @@ class Study:
 def flown(source: Path, stage: Stage, threads: int) -> tuple[str, Inputs, StageResult]:
     """Inputs and result of a checkpoint, or of a course that is flown now, from the plan."""
     if source.suffix == ".h5":
-        run = stored_run(read_checkpoint(source), source)
+        run = run_of_checkpoint(read_checkpoint(source), source)
         stored = run.checkpoint.stage(stage)
         if stored is None:
             sys.exit(f"{source} has no stage {stage.value}")

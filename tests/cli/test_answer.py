@@ -8,7 +8,7 @@ import typer
 
 from airrace.cli.answer import answering
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
-from airrace.runs.command_result import Answer, ExitCode
+from airrace.runs.command_result import CommandResult, ExitCode
 
 
 def test_success_prints_the_object_alone(capsys: pytest.CaptureFixture[str]) -> None:
@@ -82,7 +82,7 @@ def test_a_bug_is_one_line_unless_debugging(
 
 def test_the_graver_failure_speaks() -> None:
     for codes in ((ExitCode.NOT_CERTIFIED, ExitCode.SYSTEM), (ExitCode.SYSTEM, ExitCode.NOT_CERTIFIED)):
-        answer = Answer()
+        answer = CommandResult()
         for code in codes:
             answer.fail(code, code.name)
         assert (answer.code, answer.error) == (ExitCode.SYSTEM, "SYSTEM")

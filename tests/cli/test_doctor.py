@@ -44,7 +44,7 @@ def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPa
         return version(name)
 
     monkeypatch.setattr(installation, "version", without)
-    monkeypatch.setattr(installation, "solved", lambda: "a known answer")
+    monkeypatch.setattr(installation, "solve_known_problem", lambda: "a known answer")
     code, components, _ = examined()
     assert code == 1
     assert components["h5py"]["fault"] == "it is not installed"

@@ -13,7 +13,7 @@ from airrace.cli.main import app
 from airrace.inputs import load_inputs
 from airrace.procedure import run as procedure
 from airrace.procedure.result import Outcome, Stage
-from airrace.runs.run import stored_run
+from airrace.runs.run import run_of_checkpoint
 
 TRACKS = Path(__file__).parents[2] / "tracks"
 TRACK = TRACKS / "rovinj_2014.yaml"
@@ -48,7 +48,7 @@ def run_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def rules(path: Path) -> tuple[float, float]:
     """The load factor and the height that a stored run allows."""
-    allowed = stored_run(read_checkpoint(path), path).inputs.race.course.rules
+    allowed = run_of_checkpoint(read_checkpoint(path), path).inputs.race.course.rules
     return allowed.n_z.upper, allowed.height.lower
 
 

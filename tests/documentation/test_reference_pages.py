@@ -10,7 +10,7 @@ import yaml
 from pages import DOCS, README, ROOT
 
 from airrace.checkpoint import store
-from airrace.checkpoint.log_layout import RECORDED_SCHEMA
+from airrace.checkpoint.log_layout import LOG_SCHEMA
 from airrace.checkpoint.run_layout import SCHEMA
 from airrace.inputs import load_inputs
 from airrace.inputs.json_schema import LANGUAGES, json_schema
@@ -134,4 +134,4 @@ def test_the_page_on_versions_tells_the_numbers_that_are_read() -> None:
     languages = {tag for model in models for tag in get_args(model.model_fields["schema_"].annotation)}
     assert set(re.findall(r"`schema: (airrace/\w+/\d+)`", page)) == languages
     numbers = re.findall(r"^\| (?:\[checkpoints|flown logs|the user block).*?\| (\d+) \|", page, re.MULTILINE)
-    assert [int(number) for number in numbers] == [SCHEMA, RECORDED_SCHEMA, store.VERSION]
+    assert [int(number) for number in numbers] == [SCHEMA, LOG_SCHEMA, store.VERSION]

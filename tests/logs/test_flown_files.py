@@ -12,13 +12,13 @@ from synthetic import csv_text, fixes, known
 from typer.testing import CliRunner
 
 import airrace
-from airrace.checkpoint import Recorded, read_checkpoint, read_stored, write_recorded
+from airrace.checkpoint import LogCheckpoint, read_checkpoint, read_stored, write_log
 from airrace.checkpoint.hdf5 import Group, Node
-from airrace.checkpoint.log_layout import StoredHistory, decode_recorded, encode_recorded
+from airrace.checkpoint.log_layout import StoredHistory, decode_log, encode_log
 from airrace.cli.main import app
 from airrace.errors import CheckpointError
-from airrace.runs.flight_sources import opened_flight, opened_flights
-from airrace.runs.log_view import LogView, opened_log
+from airrace.runs.flight_sources import open_flight, open_flights
+from airrace.runs.log_view import LogView, open_log
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +31,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def recorded(folder: Path) -> Recorded:
+def recorded(folder: Path) -> LogCheckpoint:
     found = read_stored(folder / "log.h5")
-    assert isinstance(found, Recorded)
+    assert isinstance(found, LogCheckpoint)
     return found
 
 
@@ -44,7 +44,7 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
 
 def test_a_stored_flight_is_the_imported_one(folder: Path) -> None:
     imported = airrace.import_log(folder / "log.csv", "rovinj_2014")
-    first, second = imported.flight(), opened_flight(str(folder / "log.h5"))
+    first, second = imported.flight(), open_flight(str(folder / "log.h5"))
     assert first.label == second.label == "log"
     assert list(first.histories) == list(second.histories)
     for name in first.histories:
@@ -55,14 +55,14 @@ def test_a_stored_flight_is_the_imported_one(folder: Path) -> None:
     ]
 
 
-def test_the_breaches_are_stored(folder: Path, recorded: Recorded) -> None:
-    flown, imported = opened_log(recorded), airrace.import_log(folder / "log.csv", "rovinj_2014")
+def test_the_breaches_are_stored(folder: Path, recorded: LogCheckpoint) -> None:
+    flown, imported = open_log(recorded), airrace.import_log(folder / "log.csv", "rovinj_2014")
     assert flown.violations
     assert flown.penalty == 0.0
     assert repr(flown.violations) == repr(imported.violations)
 
 
-def test_what_was_recorded_is_stored(recorded: Recorded) -> None:
+def test_what_was_recorded_is_stored(recorded: LogCheckpoint) -> None:
     log, seen = recorded.log, fixes(20.0)
     assert (log.format, Path(log.path).name) == ("csv", "log.csv")
     kept = np.isin(np.round(seen.time - seen.time[0], 4), np.round(log.time, 4))
@@ -117,7 +117,7 @@ def test_an_exported_flight_is_imported_again(folder: Path, tmp_path: Path) -> N
     table, again = tmp_path / "again.csv", tmp_path / "again.h5"
     assert run("export", "csv", folder / "log.h5", "--rate", "50", "--output", table)[0] == 0
     assert run("import", table, "--course", "rovinj_2014", "--output", again, "--quiet")[0] == 0
-    first, second = opened_flights([str(folder / "log.h5"), str(again)])
+    first, second = open_flights([str(folder / "log.h5"), str(again)])
     assert [one.time for one in second.crossings] == pytest.approx([one.time for one in first.crossings], abs=0.01)
 
 
@@ -179,7 +179,7 @@ def forged(root: Group, path: str, change: Node) -> Group:
     return replace(root, members={**root.members, name: new})
 
 
-def test_forged_files_are_refused(recorded: Recorded, tmp_path: Path) -> None:
+def test_forged_files_are_refused(recorded: LogCheckpoint, tmp_path: Path) -> None:
     time = recorded.time
     one = recorded.histories[0]
     forgeries = {
@@ -195,27 +195,27 @@ def test_forged_files_are_refused(recorded: Recorded, tmp_path: Path) -> None:
     }
     for said, forgery in forgeries.items():
         with pytest.raises(CheckpointError, match=said):
-            decode_recorded(encode_recorded(forgery))
+            decode_log(encode_log(forgery))
         with pytest.raises(CheckpointError, match=said):
-            write_recorded(tmp_path / "forged.h5", forgery)
+            write_log(tmp_path / "forged.h5", forgery)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_passings_of_another_course_are_refused(recorded: Recorded) -> None:
-    flown = opened_log(recorded)
+def test_passings_of_another_course_are_refused(recorded: LogCheckpoint) -> None:
+    flown = open_log(recorded)
     renamed = tuple(replace(one, passing=f"x{one.passing}") for one in recorded.passings)
     with pytest.raises(CheckpointError, match="its passings are not those of its course"):
         LogView(flown.inputs, replace(recorded, passings=renamed)).flight()
 
 
-def test_other_schemas_and_members_are_refused(recorded: Recorded) -> None:
-    tree = encode_recorded(recorded)
+def test_other_schemas_and_members_are_refused(recorded: LogCheckpoint) -> None:
+    tree = encode_log(recorded)
     with pytest.raises(CheckpointError, match="schema is 9"):
-        decode_recorded(replace(tree, attributes={**tree.attributes, "schema": 9}))
+        decode_log(replace(tree, attributes={**tree.attributes, "schema": 9}))
     with pytest.raises(CheckpointError, match="'extra' is unknown"):
-        decode_recorded(replace(tree, members={**tree.members, "extra": "text"}))
+        decode_log(replace(tree, members={**tree.members, "extra": "text"}))
     with pytest.raises(CheckpointError, match="is not a text"):
-        decode_recorded(forged(tree, "flight/label", Group({})))
+        decode_log(forged(tree, "flight/label", Group({})))
 
 
 def test_a_damaged_file_is_refused(folder: Path, tmp_path: Path) -> None:
@@ -228,11 +228,11 @@ def test_a_damaged_file_is_refused(folder: Path, tmp_path: Path) -> None:
         read_checkpoint(folder / "log.h5")
 
 
-def test_names_that_are_no_names_cannot_be_stored(recorded: Recorded) -> None:
+def test_names_that_are_no_names_cannot_be_stored(recorded: LogCheckpoint) -> None:
     one = recorded.histories[0]
     bad = StoredHistory(replace(one.quantity, name="../x"), one.values, one.basis)
     with pytest.raises(CheckpointError, match="is not a name for a quantity"):
-        encode_recorded(replace(recorded, histories=(bad, *recorded.histories)))
+        encode_log(replace(recorded, histories=(bad, *recorded.histories)))
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from airrace.report.flight_page import flight_page
 from airrace.report.sections import number
 from airrace.results.comparison import compare_flights
 from airrace.results.leg_facts import leg_facts
-from airrace.runs.flight_sources import opened_report, report_page, stage_sections
+from airrace.runs.flight_sources import report_of_flights, report_page, stage_sections
 from airrace.views.tables import Cell, Column, Table
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
@@ -117,7 +117,7 @@ def test_a_later_stage_tells_the_ways_that_were_tried_before_it(tmp_path: Path) 
     assert len(explored.stages) > 1
     assert way.text in read(report_page(explored)).texts["td"]
     explored.save(tmp_path / "explored.h5")
-    assert way.text in read(opened_report([str(tmp_path / "explored.h5")])).texts["td"]
+    assert way.text in read(report_of_flights([str(tmp_path / "explored.h5")])).texts["td"]
     assert "Routes that were tried" not in report_page(run)
 
 

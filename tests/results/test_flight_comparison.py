@@ -18,7 +18,7 @@ from airrace.procedure.result import State
 from airrace.report.flight_page import flight_page
 from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.flight import Crossing, Flight, Source
-from airrace.runs.json_objects import compared_object
+from airrace.runs.json_objects import comparison_object
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
@@ -161,7 +161,7 @@ def test_the_trust_that_a_flight_deserves_is_told_in_its_own_word(state: State |
     assert [line.strip() for line in verdict.splitlines()[1:]] == ([words] if words else [])
     good = state not in (State.GUESS, State.NOT_CERTIFIED)
     assert flight_page([other]).good == good
-    told = compared_object(other, [])["reference"]
+    told = comparison_object(other, [])["reference"]
     assert isinstance(told, dict)
     assert told["state"] == (None if state is None else state.value)
 

@@ -8,7 +8,7 @@ from example_flights import half_cuban
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
-from airrace.runs.output import beside
+from airrace.runs.output import default_output_path
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,6 @@ def test_no_import_overwrites_its_log(tmp_path: Path) -> None:
 
 
 def test_the_name_is_that_of_the_file_without_its_stage() -> None:
-    assert beside("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
-    assert beside(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
-    assert beside("run", "kneeboard.png") == Path("run.kneeboard.png")
+    assert default_output_path("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
+    assert default_output_path(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
+    assert default_output_path("run", "kneeboard.png") == Path("run.kneeboard.png")

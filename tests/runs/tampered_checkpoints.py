@@ -10,7 +10,7 @@ import numpy as np
 from airrace.checkpoint import Checkpoint
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import MeshRecord, Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
-from airrace.runs.run import stored_run
+from airrace.runs.run import run_of_checkpoint
 from airrace.trajectory import Trajectory
 
 replace = dataclasses.replace
@@ -197,7 +197,7 @@ def texts(old: str, new: str) -> Tampering:
         track = checkpoint.inputs.track
         assert old in track.text
         inputs = replace(checkpoint.inputs, track=replace(track, text=track.text.replace(old, new)))
-        understood = stored_run(replace(checkpoint, inputs=inputs), None).checkpoint
+        understood = run_of_checkpoint(replace(checkpoint, inputs=inputs), None).checkpoint
         return resealed(understood, [one.result for one in understood.stages])
 
     return changed

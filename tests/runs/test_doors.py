@@ -190,7 +190,7 @@ def test_certificates_are_measured_again(run: Run, monkeypatch: pytest.MonkeyPat
 
 def test_a_course_is_checked_without_being_flown() -> None:
     checked = airrace.check("rovinj_2014", set=["gate_defaults.width_m=9"])
-    assert repr(checked) == "<Checked Rovinj 2014: 17 passages, 5 warnings>"
+    assert repr(checked) == "<CourseCheck Rovinj 2014: 17 passages, 5 warnings>"
     assert checked.as_object()["name"] == "Rovinj 2014"
     assert "<svg" in checked._repr_html_()
 

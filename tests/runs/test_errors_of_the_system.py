@@ -10,7 +10,7 @@ import pytest
 from airrace import interrupts
 from airrace.__main__ import _ended_by
 from airrace.errors import OutOfTime, is_lack_of_memory
-from airrace.runs.command_result import Answer, ExitCode, of_error, record_failure
+from airrace.runs.command_result import CommandResult, ExitCode, of_error, record_failure
 
 interrupts.let_through()  # the command's module holds them back while it loads
 
@@ -29,7 +29,7 @@ UNMAPPED = "libhdf5-9e18f0c6.so.320.0.0: failed to map segment from shared objec
     ],
 )
 def test_lack_of_memory_is_the_systems_and_told_as_that(error: Exception) -> None:
-    answer = Answer()
+    answer = CommandResult()
     record_failure(answer, error)
     assert (answer.code, answer.error) == (ExitCode.SYSTEM, "out of memory")
 

@@ -8,7 +8,7 @@ from airrace.errors import InputError, UsageError
 from airrace.inputs import load_inputs
 from airrace.inputs.json_schema import schema_text
 from airrace.inputs.shipped import TRACKS
-from airrace.runs.courses import EDITORS_LINE, init, shipped
+from airrace.runs.courses import EDITORS_LINE, catalogue, init
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +73,7 @@ def test_what_does_not_exist_cannot_be_copied(folder: Path) -> None:
 
 
 def test_all_that_comes_along_is_listed() -> None:
-    listed = shipped()
+    listed = catalogue()
     assert [one.name for one in listed.tracks] == list(TRACKS.names)
     rovinj = next(one for one in listed.tracks if one.name == "rovinj_2014")
     assert (rovinj.title, rovinj.passages, rovinj.laps, rovinj.aircraft) == ("Rovinj 2014", 17, 1, "edge540")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from airrace.errors import UsageError
-from airrace.runs.execute import flown_alone
+from airrace.runs.execute import run_lock
 from airrace.runs.output import ensure_free
 
 HOLDER = """
@@ -31,29 +31,29 @@ def test_second_process_is_refused_until_the_first_has_ended(path: Path) -> None
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
-        with pytest.raises(UsageError, match=r"run\.h5 is being flown by another process"), flown_alone(path):
+        with pytest.raises(UsageError, match=r"run\.h5 is being flown by another process"), run_lock(path):
             pass
         holder.kill()
         holder.wait()
-        with flown_alone(path):
+        with run_lock(path):
             pass
 
 
 def test_link_to_a_run_is_the_same_run(path: Path) -> None:
     link = path.with_name("link.h5")
     link.symlink_to(path)
-    with flown_alone(path), pytest.raises(UsageError, match="being flown"), flown_alone(link):
+    with run_lock(path), pytest.raises(UsageError, match="being flown"), run_lock(link):
         pass
 
 
 def test_nothing_is_left_behind(path: Path) -> None:
-    with flown_alone(path):
+    with run_lock(path):
         assert [one.name for one in path.parent.iterdir()] == [".run.h5.lock"]
     assert list(path.parent.iterdir()) == []
 
 
 def test_runs_in_memory_and_in_folders_that_take_no_files_need_no_lock(tmp_path: Path) -> None:
-    with flown_alone(None), flown_alone(tmp_path / "missing" / "run.h5"):
+    with run_lock(None), run_lock(tmp_path / "missing" / "run.h5"):
         pass
 
 

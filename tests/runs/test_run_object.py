@@ -9,7 +9,7 @@ from fake_optimizer import solve_single_mesh, stage_result
 
 from airrace.procedure.infeasibility.analysis import told
 from airrace.procedure.result import Outcome, Stage, State, SuggestedChange
-from airrace.runs.command_result import Answer
+from airrace.runs.command_result import CommandResult
 from airrace.runs.execute import summarise
 from airrace.runs.json_objects import lap_times, run_object, stage_object
 from airrace.runs.stage_view import is_certified, verdict
@@ -139,7 +139,7 @@ def test_nothing_but_all_items_makes_a_stage_certified() -> None:
     ],
 )
 def test_each_outcome_has_its_code(outcome: Outcome, code: int) -> None:
-    answer = Answer()
+    answer = CommandResult()
     summarise(answer, "t", [stage_result(Stage.HOMOTOPY), stage_result(Stage.POINT_MASS, outcome)], 1.0)
     assert answer.code == code
     assert bool(answer.error) == bool(code)

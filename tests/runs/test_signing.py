@@ -13,11 +13,11 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey
 from typer.testing import CliRunner
 
 from airrace.checkpoint import read_sealed
-from airrace.checkpoint.store import BLOCK_SIZE, seal, unsealed
+from airrace.checkpoint.store import BLOCK_SIZE, seal, unseal_signed
 from airrace.cli.main import app
 from airrace.errors import CheckpointError, UsageError
 from airrace.runs import signing
-from airrace.runs.run import opened_run
+from airrace.runs.run import open_run
 from airrace.runs.signing import ensure_signed, signer_of
 
 SECRET, OPEN = serialization.PrivateFormat, serialization.PublicFormat
@@ -60,7 +60,7 @@ def test_file_is_its_owner_s_to_whoever_has_the_public_key(signed: Path) -> None
 
 
 def test_signed_file_is_read_like_any_other(signed: Path) -> None:
-    assert opened_run(signed).race_time == 10.0
+    assert open_run(signed).race_time == 10.0
     assert ran("show", signed)[0] == 0
 
 
@@ -77,16 +77,16 @@ def test_keys_in_pem_are_the_same_keys(folder: Path, signed: Path) -> None:
 def test_another_key_and_no_signature_are_refused(command: str, signed: Path, folder: Path) -> None:
     code, _, err = ran(command, signed, "--trust", "theirs.pub")
     assert (code, "is signed with another key, SHA256:" in err) == (7, True)
-    opened_run(signed).save(folder / "plain.h5")
+    open_run(signed).save(folder / "plain.h5")
     assert ran(command, "plain.h5", "--trust", "mine.pub")[::2] == (7, "airrace: plain.h5 is not signed\n")
 
 
 def test_signature_of_another_file_is_refused(signed: Path, folder: Path) -> None:
     """Put before another image, with the checksum as it should be."""
-    other = opened_run(signed).signing(signer_of(Path("theirs")))
+    other = open_run(signed).signing(signer_of(Path("theirs")))
     other.save(folder / "other.h5")
-    image, _ = unsealed((folder / "other.h5").read_bytes())
-    _, signature = unsealed(signed.read_bytes())
+    image, _ = unseal_signed((folder / "other.h5").read_bytes())
+    _, signature = unseal_signed(signed.read_bytes())
     assert signature is not None
     changed = image.replace(b"rovinj_2014", b"rovinj_2015")
     (folder / "other.h5").write_bytes(seal(changed, lambda text: signature))
@@ -101,7 +101,7 @@ def test_any_flipped_bit_of_a_signed_file_is_refused(signed: Path) -> None:
         flipped = bytearray(content)
         flipped[position] ^= 1 << position % 8
         with pytest.raises(CheckpointError):
-            unsealed(bytes(flipped))
+            unseal_signed(bytes(flipped))
 
 
 def test_run_that_is_verified_can_be_signed_later(folder: Path) -> None:

@@ -10,7 +10,7 @@ from fake_optimizer import stage_result
 from airrace.checkpoint import Checkpoint, write_checkpoint
 from airrace.inputs import load_inputs
 from airrace.procedure.result import Stage
-from airrace.runs.run import Run, new_run, taken_up
+from airrace.runs.run import Run, adopt_checkpoint, new_run
 
 TRACK = Path(__file__).parents[2] / "tracks" / "half_cuban_eight.yaml"
 
@@ -33,15 +33,15 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_stages_of_the_same_inputs_are_taken_along(path: Path) -> None:
-    assert stages(taken_up(run_of(path))) == [Stage.HOMOTOPY, Stage.POINT_MASS]
+    assert stages(adopt_checkpoint(run_of(path))) == [Stage.HOMOTOPY, Stage.POINT_MASS]
 
 
 def test_stages_of_other_inputs_are_left_behind(path: Path) -> None:
-    assert stages(taken_up(run_of(path, "rules.n_z_max=9"))) == []
+    assert stages(adopt_checkpoint(run_of(path, "rules.n_z_max=9"))) == []
 
 
 def with_other_casadi(path: Path) -> None:
-    run = taken_up(run_of(path))
+    run = adopt_checkpoint(run_of(path))
     versions = {**run.checkpoint.versions, "casadi": "0.0"}
     write_checkpoint(path, replace(run.checkpoint, versions=versions))
 
@@ -57,6 +57,6 @@ def with_other_casadi(path: Path) -> None:
 )
 def test_what_cannot_be_trusted_is_left_behind(spoil: Callable[[Path], object], path: Path) -> None:
     spoil(path)
-    run = taken_up(run_of(path))
+    run = adopt_checkpoint(run_of(path))
     assert stages(run) == []
     assert isinstance(run.checkpoint, Checkpoint)

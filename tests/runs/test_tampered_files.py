@@ -21,8 +21,8 @@ from airrace.planning.race import Race
 from airrace.procedure import recomputation
 from airrace.procedure.recomputation import Measured, TrustedData
 from airrace.procedure.result import Stage
-from airrace.runs.run import opened_run
-from airrace.runs.verification import verified
+from airrace.runs.run import open_run
+from airrace.runs.verification import verify_run
 from airrace.trajectory import Trajectory
 
 measure = recomputation.measured
@@ -57,7 +57,7 @@ def objections(checkpoint: Checkpoint, path: Path, *, versions: bool = True) -> 
     """What speaks against a file: what its reader says, or what `verify` does; empty if nothing."""
     try:
         write_checkpoint(path, checkpoint)
-        found = verified(opened_run(path), versions=versions)
+        found = verify_run(open_run(path), versions=versions)
     except CheckpointError as error:
         return str(error)
     return "; ".join(one.objection for one in found if one.objection)
@@ -115,17 +115,17 @@ def test_broken_chain_is_not_called_certified(path: Path) -> None:
     linked = {one.result.stage: one.chain_hash for one in genuine().stages}
     stages = tuple(replace(one, chain_hash=linked[one.result.stage]) for one in changed.stages)
     write_checkpoint(path, replace(changed, stages=stages))
-    assert opened_run(path)[TRANSFER].result.certificate is not None
-    for texts in (ran("show", path).stdout, repr(opened_run(path)), repr(opened_run(path)[TRANSFER])):
+    assert open_run(path)[TRANSFER].result.certificate is not None
+    for texts in (ran("show", path).stdout, repr(open_run(path)), repr(open_run(path)[TRANSFER])):
         assert "certified" not in texts.replace("NOT certified", "").replace("not certified", "")
     shown = json.loads(ran("show", path, "--json").stdout)
     assert (shown["certified"], shown["unverified"]) == (False, True)
     assert [stage["certified"] for stage in shown["stages"]] == [False, False, False]
     assert "it no longer stands: its record" in shown["stages"][-1]["message"]
-    assert opened_run(path).flight().source.certified is False
-    assert "# certified: no" in opened_run(path)[TRANSFER].to_csv()
+    assert open_run(path).flight().source.certified is False
+    assert "# certified: no" in open_run(path)[TRANSFER].to_csv()
     with pytest.raises(NotCertified):
-        opened_run(path).sensitivities()
+        open_run(path).sensitivities()
 
 
 READERS = (

@@ -14,9 +14,9 @@ from airrace.procedure import run as procedure
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult, State
 from airrace.procedure.settings import MeshCheck
-from airrace.runs.command_result import Answer
-from airrace.runs.execute import fly_stages
-from airrace.runs.plan import continued_task, described
+from airrace.runs.command_result import CommandResult
+from airrace.runs.execute import execute_for_command
+from airrace.runs.plan import plan_resumed_run, step_lines
 from airrace.runs.run import Run, new_run
 
 PASSINGS = [passage.name for passage in load_inputs("rovinj_2014").race.course.passages]
@@ -32,7 +32,7 @@ def run() -> Run:
 
 
 def actions(run: Run, until: str, mesh_check: MeshCheck | str | None = None) -> list[str]:
-    return [step.action for step in continued_task(run, until=until, mesh_check=mesh_check).steps]
+    return [step.action for step in plan_resumed_run(run, until=until, mesh_check=mesh_check).steps]
 
 
 def test_solved_stage_below_the_last_is_kept(run: Run) -> None:
@@ -46,28 +46,30 @@ def test_solved_stage_is_proved_where_all_are(run: Run) -> None:
 
 def test_solved_stage_that_the_run_now_ends_with_is_proved(run: Run) -> None:
     assert actions(run, "point-mass") == ["prove"]
-    assert list(described(continued_task(run, until="point-mass").steps)) == [
+    assert list(step_lines(plan_resumed_run(run, until="point-mass").steps)) == [
         "point-mass: prove (it was solved on one mesh)"
     ]
 
 
 def test_stages_stand_whatever_is_to_be_proved(run: Run) -> None:
     """Also those of a run that was asked for otherwise: its next call remembers."""
-    asked = continued_task(run, until="transfer-function", mesh_check="all").run
+    asked = plan_resumed_run(run, until="transfer-function", mesh_check="all").run
     assert asked.stale == {}
     assert asked.inputs.settings.mesh_check is MeshCheck.ALL
     assert asked.checkpoint.inputs.resolved == run.checkpoint.inputs.resolved
-    again = continued_task(asked, until="transfer-function", mesh_check="last").run
+    again = plan_resumed_run(asked, until="transfer-function", mesh_check="last").run
     assert again.inputs.settings.mesh_check is MeshCheck.LAST
     assert again.inputs.overrides == (*run.inputs.overrides, "settings.mesh_check=last")
 
 
 def test_what_may_be_proved_has_a_name(run: Run) -> None:
     with pytest.raises(InputError, match="mesh_check"):
-        continued_task(run, until="transfer-function", mesh_check="some")
+        plan_resumed_run(run, until="transfer-function", mesh_check="some")
 
 
-def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -> tuple[Answer, Sequence[StageResult]]:
+def flown_by(
+    monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult
+) -> tuple[CommandResult, Sequence[StageResult]]:
     """A run all of whose stages are to be proved, by a procedure that comes to these results."""
 
     def optimize(*_: object, **__: object) -> Iterator[StageResult]:
@@ -75,9 +77,9 @@ def flown_by(monkeypatch: pytest.MonkeyPatch, run: Run, *results: StageResult) -
 
     monkeypatch.setattr(procedure, "optimize", optimize)
     monkeypatch.setattr(results_api, "continuous", fake_optimizer.continuous)
-    answer = Answer()
-    task = continued_task(run, until="transfer-function", mesh_check="all")
-    return answer, fly_stages(answer, task, threads=1, progress=Silent())
+    answer = CommandResult()
+    task = plan_resumed_run(run, until="transfer-function", mesh_check="all")
+    return answer, execute_for_command(answer, task, threads=1, progress=Silent())
 
 
 def test_completed_proof_is_told_in_the_place_of_its_stage(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
