@@ -20,10 +20,9 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.homotopy import InfeasibilityTest, fly_homotopy
 from airrace.procedure.infeasibility.analysis import diagnose_infeasibility
-from airrace.procedure.infeasibility.diagnosis import attribution
+from airrace.procedure.infeasibility.diagnosis import attribution, diagnose
 from airrace.procedure.infeasibility.local_infeasibility import LocalInfeasibility, contradiction
 from airrace.procedure.infeasibility.relaxed_routes import Relaxations, torn
-from airrace.procedure.mesh_convergence import proved
 from airrace.procedure.models import iterate_of
 from airrace.procedure.multistart.budget import EFFORTS, SearchBudget
 from airrace.procedure.multistart.coarse_solution import InitialGuess
@@ -32,11 +31,11 @@ from airrace.procedure.multistart.multistart import Exploration, explore
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.result import Note, NoteKind, Outcome, SearchReport, Stage, StageResult
 from airrace.procedure.settings import GuessKind, MeshCheck, SearchEffort, Settings
-from airrace.procedure.single_mesh import solve_single_mesh
-from airrace.procedure.solve_and_refine import COLD_BARRIER, PIECED_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solve_and_refine import check_mesh_convergence, solve_single_mesh, solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import STAGES
 from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.procedure.warm_start import followed, recorded, settled
 
 logger = logging.getLogger(__name__)
@@ -161,7 +160,7 @@ class FidelityContinuation:
         """Return an optimum with its proof; the optimum itself where there is nothing to prove, or where that fails."""
         if optimum.certified or not optimum.holds:
             return optimum
-        found = proved(self.as_flown(optimum.stage, optimum), optimum, session)
+        found = check_mesh_convergence(self.as_flown(optimum.stage, optimum), optimum, session)
         notes = tuple(note for note in optimum.notes if note.kind is not NoteKind.MESH_CHECK)
         if isinstance(found, StageResult):
             return dataclasses.replace(found, notes=notes)
@@ -173,9 +172,8 @@ class FidelityContinuation:
     ) -> StageResult:
         """Return the optimum of a stage, proved where that is wanted, else on one good mesh."""
         refine = None if self.proves(stage) else solve_single_mesh
-        return solve_with_refinement(
-            session, starts, refine, diagnosing=stage is not Stage.POINT_MASS
-        )  # see `diagnose_infeasibility`
+        # Of the point mass all conflicts are analysed, see `diagnose_infeasibility`.
+        return solve_with_refinement(session, starts, refine, diagnose=None if stage is Stage.POINT_MASS else diagnose)
 
     def _resolve_near_ties(self, results: Sequence[StageResult], session: SolverSession) -> Sequence[StageResult]:
         """Optima of one stage, proved where their meshes may hide which of them is the fastest.
@@ -256,7 +254,7 @@ class FidelityContinuation:
 
         def planned() -> Start:
             mesh = first_mesh(flight.plan, session.settings.mesh)
-            return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER)
+            return Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD)
 
         def concatenate_phases() -> Start | StageResult:
             where = ""
@@ -269,7 +267,7 @@ class FidelityContinuation:
             if self._contradiction is not None:
                 return self._impossible(self._contradiction, session)
             pieces = first.trajectory
-            return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), PIECED_BARRIER)
+            return Start(flight, flight.problem(mesh_of(pieces)), iterate_of(pieces), InitialBarrier.PIECES)
 
         return (concatenate_phases, planned) if flown else (planned, concatenate_phases)
 
@@ -384,11 +382,13 @@ def _nothing(_: SolverPool) -> str:
 def _planned(flight: Flight, way: Plan, session: SolverSession) -> InitialGuess:
     """Return a plan as a initial guess, on the mesh on which the race's own is solved without exploring."""
     mesh = first_mesh(way, session.settings.mesh)
-    return InitialGuess(dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), COLD_BARRIER, is_baseline=True)
+    return InitialGuess(
+        dataclasses.replace(flight, plan=way), mesh, guess(way, mesh), InitialBarrier.COLD, is_baseline=True
+    )
 
 
 def _initial_guess(flight: Flight, pieces: StageResult) -> InitialGuess:
     """Return the pieces of a homotopy as a initial guess."""
     return InitialGuess(
-        flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), PIECED_BARRIER, is_baseline=True
+        flight, mesh_of(pieces.trajectory), iterate_of(pieces.trajectory), InitialBarrier.PIECES, is_baseline=True
     )

@@ -21,9 +21,9 @@ from airrace.procedure.guess import first_mesh, guess
 from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.phase_segments import joined, moved, phase_piece
 from airrace.procedure.result import Note, NoteKind, Outcome, Stage, StageResult
-from airrace.procedure.solve_and_refine import COLD_BARRIER
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.trajectory import Array
 
@@ -37,8 +37,6 @@ DETOUR, DETOUR_SECONDS = 1.25, 1.0
 """The longest duration of a window: a factor on the plan (1), and a time on top (s)."""
 TOLERANCE, ITERATIONS_MAX = 1e-2, 100
 """The tolerance (1) and the number of iterations of a piece's solve, which yields only a guess."""
-STEP_BARRIER = 1e-2
-"""The first value of the barrier parameter of a solve that starts from the neighbouring solution."""
 INFEASIBILITY_TESTS_MAX = 2
 """The number of phases that cannot be added of which it is asked whether they can be flown at all."""
 
@@ -169,7 +167,7 @@ class _Homotopy:
         problem = self._problem(first, index, family, part)
         start = joined([*(self.pieces[first:] if before is None else before), last])
         purpose = f"{self.race.phases[index].name}, part {part:g}"
-        barrier = COLD_BARRIER if before is None else STEP_BARRIER
+        barrier = InitialBarrier.COLD if before is None else InitialBarrier.PIECES
         options = SolverOptions(TOLERANCE, ITERATIONS_MAX, barrier)
         solution = self.session.attempt(problem, start, purpose, self.session.settings.solver.primary, options)
         if solution is None or not solution.success or self._astray(solution.iterate, first, start):

@@ -27,10 +27,10 @@ from airrace.procedure.models import ensure_matches_model, iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Attempt, GateSplit, StageResult
 from airrace.procedure.settings import Settings
-from airrace.procedure.solve_and_refine import REFINED_BARRIER
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Flight, gate_splits, mesh_of, stage_flight, trajectory
+from airrace.procedure.start import InitialBarrier
 from airrace.records import record
 from airrace.trajectory import Array, Trajectory
 
@@ -206,6 +206,6 @@ def _coarser_race_time(
     mesh, guess = restrict(mesh_of(flown), iterate_of(flown), kept)
     session = SolverSession(service, settings, Silent())
     solution = session.solve(
-        flight.problem(mesh), guess, "half of the intervals", barrier=REFINED_BARRIER, passing=True
+        flight.problem(mesh), guess, "half of the intervals", barrier=InitialBarrier.COARSER_MESH, passing=True
     )
     return float(solution.iterate.durations.sum()) if solution is not None and solution.success else math.nan

@@ -1,15 +1,17 @@
-"""The choice of the next mesh: coarser where nothing happens, finer where something is wrong, until a proof.
+"""Mesh refinement: which mesh comes next, coarser where nothing happens and finer where a limit is missed.
 
 A first mesh is adapted until the Hamiltonian keeps near to -1 all along it; then all of its intervals are halved at
 least. What the finer optimum gains in race time is what a mesh still does to the result. If that is too much, the
 intervals that gained go back into the first mesh as fine as they are now.
 
-What is said here of other values of the constants was measured on the point mass of the half Cuban eight, Rovinj 2014
-and Air Race X 2024, straight from the plan and proved. Of the three, the proved meshes have 153, 806 and 572 intervals,
-after 2, 4 and 7 solves.
+Rates of commands enter the equations linearly, so the objective is curved in them by the regularisation alone: holding
+a control that would vary by d about its mean costs about the integral of weight d^2 (the error of the zero-order hold).
+Summed over a race that is a third to two thirds of what halving all intervals gains.
 """
 
-from typing import Self
+from collections.abc import Callable
+from functools import cached_property
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,82 +23,77 @@ from airrace.optimal_control.replay import Replay, estimate_error, interval_dura
 from airrace.procedure.certification import Evidence
 from airrace.procedure.result import RefinementReason
 from airrace.procedure.settings import CertificateLimits
-from airrace.procedure.zoh_error import foreseen, measured
 from airrace.records import record
 from airrace.trajectory import Array
 
-SAFETY = 0.5
-"""The part of a limit (1) that a mesh is made to keep, by prediction.
+S = TypeVar("S")
+R = TypeVar("R")
 
-With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes eleven solves.
-"""
-SAFETY_OF_ORDER = 0.2
-"""The part of the replay's limit (1) that a mesh is made to keep, by prediction.
 
-It is smaller than `SAFETY` because on a coarse mesh the integrator does not yet converge with its order. With 0.1 and
-with 0.5 the meshes of Rovinj and of the half Cuban eight differ by four intervals at most.
-"""
-NEARBY = 0.1
-"""The part of a neighbour's integration error (1) that is expected in an interval once all intervals are halved.
+@record
+class RefinementSettings:
+    """Thresholds of the refinement, shares of the certificate's limits (1) where nothing else is said.
 
-The meshes of Rovinj and of the half Cuban eight are the same with 0.03 and with 0.3.
-"""
-FAR_OFF = 2.0
-"""The multiple of its limit (1) beyond which the Hamiltonian is too far from -1.
+    Other values were measured on the point mass of the half Cuban eight, Rovinj 2014 and Air Race X 2024, straight from
+    the plan and with a mesh check. Of the three, the final meshes have 153, 806 and 572 intervals, after 2, 4 and 7
+    solves.
+    """
 
-Halving alone would then change the race time. With 1 the half Cuban eight takes 133 intervals in three solves; the
-other meshes are the same with 1 and with 4.
-"""
-UNDERRATED = 3.0
-"""The factor (1) by which a coarse mesh underrates the price of holding the controls.
+    safety: float = 0.5
+    """Share that a mesh is made to keep. With 0.25 Rovinj takes 964 intervals in three solves; with 1 Air Race X takes
+    eleven solves."""
+    safety_of_order: float = 0.2
+    """Share of the replay's limit that a mesh is made to keep. It is smaller than `safety` because on a coarse mesh the
+    integrator does not yet converge with its order. With 0.1 and 0.5 the meshes of Rovinj and of the half Cuban eight
+    differ by four intervals at most."""
+    nearby: float = 0.1
+    """Share of a neighbour's integration error expected in an interval once all are halved. The meshes of Rovinj and of
+    the half Cuban eight are the same with 0.03 and with 0.3."""
+    hamiltonian_reject: float = 2.0
+    """Multiple of the Hamiltonian's limit beyond which halving alone would change the race time. With 1 the half Cuban
+    eight takes 133 intervals in three solves; the other meshes are the same with 1 and with 4."""
+    hold_safety: float = 3.0
+    """Factor by which a coarse mesh underrates the cost of holding the controls. With 1 Rovinj takes 753 intervals and
+    with 6 it takes 851, in as many solves."""
+    ahead_of_order: float = 0.3
+    """Share of the replay's limit from which on an interval is halved before it misses it. A fifth to a half of the
+    intervals of a stage's first mesh miss the limit on the shipped courses. When these were cut as well, all 24 stages
+    below the last kept it on the next mesh, by a factor of four, on 19 % fewer intervals than with all halved."""
+    ahead: float = 0.1
+    """Share of the Hamiltonian's limit from which on an interval is halved before it misses it. With a half, 5 of those
+    24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved."""
+    coarsen_below: float = 1 / 40
+    """Share of the Hamiltonian's limit below which half of the nodes are enough. With a quarter of it Rovinj and Air
+    Race X take 936 and 690 intervals; with four times as much 631 and 512, and race times that differ by 1e-4 and 3e-4
+    s."""
+    coarsen_excess: float = 1 / 32
+    """Share of its limit below which an excess between nodes allows a node to be dropped, which makes it four times as
+    large. With a quarter of it Air Race X takes 586 intervals; the other meshes are the same, and with four times as
+    much all of them are."""
+    coarsen_worthwhile: float = 0.85
+    """Share of the nodes that a coarser mesh may keep to be worth a solve. Meshes are the same with 0.7 and 0.95."""
+    longest_joined: float = 0.6
+    """Longest interval that comes of joining two, s. With 0.3 s Rovinj and Air Race X take 878 and 640 intervals, with
+    1.2 s 806 and 567."""
+    phase_intervals_min: int = 4
+    """Smallest number of intervals to which joining reduces a phase."""
+    parts_max: int = 6
+    """Largest number of parts into which an interval is cut at once."""
+    error_untrusted: float = 1e-2
+    """Scaled deviation of a replayed interval beyond which an optimum has exploited the integrator's error. The meshes
+    of Rovinj and of the half Cuban eight are the same with 1e-3 and with 0.1."""
+    adaptations_max: int = 2
+    """Number of adaptations of a first mesh that is not wrong, before its intervals are halved."""
+    rough_tolerance: float = 1e-4
+    """The solver's tolerance on a mesh that only leads to the single good one. On Rovinj such a solve takes 23 to 31
+    iterations instead of 29 to 38."""
+    bisect_all_above: float = 1 / 3
+    """Share of the point mass's intervals to be cut from which on all are halved. If one interval still misses a limit,
+    another solve is needed: on Rovinj that was so in three stages of three when only those were cut that seemed to
+    need it, 43 to 82 % of them, and in none when all were halved."""
 
-Summed over a race, the estimate of `holding.foreseen` is a third to two thirds of what halving all intervals gains.
-With 1 Rovinj takes 753 intervals and with 6 it takes 851, in as many solves.
-"""
-AHEAD_OF_ORDER = 0.3
-"""The part of the replay's limit (1) from which on an interval is cut before it misses it.
 
-The optimum on the next mesh is another one, and the errors of its intervals with it. A fifth to a half of the intervals
-of a stage's first mesh miss the limit on the shipped courses. When these were cut as well, all 24 stages below the last
-kept it on the next mesh, by a factor of four, on 19 % fewer intervals than with all of them halved.
-"""
-AHEAD = 0.1
-"""The part of the Hamiltonian's limit (1) from which on an interval is halved before it misses it.
-
-With a half, 5 of those 24 stages missed it on the next mesh; with a tenth 3, as many as with all intervals halved.
-"""
-CALM = 1 / 40
-"""The part of the Hamiltonian's limit (1) below which half of the nodes are enough.
-
-With a quarter of it Rovinj and Air Race X take 936 and 690 intervals; with four times as much 631 and 512, and race
-times that differ by 1e-4 and 3e-4 s.
-"""
-AT_REST = 1 / 32
-"""The part of its limit (1) below which an excess between nodes allows a node to be dropped.
-
-It becomes four times as large when a node is dropped. With a quarter of it Air Race X takes 586 intervals; the other
-meshes are the same, and with four times as much all of them are.
-"""
-PARTS_MAX = 6
-"""The largest number of parts into which an interval is cut at once."""
-WORTHWHILE = 0.85
-"""The part of the nodes (1) that a coarser mesh may keep to be worth a solve for that reason alone.
-
-All meshes are the same with 0.7 and with 0.95.
-"""
-UNTRUSTED_DEFECT = 1e-2
-"""The largest deviation of a replayed interval (scaled) of an optimum that can be trusted.
-
-An optimum that deviates more has exploited the error of that interval. The meshes of Rovinj and of the half Cuban
-eight are the same with 1e-3 and with 0.1.
-"""
-LONGEST_JOINED = 0.6
-"""The longest interval that comes of joining two, s.
-
-With 0.3 s Rovinj and Air Race X take 878 and 640 intervals, with 1.2 s 806 and 567.
-"""
-FEWEST = 4
-"""The smallest number of intervals to which joining reduces a phase."""
+SETTINGS = RefinementSettings()
 
 
 @record
@@ -124,12 +121,17 @@ class MeshProposal:
 
 @record
 class MeshSolution:
-    """An optimum on a draft, and its measurements."""
+    """An optimum on a mesh; `measure` makes its `evidence` when that is first asked for."""
 
     problem: Problem
     iterate: Iterate
     draft: MeshProposal
-    evidence: Evidence
+    measure: Callable[[], Evidence]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """The measurements of the optimum."""
+        return self.measure()
 
     @property
     def race_time(self) -> float:
@@ -137,7 +139,21 @@ class MeshSolution:
         return float(self.iterate.durations.sum())
 
 
-def adapted(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, joining: bool) -> MeshProposal | None:
+def iterate_meshes(state: S, step: Callable[[S], R], following: Callable[[S, R], S | None]) -> R:
+    """Solve on one mesh after another until none follows; return what the last solve led to.
+
+    Args:
+        state: the first mesh, and all that the solve on it needs.
+        step: solves on a mesh.
+        following: the next mesh, from the present one and what it led to; None to terminate.
+    """
+    result = step(state)
+    while (after := following(state, result)) is not None:
+        state, result = after, step(after)
+    return result
+
+
+def adapt(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, joining: bool) -> MeshProposal | None:
     """Return a better first mesh; None if the present one will do.
 
     Args:
@@ -145,36 +161,38 @@ def adapted(optimum: MeshSolution, limits: CertificateLimits, *, early: bool, jo
         joining: whether nodes may be dropped.
     """
     drift, integration = optimum.evidence.drift, optimum.evidence.integration
-    held, change = UNDERRATED * foreseen(optimum.problem, optimum.iterate), limits.race_time_of(optimum.race_time)
-    untrusted = ~(optimum.evidence.check.defect <= UNTRUSTED_DEFECT)
+    held = SETTINGS.hold_safety * predict_hold_cost(optimum.problem, optimum.iterate)
+    change = limits.race_time_of(optimum.race_time)
+    untrusted = ~(optimum.evidence.check.defect <= SETTINGS.error_untrusted)
+    contributors = _largest_contributors(held + np.abs(integration), SETTINGS.safety * change)
     wanted = [
         (RefinementReason.INTEGRATION, np.where(widen(untrusted), 4.0, 1.0)),
-        (RefinementReason.HAMILTONIAN, _stepped(_worst_nearby(drift), SAFETY * limits.hamiltonian)),
-        (RefinementReason.RACE_TIME, np.where(_dearest(held + np.abs(integration), SAFETY * change), 2.0, 1.0)),
+        (RefinementReason.HAMILTONIAN, _graded(_worst_nearby(drift), SETTINGS.safety * limits.hamiltonian)),
+        (RefinementReason.RACE_TIME, np.where(contributors, 2.0, 1.0)),
     ]
     parts, why = _most(optimum, wanted)
     joined = _calm_pairs(optimum, parts, limits) if joining else np.zeros(len(parts), dtype=np.bool_)
-    far_off = bool((drift > FAR_OFF * limits.hamiltonian).any()) or held.sum() + abs(integration.sum()) > change
-    worthwhile = parts.sum() - joined.sum() < WORTHWHILE * len(parts)
-    if not untrusted.any() and not (early and far_off) and not worthwhile:
+    rejected = (
+        bool((drift > SETTINGS.hamiltonian_reject * limits.hamiltonian).any())
+        or held.sum() + abs(integration.sum()) > change
+    )
+    worthwhile = parts.sum() - joined.sum() < SETTINGS.coarsen_worthwhile * len(parts)
+    if not untrusted.any() and not (early and rejected) and not worthwhile:
         return None
-    divided = _divided(optimum, parts, why)
-    dropped = np.flatnonzero(joined) + 1
-    kept = np.ones(int(parts.sum()) + 1, dtype=np.bool_)
-    kept[_places(parts)[dropped]] = False
-    return _restricted(divided, kept, RefinementReason.CALM)
+    nodes = np.ones(int(parts.sum()) + 1, dtype=np.bool_)
+    nodes[_places(parts)[np.flatnonzero(joined) + 1]] = False
+    return _restrict(_divide(optimum, parts, why, None), nodes, RefinementReason.CALM)
 
 
 def bisect_all(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal:
     """Return a mesh with all intervals halved at least, and cut into as many parts as they are expected to need."""
-    parts, why = _needed(optimum, limits, nearby=NEARBY)
+    parts, why = _required_parts(optimum, limits, nearby=SETTINGS.nearby)
     parts = np.maximum(parts, 2)
-    divided = _divided(optimum, parts, why)
-    return MeshProposal(divided.mesh, divided.guess, divided.why, inherited_nodes(parts))
+    return _divide(optimum, parts, why, inherited_nodes(parts))
 
 
-def doubled(draft: MeshProposal, flown: Replay | None = None) -> MeshProposal:
-    """Everywhere finer by half, at least, than the coarser mesh behind a draft; what is so already stays as it is.
+def bisect_coarse(draft: MeshProposal, flown: Replay | None = None) -> MeshProposal:
+    """Return a mesh everywhere finer by half, at least, than the coarser mesh behind a draft.
 
     Args:
         flown: its controls flown again, for states at the new nodes; None for states straight between the old ones.
@@ -187,54 +205,88 @@ def doubled(draft: MeshProposal, flown: Replay | None = None) -> MeshProposal:
 
 def refine_flagged(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
     """Return a mesh that is finer where something is wrong between nodes; None if nothing is."""
-    parts, why = _needed(optimum, limits, nearby=1.0)
-    return None if (parts == 1).all() else _cut(optimum, parts, why)
+    parts, why = _required_parts(optimum, limits, nearby=1.0)
+    return None if (parts == 1).all() else _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
 
 
 def refine_predicted(optimum: MeshSolution, limits: CertificateLimits) -> MeshProposal | None:
     """Return a mesh that is finer where something is wrong between nodes or nearly so; None if nothing is wrong.
 
-    The optimum on it is expected to keep all limits, where a mesh that is merely mended often misses another one.
+    The optimum on it is expected to keep all limits, where one on the mesh of `refine_flagged` often misses another.
     """
-    parts, why = _needed(optimum, limits, nearby=1.0)
+    parts, why = _required_parts(optimum, limits, nearby=1.0)
     if (parts == 1).all():
         return None
-    evidence = optimum.evidence
+    defect, drift = optimum.evidence.check.defect, optimum.evidence.drift
     ahead = [
-        (RefinementReason.INTEGRATION, _doubled_above(evidence.check.defect, AHEAD_OF_ORDER * limits.replay)),
-        (RefinementReason.HAMILTONIAN, _doubled_above(evidence.drift, AHEAD * limits.hamiltonian)),
+        (RefinementReason.INTEGRATION, _bisected_above(defect, SETTINGS.ahead_of_order * limits.replay)),
+        (RefinementReason.HAMILTONIAN, _bisected_above(drift, SETTINGS.ahead * limits.hamiltonian)),
     ]
     more, reasons = _most(optimum, ahead)
-    return _cut(optimum, np.maximum(parts, more), np.where(more > parts, reasons, why).astype(np.int8))
+    parts, why = np.maximum(parts, more), np.where(more > parts, reasons, why).astype(np.int8)
+    return _divide(optimum, parts, why, _still_coarser(optimum.draft, parts))
 
 
-def provided(draft: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:
-    """Return a mesh that is finer where the integrator's error would break its limit, before it is solved on.
-
-    That is estimated from the guess.
+def refine_guess(draft: MeshProposal, problem: Problem, limits: CertificateLimits) -> MeshProposal:
+    """Return a mesh that is finer where a guess lets expect that the integrator's error breaks its limit.
 
     Args:
         problem: on the mesh of the draft.
     """
     error = np.abs(estimate_error(problem, draft.guess)).max(axis=0)
-    parts = np.where(error > SAFETY * limits.replay, 2, 1).astype(np.int64)
+    parts = np.where(error > SETTINGS.safety * limits.replay, 2, 1).astype(np.int64)
     mesh, guess = divide(draft.mesh, draft.guess, None, parts)
     why = np.where(parts > 1, RefinementReason.INTEGRATION, draft.why).astype(np.int8)
     return MeshProposal(mesh, guess, np.repeat(why, parts), _still_coarser(draft, parts))
 
 
-def reconsidered(optimum: MeshSolution, before: MeshSolution, limits: CertificateLimits) -> MeshProposal:
+def refine_changed(optimum: MeshSolution, before: MeshSolution, limits: CertificateLimits) -> MeshProposal:
     """Return a better first mesh from an optimum whose race time differs too much from that on the mesh before.
 
     The intervals that are taken to have changed it most stay as fine as they are, all others become what they were.
     """
-    max_plan_penalty = widen(_dearest(_changed_by(optimum, before), SAFETY * limits.race_time_of(optimum.race_time)))
-    fine = max_plan_penalty[np.cumsum(optimum.draft.coarser[:-1]) - 1]
-    kept = optimum.draft.coarser.copy()
-    kept[:-1] |= fine
+    limit = SETTINGS.safety * limits.race_time_of(optimum.race_time)
+    contributors = widen(_largest_contributors(_changed_by(optimum, before), limit))
+    fine = contributors[np.cumsum(optimum.draft.coarser[:-1]) - 1]
+    nodes = optimum.draft.coarser.copy()
+    nodes[:-1] |= fine
     why = np.where(fine, RefinementReason.RACE_TIME, optimum.draft.why).astype(np.int8)
-    draft = MeshProposal(optimum.draft.mesh, optimum.iterate, why, optimum.draft.coarser)
-    return _restricted(draft, kept)
+    return _restrict(MeshProposal(optimum.draft.mesh, optimum.iterate, why, optimum.draft.coarser), nodes)
+
+
+def predict_hold_cost(problem: Problem, iterate: Iterate) -> Array:
+    """Estimate what holding the controls over every interval costs, s; shape (N,).
+
+    A control is taken to change by half of the larger jump at the ends of its interval.
+    """
+    weights, controls, steps = _scaled_controls(problem, iterate)
+    jumps = np.abs(np.diff(controls, axis=1))
+    largest = np.zeros_like(controls)
+    largest[:, 1:] = jumps
+    largest[:, :-1] = np.maximum(largest[:, :-1], jumps)
+    return steps * (weights @ (0.25 * largest) ** 2)
+
+
+def measure_hold_cost(problem: Problem, iterate: Iterate, coarser: Marks) -> Array:
+    """Measure what holding the controls over every interval of a coarser mesh costs, s; shape (coarser.sum() - 1,).
+
+    Args:
+        iterate: on the finer mesh.
+        coarser: which nodes belong to the coarser mesh, shape (N + 1,).
+    """
+    weights, controls, steps = _scaled_controls(problem, iterate)
+    group = np.cumsum(coarser[:-1]) - 1
+    lengths = np.bincount(group, weights=steps)
+    means = np.stack([np.bincount(group, weights=steps * row) for row in controls]) / lengths
+    cost: Array = steps * (weights @ (controls - means[:, group]) ** 2)
+    return np.bincount(group, weights=cost).astype(np.float64)
+
+
+def _scaled_controls(problem: Problem, iterate: Iterate) -> tuple[Array, Array, Array]:
+    """Return the weights of the regularisation (n_u,), scaled controls (n_u, N), lengths of the intervals (N,)."""
+    weights = [problem.objective.regularisation.get(quantity.name, 0.0) for quantity in problem.system.controls]
+    scale = np.array([quantity.scale for quantity in problem.system.controls])[:, None]
+    return np.array(weights), iterate.control / scale, interval_durations(problem, iterate.durations)
 
 
 def _changed_by(optimum: MeshSolution, before: MeshSolution) -> Array:
@@ -246,68 +298,65 @@ def _changed_by(optimum: MeshSolution, before: MeshSolution) -> Array:
     integration = before.evidence.integration
     changed = optimum.race_time - before.race_time
     if changed < 0.0:
-        price = measured(optimum.problem, optimum.iterate, optimum.draft.coarser)
+        cost = measure_hold_cost(optimum.problem, optimum.iterate, optimum.draft.coarser)
     else:
-        price = before.evidence.check.excess * interval_durations(before.problem, before.iterate.durations)
-    share = price / price.sum() if price.any() else np.full(len(price), 1.0 / len(price))
+        cost = before.evidence.check.excess * interval_durations(before.problem, before.iterate.durations)
+    share = cost / cost.sum() if cost.any() else np.full(len(cost), 1.0 / len(cost))
     return np.abs(integration) + abs(changed - integration.sum()) * share
 
 
-def _dearest(price: Array, limit: float) -> Marks:
+def _largest_contributors(cost: Array, limit: float) -> Marks:
     """Return the intervals that cost most, so many that the others together keep within a limit; shape (N,)."""
-    order = np.argsort(-price)
-    left = price.sum() - np.cumsum(price[order])
-    max_plan_penalty = np.zeros(len(price), dtype=np.bool_)
-    if price.sum() > limit:
-        max_plan_penalty[order[: int(np.argmax(left <= limit)) + 1]] = True
-    return max_plan_penalty
+    order = np.argsort(-cost)
+    left = cost.sum() - np.cumsum(cost[order])
+    largest = np.zeros(len(cost), dtype=np.bool_)
+    if cost.sum() > limit:
+        largest[order[: int(np.argmax(left <= limit)) + 1]] = True
+    return largest
 
 
-def _needed(optimum: MeshSolution, limits: CertificateLimits, *, nearby: float) -> tuple[Indices, NDArray[np.int8]]:
+def _required_parts(
+    optimum: MeshSolution, limits: CertificateLimits, *, nearby: float
+) -> tuple[Indices, NDArray[np.int8]]:
     """Return the number of parts that each interval needs for every indicator to keep its limit, and the reason.
 
     Args:
         nearby: how much of the integration error beside an interval is expected in it.
     """
-    evidence = optimum.evidence
+    check, drift = optimum.evidence.check, optimum.evidence.drift
     order = optimum.problem.scheme.order + 1  # of what is left in one interval
-    defect = np.maximum(evidence.check.defect, nearby * _worst_nearby(evidence.check.defect))
-    integration = np.ceil((defect / (SAFETY_OF_ORDER * limits.replay)) ** (1 / order))
-    integration = np.where(defect <= limits.replay, 1, np.maximum(integration, 2))
+    defect = np.maximum(check.defect, nearby * _worst_nearby(check.defect))
+    integration = np.ceil((defect / (SETTINGS.safety_of_order * limits.replay)) ** (1 / order))
     wanted = [
-        (RefinementReason.INTEGRATION, integration),
-        (RefinementReason.LIMITS, _stepped(_worst_nearby(evidence.check.excess), 1.0)),
-        (
-            RefinementReason.HAMILTONIAN,
-            np.where(_worst_nearby(evidence.drift) <= limits.hamiltonian, 1.0, 4.0),
-        ),  # it falls slowly
+        (RefinementReason.INTEGRATION, np.where(defect <= limits.replay, 1, np.maximum(integration, 2))),
+        (RefinementReason.LIMITS, _graded(_worst_nearby(check.excess), 1.0)),
+        # It falls slowly with the length of the interval.
+        (RefinementReason.HAMILTONIAN, np.where(_worst_nearby(drift) <= limits.hamiltonian, 1.0, 4.0)),
     ]
     return _most(optimum, wanted)
 
 
 def _most(optimum: MeshSolution, wanted: list[tuple[RefinementReason, Array]]) -> tuple[Indices, NDArray[np.int8]]:
     """Return the largest number of parts that any indicator asks for in each interval, and which indicator it is."""
-    counts = np.nan_to_num(np.stack([count for _, count in wanted]), nan=PARTS_MAX, posinf=PARTS_MAX)
-    parts = np.clip(counts.max(axis=0), 1, PARTS_MAX).astype(np.int64)
+    most = SETTINGS.parts_max
+    counts = np.nan_to_num(np.stack([count for _, count in wanted]), nan=most, posinf=most)
+    parts = np.clip(counts.max(axis=0), 1, most).astype(np.int64)
     reasons = np.array([why for why, _ in wanted], dtype=np.int8)[counts.argmax(axis=0)]
     return parts, np.where(parts > 1, reasons, optimum.draft.why).astype(np.int8)
 
 
-def _doubled_above(values: Array, limit: float) -> Array:
+def _bisected_above(values: Array, limit: float) -> Array:
     """Return two parts where a limit is exceeded in an interval or beside it."""
     return np.where(_worst_nearby(values) <= limit, 1.0, 2.0)
 
 
-def _stepped(values: Array, limit: float) -> Array:
+def _graded(values: Array, limit: float) -> Array:
     """Return two parts where a limit is exceeded, four where it is exceeded by far."""
     return np.where(values <= limit, 1.0, np.where(values <= 4.0 * limit, 2.0, 4.0))
 
 
 def _worst_nearby(values: Array) -> Array:
-    """Return the largest value of each interval and those beside it.
-
-    Where one interval alone is made finer, the error moves to the next.
-    """
+    """Return the largest value of each interval and its neighbours, to which an error moves when one is refined."""
     worst = values.copy()
     worst[1:] = np.maximum(worst[1:], values[:-1])
     worst[:-1] = np.maximum(worst[:-1], values[1:])
@@ -315,22 +364,19 @@ def _worst_nearby(values: Array) -> Array:
 
 
 def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: CertificateLimits) -> Marks:
-    """Return the intervals that may be joined with the next one; shape (N,).
-
-    That one is not joined with another.
-    """
+    """Return the intervals that may be joined with the next one, which is not joined with another; shape (N,)."""
     problem, evidence = optimum.problem, optimum.evidence
     busy = (
         widen(parts > 1)
-        | (interval_durations(problem, optimum.iterate.durations) > 0.5 * LONGEST_JOINED)
-        | (_worst_nearby(evidence.drift) >= CALM * limits.hamiltonian)
-        | (evidence.check.defect >= 0.5 * SAFETY * limits.replay)
-        | (evidence.check.excess >= AT_REST)
+        | (interval_durations(problem, optimum.iterate.durations) > 0.5 * SETTINGS.longest_joined)
+        | (_worst_nearby(evidence.drift) >= SETTINGS.coarsen_below * limits.hamiltonian)
+        | (evidence.check.defect >= 0.5 * SETTINGS.safety * limits.replay)
+        | (evidence.check.excess >= SETTINGS.coarsen_excess)
     )
     joined = np.zeros(problem.intervals, dtype=np.bool_)
     for first, last in zip(problem.first_node, problem.first_node[1:], strict=False):
         left, interval = last - first, first
-        while interval + 1 < last and left > FEWEST:
+        while interval + 1 < last and left > SETTINGS.phase_intervals_min:
             if busy[interval] or busy[interval + 1]:
                 interval += 1
             else:
@@ -339,28 +385,21 @@ def _calm_pairs(optimum: MeshSolution, parts: Indices, limits: CertificateLimits
     return joined
 
 
-def _divided(optimum: MeshSolution, parts: Indices, why: NDArray[np.int8]) -> MeshProposal:
+def _divide(optimum: MeshSolution, parts: Indices, why: NDArray[np.int8], coarser: Marks | None) -> MeshProposal:
+    """Return the mesh with intervals cut into parts; all nodes are its own first ones without a coarser mesh."""
     mesh, guess = divide(optimum.problem.mesh, optimum.iterate, optimum.evidence.flown, parts)
-    return MeshProposal(mesh, guess, np.repeat(why, parts), np.ones(int(parts.sum()) + 1, dtype=np.bool_))
+    nodes = np.ones(int(parts.sum()) + 1, dtype=np.bool_) if coarser is None else coarser
+    return MeshProposal(mesh, guess, np.repeat(why, parts), nodes)
 
 
-def _cut(optimum: MeshSolution, parts: Indices, why: NDArray[np.int8]) -> MeshProposal:
-    """Return a finer mesh with the same coarser one behind it."""
-    divided = _divided(optimum, parts, why)
-    return MeshProposal(divided.mesh, divided.guess, divided.why, _still_coarser(optimum.draft, parts))
-
-
-def _restricted(draft: MeshProposal, kept: Marks, why_joined: RefinementReason | None = None) -> MeshProposal:
-    """Return a first mesh without the nodes that are not kept.
-
-    Without another reason, joined intervals keep their own.
-    """
-    mesh, guess = restrict(draft.mesh, draft.guess, kept)
-    why = draft.why[kept[:-1]]
+def _restrict(draft: MeshProposal, nodes: Marks, why_joined: RefinementReason | None = None) -> MeshProposal:
+    """Return a first mesh of these nodes alone; without another reason, joined intervals keep their own."""
+    mesh, guess = restrict(draft.mesh, draft.guess, nodes)
+    why = draft.why[nodes[:-1]]
     if why_joined is not None:
-        alone = np.bincount(np.cumsum(kept[:-1]) - 1) == 1
+        alone = np.bincount(np.cumsum(nodes[:-1]) - 1) == 1
         why = np.where(alone, why, why_joined).astype(np.int8)
-    return MeshProposal(mesh, guess, why, np.ones(int(kept.sum()), dtype=np.bool_))
+    return MeshProposal(mesh, guess, why, np.ones(int(nodes.sum()), dtype=np.bool_))
 
 
 def _still_coarser(draft: MeshProposal, parts: Indices) -> Marks:

@@ -2,42 +2,40 @@
 
 The other run's flight is solved again under this race's numbers, on the two meshes that it was certified on: first on
 the coarser one, from the stored flight; then on the finer one, from the stored flight moved by what the first solve
-has changed, with more intervals where that guess lets foresee errors of integration. Of a flight that was solved on
-one mesh only, all intervals are halved first that its coarser mesh has as well. No model is flown, no mesh is looked
-for and no lower stage is solved. Where the certificate does not hold on these meshes, they are refined as always.
+has changed, with more intervals where that guess lets expect errors of integration. Of a flight that was solved on
+one mesh only, all intervals are halved first that its coarser mesh has as well. No model is simulated, no mesh is
+looked for and no lower stage is solved. Where the certificate does not hold on these meshes, they are refined as
+always.
 """
 
 import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from airrace.errors import UsageError
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import restrict
-from airrace.optimal_control.solvers.solver import Multipliers, Solution
-from airrace.procedure.certification import examine
+from airrace.optimal_control.solvers.solver import Multipliers
+from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.models import iterate_of
-from airrace.procedure.passings import Passing, ensure_same_passings
-from airrace.procedure.refinement import MeshProposal, MeshSolution, doubled, provided
+from airrace.procedure.passings import ensure_same_passings
+from airrace.procedure.refinement import MeshProposal, bisect_coarse, refine_guess
 from airrace.procedure.result import Note, NoteKind, Outcome, Stage, StageProvenance, StageResult
 from airrace.procedure.solve_and_refine import (
-    CARRIED_BARRIER,
-    CoarseReference,
     Failure,
+    Refined,
     RefinementState,
-    Start,
-    first_upcoming,
-    refined_from,
+    carry_multipliers,
+    certified_state,
+    refine_from,
 )
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight, mesh_of
-from airrace.procedure.warm_start import coarser_nodes
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Course
@@ -48,14 +46,6 @@ ITERATIONS_MAX = 150
 
 Starts that led to an optimum took 25 to 60, and 98 where the limit of the load factor was halved; one that takes many
 more is lost, and a lower stage is the better start.
-"""
-
-
-RESTART_BARRIER = 1e-5
-"""The first value of the barrier parameter of the first solve.
-
-On Rovinj changed by half a g or 5 kt it takes 31 to 43 iterations on both meshes, and with 1e-4 39 to 50. With 1e-6 it
-took 28 instead of 31 in one case, and 47 instead of 43 in another.
 """
 
 
@@ -71,68 +61,16 @@ class SourceRun:
         holding = [one for one in self.results if one.holds and one.stage in stages]
         return sorted(holding, key=lambda one: stages.index(one.stage), reverse=True)
 
+    def usable_optima(self, stages: Sequence[Stage]) -> list[StageResult]:
+        """Return the optima that a run up to the last of these stages can be started from, the highest first.
 
-class Flights(Protocol):
-    """A maker of stages' models: planned for themselves, or as an optimum goes round."""
-
-    def flight(self, stage: Stage) -> Flight: ...
-
-    def as_flown(self, stage: Stage, optimum: StageResult) -> Flight: ...
-
-
-@record
-class Restart:
-    """The outcome of a start from another run.
-
-    Attributes:
-        result: the optimum that was found; None where no stage of the other run led to one.
-        remark: one sentence for users where the highest stage was not the one that led on; else empty.
-    """
-
-    result: StageResult | None
-    remark: str
-
-
-def restarted(
-    another: SourceRun,
-    stages: Sequence[Stage],
-    course: Course,
-    flights: Flights,
-    session: SolverSession,
-) -> Restart:
-    """Solve the highest of these stages that can be started from another run's optimum of it.
-
-    Args:
-        another: the other run.
-        stages: in the order of the ladder, the last one being the highest that is wanted.
-        course: of this race.
-        flights: makes the model of a stage; asked only for stages that are tried.
-        bench: what is solved with.
-
-    Raises:
-        UsageError: the other run has no optimum of these stages that holds, or flies other passings.
-    """
-    obstacles: list[tuple[Stage, str]] = []
-    for optimum in starting_points(another, stages, course):
-        session.progress.stage_started(optimum.stage)
-        found = _from_optimum(flights, session, optimum, another.name)
-        if isinstance(found, StageResult):
-            remark = _remark(another, obstacles, f"the start is its {optimum.stage.value}")
-            return Restart(found, remark)
-        obstacles.append((optimum.stage, found))
-    return Restart(None, _remark(another, obstacles, "the start is from scratch"))
-
-
-def startable(another: SourceRun, stages: Sequence[Stage]) -> list[StageResult]:
-    """Return the optima of another run that a run up to the last of these stages can be started from, highest first.
-
-    Raises:
-        UsageError: there is none.
-    """
-    optima = another.optima(stages)
-    if not optima:
-        raise UsageError(f"{another.name} has no certified or solved stage up to {stages[-1].value} to start from")
-    return optima
+        Raises:
+            UsageError: there is none.
+        """
+        optima = self.optima(stages)
+        if not optima:
+            raise UsageError(f"{self.name} has no certified or solved stage up to {stages[-1].value} to start from")
+        return optima
 
 
 def starting_points(another: SourceRun, stages: Sequence[Stage], course: Course) -> list[StageResult]:
@@ -141,34 +79,64 @@ def starting_points(another: SourceRun, stages: Sequence[Stage], course: Course)
     Raises:
         UsageError: there is none, or they fly other passings.
     """
-    optima = startable(another, stages)
+    optima = another.usable_optima(stages)
+    here = [(passage.name, "") for passage in course.passages]
     for optimum in optima:
-        ensure_same_passings(_names(course), [(split.name, "") for split in optimum.splits], another.name)
+        ensure_same_passings(here, [(split.name, "") for split in optimum.splits], another.name)
     return optima
 
 
-def superseded(another: SourceRun, optimum: StageResult, way: str) -> str:
+def warm_start_from(
+    another: SourceRun,
+    stages: Sequence[Stage],
+    course: Course,
+    continuation: FidelityContinuation,
+    session: SolverSession,
+) -> tuple[StageResult | None, str]:
+    """Solve the highest of these stages that can be started from another run's optimum of it.
+
+    Args:
+        another: the other run.
+        stages: in the order of rising fidelity, the last one being the highest that is wanted.
+        course: of this race.
+        continuation: makes the model of a stage; asked only for stages that are tried.
+        session: what is solved with.
+
+    Returns:
+        The optimum, None where no stage of the other run led to one; and one sentence for users where the highest
+        stage was not the one that led on, else empty.
+
+    Raises:
+        UsageError: the other run has no optimum of these stages that holds, or flies other passings.
+    """
+    obstacles: list[tuple[Stage, str]] = []
+    for optimum in starting_points(another, stages, course):
+        session.progress.stage_started(optimum.stage)
+        found = _from_optimum(continuation, session, optimum, another.name)
+        if isinstance(found, StageResult):
+            return found, _remark(another, obstacles, f"the start is its {optimum.stage.value}")
+        obstacles.append((optimum.stage, found))
+    return None, _remark(another, obstacles, "the start is from scratch")
+
+
+def superseded(another: SourceRun, optimum: StageResult, route: str) -> str:
     """Return why a start from another run was not enough: another route has become faster."""
     return (
         f"{another.name}: from its {optimum.stage.value} an optimum of {optimum.trajectory.race_time:.3f} s was found, "
-        f"but {way}; so the start is from scratch"
+        f"but {route}; so the start is from scratch"
     )
 
 
-def is_better(spare: StageResult, result: StageResult) -> bool:
+def is_better(fallback: StageResult, result: StageResult) -> bool:
     """Tell whether the optimum of a start from another run is better than what came from scratch instead."""
     if result.outcome is not Outcome.SOLVED:
         return True
-    return result.stage is spare.stage and spare.trajectory.race_time < result.trajectory.race_time
+    return result.stage is fallback.stage and fallback.trajectory.race_time < result.trajectory.race_time
 
 
 def with_remark(result: StageResult, remark: str) -> StageResult:
     """Return a result with a note on its start; the result itself where there is none."""
     return replace(result, notes=(Note(NoteKind.START, remark), *result.notes)) if remark else result
-
-
-def _names(course: Course) -> list[Passing]:
-    return [(passage.name, "") for passage in course.passages]
 
 
 def _remark(another: SourceRun, obstacles: Sequence[tuple[Stage, str]], consequence: str) -> str:
@@ -180,42 +148,64 @@ def _remark(another: SourceRun, obstacles: Sequence[tuple[Stage, str]], conseque
     return f"{another.name}: {'; '.join(reasons)}; so {consequence}" if reasons else ""
 
 
-def _from_optimum(flights: Flights, session: SolverSession, optimum: StageResult, name: str) -> StageResult | str:
+def _from_optimum(
+    continuation: FidelityContinuation, session: SolverSession, optimum: StageResult, name: str
+) -> StageResult | str:
     """Return the certified optimum of a stage, started from a stored one; or a clause that says why there is none."""
-    stored = _in_order_of(flights.flight(optimum.stage), optimum)
+    stored = _in_order_of(continuation.flight(optimum.stage), optimum)
     if stored is None:
         return "which flies other equations, no start was made"
-    flight = flights.as_flown(optimum.stage, optimum)
+    flight = continuation.as_flown(optimum.stage, optimum)
     if other_way := _other_way(flight, optimum):
         return f"which passes {other_way} the other way than is planned now, no start was made"
     start, finer = _start(flight, optimum, stored, name)
     primary = session.solvers[0]
-    session.progress.activity(f"from {start.provenance.source}, {start.problem.intervals} intervals", 0, 0)
-    solution = session.solve(
-        start.problem,
-        start.guess,
-        f"from {start.provenance.source}",
-        barrier=start.barrier,
-        solvers=(primary,),
-        iterations_max=ITERATIONS_MAX,
+
+    def following(refined: Refined) -> RefinementState:
+        """Go on with the finer of the stored meshes, or with the usual refinement of the only one."""
+        coarse, solution = refined.solved
+        if finer is None:
+            draft, multipliers = MeshProposal.first(start.problem, coarse.iterate), solution.multipliers
+            return certified_state(session, draft, InitialBarrier.OTHER_MESH, (primary,), multipliers, before=coarse)
+        draft = replace(finer, guess=_moved(finer, start.guess, coarse.iterate))
+        draft = refine_guess(draft, flight.problem(draft.mesh), session.settings.certificate)
+        return certified_state(
+            session,
+            draft,
+            InitialBarrier.OTHER_MESH,
+            (primary,),
+            refined.carry(draft),
+            number=min(1, session.settings.mesh.refinements_max),
+            before=coarse,
+            coarser=coarse,
+        )
+
+    first = RefinementState(
+        MeshProposal.first(start.problem, start.guess),
+        start.barrier,
+        (primary,),
+        following,
+        _multipliers(flight, optimum, start),
+        number=-1,
         passing=True,
-        multipliers=_multipliers(flight, optimum, start),
+        iterations_max=ITERATIONS_MAX,
+        purpose=f"from {start.provenance.source}",
     )
-    if solution is None or not solution.success:
-        return f"{primary} found no optimum ({'it stalled' if solution is None else solution.status})"
-    found = refined_from(session, start, _upcoming(session, start, finer, solution, primary))
+    found = refine_from(session, start, first)
     if isinstance(found, Failure):
-        return f"{primary} found no optimum on a finer mesh"
+        status = "it stalled" if found.solution is None else found.solution.status
+        return f"{primary} found no optimum {f'({status})' if found.coarser is None else 'on a finer mesh'}"
     return found if found.certified else f"the optimum was {found.message or 'not certified'}"
 
 
 def _multipliers(flight: Flight, optimum: StageResult, start: Start) -> Multipliers | None:
     """Return the stored multipliers, on the mesh of the start; None where they belong to other limits."""
-    layout = Layout(flight.problem(mesh_of(optimum.trajectory)))
+    problem = flight.problem(mesh_of(optimum.trajectory))
+    layout = Layout(problem)
     stored = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
     if stored.constraints.shape != (layout.constraints,) or stored.bounds.shape != (layout.unknowns,):
         return None
-    return transfer_multipliers(stored, layout, Layout(start.problem))
+    return carry_multipliers(stored, problem, start.problem)
 
 
 def _other_way(flight: Flight, optimum: StageResult) -> str:
@@ -235,39 +225,12 @@ def _other_way(flight: Flight, optimum: StageResult) -> str:
 
 def _start(flight: Flight, optimum: StageResult, stored: Iterate, name: str) -> tuple[Start, MeshProposal | None]:
     """Return the stored flight on the coarser of its meshes, and on a finer one; None where only one is known."""
-    mesh, kept = mesh_of(optimum.trajectory), coarser_nodes(optimum)
+    mesh, nodes, finer = mesh_of(optimum.trajectory), optimum.coarser_nodes, None
     provenance = StageProvenance(source_stage=optimum.stage.value, source_run=name)
-    if kept.all() or not kept[optimum.trajectory.first_node].all():
-        return Start(flight, flight.problem(mesh), stored, RESTART_BARRIER, provenance), None
-    coarse, guess = restrict(mesh, stored, kept)
-    start = Start(flight, flight.problem(coarse), guess, RESTART_BARRIER, provenance)
-    return start, doubled(MeshProposal(mesh, stored, optimum.mesh.why, kept))
-
-
-def _upcoming(
-    session: SolverSession, start: Start, finer: MeshProposal | None, solution: Solution, solver: str
-) -> RefinementState:
-    """Return what follows the first solve: the finer of the stored meshes, or the usual refinement of the only one."""
-    if finer is None:
-        again = replace(start, guess=solution.iterate, barrier=CARRIED_BARRIER, multipliers=solution.multipliers)
-        return first_upcoming(again, solver)
-
-    def measured() -> MeshSolution:
-        limits = session.settings.certificate
-        evidence = examine(start.problem, solution.iterate, solution.multipliers.constraints, limits)
-        return MeshSolution(
-            start.problem, solution.iterate, MeshProposal.first(start.problem, solution.iterate), evidence
-        )
-
-    moved = replace(finer, guess=_moved(finer, start.guess, solution.iterate))
-    draft = provided(moved, start.flight.problem(moved.mesh), session.settings.certificate)
-    multipliers = transfer_multipliers(
-        solution.multipliers, Layout(start.problem), Layout(start.flight.problem(draft.mesh))
-    )
-    compared = CoarseReference(float(solution.iterate.durations.sum()), measured)
-    return RefinementState(
-        draft, compared, min(1, session.settings.mesh.refinements_max), CARRIED_BARRIER, (solver,), multipliers
-    )
+    if not nodes.all() and nodes[optimum.trajectory.first_node].all():
+        finer = bisect_coarse(MeshProposal(mesh, stored, optimum.mesh.why, nodes))
+        mesh, stored = restrict(mesh, stored, nodes)
+    return Start(flight, flight.problem(mesh), stored, InitialBarrier.OTHER_MESH, provenance), finer
 
 
 def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
@@ -275,15 +238,11 @@ def _moved(finer: MeshProposal, before: Iterate, after: Iterate) -> Iterate:
     places = np.flatnonzero(finer.coarser)
     share = np.concatenate([np.asarray(phase) for phase in finer.mesh])
     passed = np.concatenate([[0.0], np.cumsum(share)])  # each phase counts 1
-
-    def between(values: Array) -> Array:
-        rows: list[Array] = [np.interp(passed, passed[places], row) for row in values]
-        return np.stack(rows)
-
+    changed: list[Array] = [np.interp(passed, passed[places], row) for row in after.state - before.state]
     parent = np.cumsum(finer.coarser[:-1]) - 1
     return Iterate(
         finer.guess.durations + after.durations - before.durations,
-        finer.guess.state + between(after.state - before.state),
+        finer.guess.state + np.stack(changed),
         finer.guess.control + (after.control - before.control)[:, parent],
     )
 

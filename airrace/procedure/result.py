@@ -311,6 +311,12 @@ class StageResult:
         return State.NOT_CERTIFIED if uncertified else State(self.outcome.value)
 
     @property
+    def coarser_nodes(self) -> NDArray[np.bool_]:
+        """The nodes that belong to the mesh from which its own was divided, shape (N + 1,); all where there is none."""
+        record = self.mesh.coarser
+        return record if len(record) else np.ones(len(self.trajectory.time), dtype=np.bool_)
+
+    @property
     def iterations(self) -> int:
         """The number of iterations of all solver calls."""
         return sum(attempt.iterations for attempt in self.attempts)

@@ -19,7 +19,14 @@ from airrace.procedure.fidelities import fidelity_of
 from airrace.procedure.fidelity_continuation import FidelityContinuation, wanted_stages
 from airrace.procedure.progress import Progress
 from airrace.procedure.recomputation import recertify, remeasured
-from airrace.procedure.restart import SourceRun, is_better, restarted, starting_points, superseded, with_remark
+from airrace.procedure.restart import (
+    SourceRun,
+    is_better,
+    starting_points,
+    superseded,
+    warm_start_from,
+    with_remark,
+)
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.settings import Settings
 from airrace.procedure.solver_session import SolverSession
@@ -130,13 +137,13 @@ def _from_another(
     highest, *_ = starting_points(another, stages, race.course)
     session.service.preload(*_flown(ladder, highest.stage))
     with session.aside(ladder.find_faster_route(highest)) as search:
-        restart = restarted(another, stages, race.course, ladder, session)
-        faster = "" if restart.result is None else search.result()
-    if restart.result is None:
-        return _Found(remark=restart.remark)
+        result, remark = warm_start_from(another, stages, race.course, ladder, session)
+        faster = "" if result is None else search.result()
+    if result is None:
+        return _Found(remark=remark)
     if faster:
-        return _Found(spare=restart.result, remark=superseded(another, restart.result, faster))
-    return _Found(with_remark(restart.result, restart.remark))
+        return _Found(spare=result, remark=superseded(another, result, faster))
+    return _Found(with_remark(result, remark))
 
 
 def _climbed(

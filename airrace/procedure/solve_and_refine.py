@@ -2,63 +2,46 @@
 
 It can be started from several flights, and solved with several solvers. The first that leads to an optimum which holds
 counts: the primary solver from all starts, then the fallback from those from which it found none.
+
+There is one loop: solve on a mesh, measure, and choose the next mesh until none follows. What follows is a function of
+the state, of which there are three: until a certificate holds, which takes a second mesh; on a single good mesh, all
+that a certificate measures but the second mesh; and the second mesh of a stage that was solved on a single one.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Self
+from functools import cached_property, partial
+
+import numpy as np
 
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
+from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.solver import Multipliers, Solution
 from airrace.procedure.budget import BUDGET_EXHAUSTED
 from airrace.procedure.certification import certify, examine, failures
 from airrace.procedure.conclusion import conclude
-from airrace.procedure.infeasibility.diagnosis import diagnose
-from airrace.procedure.refinement import MeshProposal, MeshSolution, adapted, bisect_all, reconsidered, refine_flagged
-from airrace.procedure.result import NO_PROVENANCE, MeshRecord, Outcome, StageProvenance, StageResult
-from airrace.procedure.settings import CertificateLimits
+from airrace.procedure.models import iterate_of
+from airrace.procedure.refinement import (
+    SETTINGS,
+    MeshProposal,
+    MeshSolution,
+    adapt,
+    bisect_all,
+    bisect_coarse,
+    iterate_meshes,
+    refine_changed,
+    refine_flagged,
+    refine_predicted,
+)
+from airrace.procedure.result import MeshRecord, Outcome, StageResult
 from airrace.procedure.solver_session import SolverSession
-from airrace.procedure.stage_problem import Flight
+from airrace.procedure.stage_problem import Flight, mesh_of
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
-
-ADAPTATIONS_MAX = 2
-"""The number of adaptations of a first mesh that is not wrong, before its intervals are halved."""
-COLD_BARRIER = 0.1
-"""The first value of the barrier parameter of a solve from a guess that may be far off."""
-PIECED_BARRIER = 1e-2
-"""The first value of the barrier parameter of a solve that starts from assembled pieces."""
-HANDOVER_BARRIER = 1e-4
-"""The first value of the barrier parameter of a solve that starts from another stage.
-
-A larger one leads astray and back, in twice the iterations.
-"""
-REFINED_BARRIER = 1e-6
-"""The first value of the barrier parameter of a solve that starts from an optimum on a coarser mesh.
-
-When it fell from 1e-3 to 1e-6 and `HANDOVER_BARRIER` from 1e-2 to 1e-4, the ladder took a third fewer iterations.
-"""
-CARRIED_BARRIER = 1e-5
-"""The first value of the barrier parameter of a solve from an optimum on another mesh, with its multipliers."""
-
-
-@record
-class Start:
-    """A flight to start from: on the mesh of its problem, with the first value of the barrier parameter.
-
-    `flight` is planned as the start goes round; `provenance` says where it comes from; `multipliers` are
-    those of the limits as far as they are known, None if nothing is.
-    """
-
-    flight: Flight
-    problem: Problem
-    guess: Iterate
-    barrier: float
-    provenance: StageProvenance = NO_PROVENANCE
-    multipliers: Multipliers | None = None
 
 
 @record
@@ -73,23 +56,31 @@ class Failure:
     coarser: MeshSolution | None = None
 
 
+Refinement = Callable[[SolverSession, Start, str], StageResult | Failure]
+"""A way from a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted."""
+
+Diagnosis = Callable[[SolverSession, Problem, Iterate, Iterate, str], str | None]
+"""A function of the problem, where the solver gave up, where it started and the condition most violated, to a sentence
+on the limits that contradict each other; None where none do."""
+
+
 def solve_with_refinement(
     session: SolverSession,
     starts: Sequence[Callable[[], Start | StageResult]],
-    refine: "Refinement | None" = None,
+    refine: Refinement | None = None,
     *,
-    diagnosing: bool = True,
+    diagnose: Diagnosis | None = None,
 ) -> StageResult:
     """Return the optimum that holds; if none is found, the optimum that does not, or why there is none.
 
     Args:
-        bench: what solves.
+        session: what solves.
         starts: in the order in which they are tried; each is made when its turn comes. One that finds out meanwhile
             that there is no flight is a result, and the end.
-        refine: leads from a start to an optimum; None for `refined`, which certifies it.
-        diagnosing: whether it is looked for what stands in the way where there is no flight.
+        refine: leads from a start to an optimum; None for `solve_certified`.
+        diagnose: looks for what stands in the way where there is no flight.
     """
-    refine = refine or refined
+    refine = refine or solve_certified
     made: list[Start] = []
     uncertified: dict[int, StageResult] = {}
     failures: list[Failure] = []
@@ -111,148 +102,294 @@ def solve_with_refinement(
                 return found
             else:
                 uncertified[number] = found
-    return next(iter(uncertified.values())) if uncertified else _unsolved(session, failures, diagnosing=diagnosing)
-
-
-Refinement = Callable[[SolverSession, Start, str], StageResult | Failure]
-"""A way from a start, with the solver of a name, to an optimum on a mesh that is good enough for what is wanted."""
-
-
-@record
-class CoarseReference:
-    """The optimum on a coarser mesh, whose race time a finer one's is compared with; `solved` measures all of it."""
-
-    race_time: float
-    solved: Callable[[], MeshSolution]
-
-    @classmethod
-    def measured(cls, optimum: MeshSolution) -> Self:
-        """Return an optimum of which everything is measured already."""
-        return cls(optimum.race_time, lambda: optimum)
+    return next(iter(uncertified.values())) if uncertified else _unsolved(session, failures, diagnose)
 
 
 @record
 class RefinementState:
-    """The mesh to be solved on next.
+    """The mesh to be solved on next, and how.
 
     Attributes:
         draft: the mesh, with a guess on it.
-        coarser: the optimum whose race time its own will be compared with; None as long as there is none.
-        refinement: how many meshes were solved on before.
         barrier: the first value of the barrier parameter.
-        solvers: the solvers that are asked, in this order.
+        solvers: the solvers that are asked, in this order; without any, all that there are.
+        following: the state after this one; None to terminate.
         multipliers: a guess of them; None if nothing is known.
+        number: how many meshes were solved on before; -1 for a mesh that is only compared with.
+        before: the optimum that led here; None for a first mesh.
+        coarser: the optimum whose race time its own will be compared with; None as long as there is none.
+        compares: whether the certificate asks for that comparison.
+        rough: a looser tolerance, see `SolverSession.solve`.
+        passing: likewise.
+        iterations_max: likewise.
+        purpose: what is solved for, a clause; by default a refinement of all phases.
     """
 
     draft: MeshProposal
-    coarser: CoarseReference | None
-    refinement: int
     barrier: float
     solvers: tuple[str, ...]
+    following: "Callable[[Refined], RefinementState | None]"
     multipliers: Multipliers | None = None
+    number: int = 0
+    before: MeshSolution | None = None
+    coarser: MeshSolution | None = None
+    compares: bool = True
+    rough: float = 0.0
+    passing: bool = False
+    iterations_max: int | None = None
+    purpose: str = ""
 
 
-def refined(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
-    """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
-    return refined_from(session, start, first_upcoming(start, solver))
+@record
+class Refined:
+    """A mesh that was solved on, and the optimum on it; None where there is none."""
+
+    session: SolverSession
+    flight: Flight
+    state: RefinementState
+    solution: Solution | None
+    optimum: MeshSolution | None
+
+    @property
+    def solved(self) -> tuple[MeshSolution, Solution]:
+        """The optimum, and the solution that it was made of."""
+        assert self.optimum is not None  # asked for where there is one
+        assert self.solution is not None
+        return self.optimum, self.solution
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """The certificate of the optimum."""
+        (optimum, solution), coarser = self.solved, self.state.coarser
+        without = math.nan if self.state.compares else None
+        return certify(
+            optimum.problem,
+            optimum.iterate,
+            optimum.evidence,
+            self.session.settings.certificate,
+            claim=Item("solver", 0.0, 0.0, "", solution.status),
+            status=f"{solution.solver}: {solution.status}",
+            kkt_error=solution.kkt.largest,
+            coarser_race_time=without if coarser is None else coarser.race_time,
+        )
+
+    def carry(self, draft: MeshProposal) -> Multipliers:
+        """Return the multipliers on another mesh."""
+        optimum, solution = self.solved
+        return carry_multipliers(solution.multipliers, optimum.problem, self.flight.problem(draft.mesh))
 
 
-def first_upcoming(start: Start, solver: str) -> RefinementState:
-    """Return the mesh that a start is on, to be solved on first."""
-    return RefinementState(
-        MeshProposal.first(start.problem, start.guess), None, 0, start.barrier, (solver,), start.multipliers
-    )
+def refine_from(session: SolverSession, start: Start, first: RefinementState) -> StageResult | Failure:
+    """Solve on one mesh after another, from the first one on; return the stage, with the certificate that it has."""
+    limits, flight, total = session.settings.certificate, start.flight, session.settings.mesh.refinements_max
 
-
-def refined_from(session: SolverSession, start: Start, first: RefinementState) -> StageResult | Failure:
-    """Continue refining, from the mesh that comes next.
-
-    Args:
-        bench: what it is solved with.
-        start: where the stage was started from.
-        first: the mesh that is solved on first.
-    """
-    limits, total = session.settings.certificate, session.settings.mesh.refinements_max
-    flight = start.flight
-    draft, coarser, barrier, solvers = first.draft, first.coarser, first.barrier, first.solvers
-    multipliers = first.multipliers
-    optimum: MeshSolution | None = None
-    for refinement in range(first.refinement, total + 1):
-        problem = flight.problem(draft.mesh)
-        purpose = announced(session, problem, refinement)
-        passing = coarser is None and refinement < total  # another mesh follows in any case
+    def step(state: RefinementState) -> Refined:
+        problem, number = flight.problem(state.draft.mesh), max(state.number, 0)
+        purpose = state.purpose or f"all {len(problem.phases)} phases" + (f", refinement {number}" if number else "")
+        session.progress.activity(f"{purpose}, {problem.intervals} intervals", number, 0)
         solution = session.solve(
-            problem, draft.guess, purpose, barrier=barrier, solvers=solvers, passing=passing, multipliers=multipliers
+            problem,
+            state.draft.guess,
+            purpose,
+            barrier=state.barrier,
+            solvers=state.solvers,
+            iterations_max=state.iterations_max,
+            rough=state.rough,
+            passing=state.passing,
+            multipliers=state.multipliers,
         )
         if solution is None or not solution.success:
-            return Failure(start, solution, optimum)
-        evidence = examine(problem, solution.iterate, solution.multipliers.constraints, limits)
-        optimum = MeshSolution(problem, solution.iterate, draft, evidence)
-        certificate = None if coarser is None else certificate_of(optimum, solution, coarser.race_time, limits)
-        following = None
-        if refinement < total and (certificate is None or not certificate.certified):
-            following, coarser = _following(optimum, coarser, refinement, limits, flight.longest_interval)
-        if following is None:
-            certificate = certificate or certificate_of(optimum, solution, math.nan, limits)
-            return finished(start, session, optimum, solution, certificate)
-        draft, barrier, solvers = following, CARRIED_BARRIER, session.solvers
-        multipliers = carried_over(solution.multipliers, problem, flight.problem(draft.mesh))
-    raise AssertionError("the last refinement returns")
+            return Refined(session, flight, state, solution, None)
+        measure = partial(examine, problem, solution.iterate, solution.multipliers.constraints, limits)
+        optimum = MeshSolution(problem, solution.iterate, state.draft, measure)
+        return Refined(session, flight, state, solution, optimum)
+
+    def following(state: RefinementState, refined: Refined) -> RefinementState | None:
+        return None if refined.optimum is None or state.number == total else state.following(refined)
+
+    last = iterate_meshes(first, step, following)
+    return Failure(start, last.solution, last.state.before) if last.optimum is None else _finish(start, last)
 
 
-def carried_over(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
+def carry_multipliers(multipliers: Multipliers, there: Problem, here: Problem) -> Multipliers:
     """Return the multipliers of the limits of one problem for another one with as many phases."""
     return transfer_multipliers(multipliers, Layout(there), Layout(here))
 
 
-def announced(session: SolverSession, problem: Problem, refinement: int) -> str:
-    """Return what the solve on a mesh is for, a clause; whoever watches is told."""
-    purpose = f"all {len(problem.phases)} phases" + (f", refinement {refinement}" if refinement else "")
-    session.progress.activity(f"{purpose}, {problem.intervals} intervals", refinement, 0)
-    return purpose
+def solve_certified(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly, measure, and solve again on other meshes until the certificate holds or there are enough."""
+    first = MeshProposal.first(start.problem, start.guess)
+    return refine_from(session, start, certified_state(session, first, start.barrier, (solver,), start.multipliers))
 
 
-def _following(
-    optimum: MeshSolution, coarser: CoarseReference | None, refinement: int, limits: CertificateLimits, longest: float
-) -> tuple[MeshProposal | None, CoarseReference | None]:
-    """Return the next mesh, and the optimum whose race time the next one is compared with.
+def certified_state(
+    session: SolverSession,
+    draft: MeshProposal,
+    barrier: float,
+    solvers: tuple[str, ...],
+    multipliers: Multipliers | None,
+    *,
+    number: int = 0,
+    before: MeshSolution | None = None,
+    coarser: MeshSolution | None = None,
+) -> RefinementState:
+    """Return a mesh from which on refinement goes on until a certificate holds; arguments as of `RefinementState`."""
+    # Where there is nothing to compare with, another mesh follows in any case.
+    passing = coarser is None and number < session.settings.mesh.refinements_max
+    state = RefinementState(draft, barrier, solvers, _until_certified, multipliers, number, before, coarser)
+    return replace(state, passing=passing)
 
-    The mesh is None if none would help. Where intervals may not be joined (`longest`, s, is finite), a first mesh that
-    is not wrong is halved at once: on the shipped courses that moved the race time by 2.6 ms at most.
+
+def _until_certified(refined: Refined) -> RefinementState | None:
+    """Return the next mesh; None if the certificate holds, or if none would help.
+
+    Where the model bounds its intervals, so that none may be joined, a first mesh that is not wrong is halved at once:
+    on the shipped courses that moved the race time by 2.6 ms at most.
     """
+    (optimum, _), state, session = refined.solved, refined.state, refined.session
+    limits, coarser = session.settings.certificate, state.coarser
     if coarser is None:
-        early = refinement < ADAPTATIONS_MAX and math.isinf(longest)
-        better = adapted(optimum, limits, early=early, joining=early)
-        return (bisect_all(optimum, limits), CoarseReference.measured(optimum)) if better is None else (better, None)
-    if abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
-        return reconsidered(optimum, coarser.solved(), limits), None
-    return refine_flagged(optimum, limits), coarser
-
-
-def certificate_of(
-    optimum: MeshSolution, solution: Solution, coarser_race_time: float | None, limits: CertificateLimits
-) -> Certificate:
-    """Return the certificate of an optimum that a solver has found; `coarser_race_time` as of `certify`."""
-    return certify(
-        optimum.problem,
-        optimum.iterate,
-        optimum.evidence,
-        limits,
-        claim=Item("solver", 0.0 if solution.success else 1.0, 0.0, "", solution.status),
-        status=f"{solution.solver}: {solution.status}",
-        kkt_error=solution.kkt.largest,
-        coarser_race_time=coarser_race_time,
+        draft = _adapt(refined)
+        if draft is None:
+            draft, coarser = bisect_all(optimum, limits), optimum
+    elif refined.certificate.certified:
+        return None
+    elif abs(optimum.race_time - coarser.race_time) > limits.race_time_of(optimum.race_time):
+        draft, coarser = refine_changed(optimum, coarser, limits), None
+    else:
+        draft = refine_flagged(optimum, limits)
+    if draft is None:
+        return None
+    return certified_state(
+        session,
+        draft,
+        InitialBarrier.OTHER_MESH,
+        session.solvers,
+        refined.carry(draft),
+        number=state.number + 1,
+        before=optimum,
+        coarser=coarser,
     )
 
 
-def finished(
-    start: Start, session: SolverSession, optimum: MeshSolution, solution: Solution, certificate: Certificate
-) -> StageResult:
+def _adapt(refined: Refined) -> MeshProposal | None:
+    """Return a better first mesh, or None; where intervals may not be joined only for an optimum made of errors."""
+    early = refined.state.number < SETTINGS.adaptations_max and math.isinf(refined.flight.longest_interval)
+    return adapt(refined.solved[0], refined.session.settings.certificate, early=early, joining=early)
+
+
+def solve_single_mesh(session: SolverSession, start: Start, solver: str) -> StageResult | Failure:
+    """Solve jointly, measure, and solve again on better meshes until one is good; no other is compared with it.
+
+    Such a stage is where the next one starts from. Its first meshes only show where the good one has its nodes, so they
+    are solved roughly; on the good one the optimum is solved as closely as any that is certified.
+    """
+    first, rough = MeshProposal.first(start.problem, start.guess), _rough_tolerance(session, 0)
+    state = RefinementState(first, start.barrier, (solver,), _until_good, start.multipliers, compares=False)
+    return refine_from(session, start, replace(state, rough=rough))
+
+
+def _rough_tolerance(session: SolverSession, number: int) -> float:
+    return SETTINGS.rough_tolerance if number < session.settings.mesh.refinements_max else 0.0
+
+
+def _until_good(refined: Refined) -> RefinementState | None:
+    """Return the next mesh; None if the present one is good and its optimum is not a rough one."""
+    (optimum, _), state, session = refined.solved, refined.state, refined.session
+    better = _adapt(refined) if state.rough else None
+    good = better or _good_mesh(refined)
+    if not (state.rough or good):
+        return None
+    draft = good or replace(state.draft, guess=optimum.iterate)  # the mesh was good already: solve closely on it
+    return replace(
+        state,
+        draft=draft,
+        barrier=InitialBarrier.COARSER_MESH if better else InitialBarrier.OTHER_MESH,
+        solvers=session.solvers,
+        multipliers=refined.carry(draft),
+        number=state.number + 1,
+        before=optimum,
+        rough=_rough_tolerance(session, state.number + 1) if better else 0.0,
+    )
+
+
+def _good_mesh(refined: Refined) -> MeshProposal | None:
+    """Return the good mesh, as far as can be predicted from an optimum on another one; None if that is good itself.
+
+    Where the model bounds its intervals, what misses a limit is the integrator's error in some of them, which can be
+    predicted.
+    """
+    optimum, limits = refined.solved[0], refined.session.settings.certificate
+    if not optimum.draft.coarser.all():
+        return refine_flagged(optimum, limits)
+    if not math.isinf(refined.flight.longest_interval):
+        return refine_predicted(optimum, limits)
+    draft = refine_flagged(optimum, limits)
+    if draft is None:
+        return None
+    cut = np.diff(np.flatnonzero(draft.coarser)) > 1
+    return bisect_all(optimum, limits) if cut.mean() > SETTINGS.bisect_all_above else draft
+
+
+def check_mesh_convergence(flight: Flight, optimum: StageResult, session: SolverSession) -> StageResult | str:
+    """Return a stage that was solved on one mesh, certified; or a clause that says why it could not be.
+
+    It is solved on the coarser mesh from which its own was divided, and on its own with all intervals halved that both
+    have in common, so that the check is the same as that of a stage which is certified at once.
+
+    Args:
+        flight: the model of the stage, planned as the optimum goes round.
+        optimum: the stage as it was solved.
+        session: what solves. Its attempts are added to those of the stage.
+    """
+    limits, nodes = session.settings.certificate, optimum.coarser_nodes
+    mesh, iterate = mesh_of(optimum.trajectory), iterate_of(optimum.trajectory)
+    problem = flight.problem(mesh)
+    known = Multipliers(optimum.constraint_multipliers, optimum.bound_multipliers)
+    measure = partial(examine, problem, iterate, optimum.constraint_multipliers, limits)
+    good = MeshSolution(problem, iterate, MeshProposal(mesh, iterate, optimum.mesh.why, nodes), measure)
+
+    def finer(draft: MeshProposal, coarser: MeshSolution) -> RefinementState:
+        return certified_state(
+            session,
+            draft,
+            InitialBarrier.OTHER_MESH,
+            session.solvers,
+            carry_multipliers(known, problem, flight.problem(draft.mesh)),
+            number=min(1, session.settings.mesh.refinements_max),
+            before=coarser,
+            coarser=coarser,
+        )
+
+    if nodes.all():
+        first = finer(bisect_all(good, limits), good)
+    else:
+        coarse, guess = restrict(mesh, iterate, nodes)
+        there = flight.problem(coarse)
+        first = RefinementState(
+            MeshProposal.first(there, guess),
+            InitialBarrier.OTHER_MESH,
+            session.solvers,
+            lambda refined: finer(bisect_coarse(good.draft, good.evidence.flown), refined.solved[0]),
+            carry_multipliers(known, problem, there),
+            number=-1,
+            passing=True,
+            purpose="the coarser mesh",
+        )
+    start = Start(flight, problem, iterate, InitialBarrier.OTHER_MESH, optimum.provenance)
+    found = refine_from(session, start, first)
+    if isinstance(found, Failure):
+        return f"no optimum was found on the {'coarser' if found.coarser is None else 'finer'} mesh"
+    return replace(found, search=optimum.search) if found.certified else found.message
+
+
+def _finish(start: Start, refined: Refined) -> StageResult:
     """Return the result of a stage: solved if all holds that its certificate measures."""
+    (optimum, solution), certificate = refined.solved, refined.certificate
     failed = failures(certificate.failed)
     return conclude(
         start.flight,
-        session,
+        refined.session,
         optimum.problem,
         optimum.iterate,
         outcome=Outcome.SOLVED if certificate.holds else Outcome.NOT_CERTIFIED,
@@ -269,39 +406,28 @@ def finished(
     )
 
 
-def _unsolved(session: SolverSession, failures: Sequence[Failure], *, diagnosing: bool) -> StageResult:
+def _unsolved(session: SolverSession, failures: Sequence[Failure], diagnose: Diagnosis | None) -> StageResult:
     """Return a result without an optimum, which says what stands in the way."""
     returned = [one for one in failures if one.solution is not None and one.solution.status != BUDGET_EXHAUSTED]
     claimed = [one for one in returned if one.solution is not None and one.solution.infeasible]
     failure = (claimed or returned or list(failures))[0]
-    outcome, message = _explained(session, failure, diagnosing=diagnosing)
-    solution = failure.solution
-    return conclude(
-        failure.start.flight,
-        session,
-        failure.start.problem,
-        failure.start.guess if solution is None else _last_flight(failure.start, solution),
-        outcome=outcome,
-        message=message,
-    )
-
-
-def _last_flight(start: Start, solution: Solution) -> Iterate:
-    """Return where the solver gave up; the start itself if that was on a finer mesh."""
-    same_mesh = solution.iterate.state.shape == start.guess.state.shape
-    return solution.iterate if same_mesh else start.guess
-
-
-def _explained(session: SolverSession, failure: Failure, *, diagnosing: bool) -> tuple[Outcome, str]:
-    start, solution = failure.start, failure.solution
+    start, solution, last = failure.start, failure.solution, failure.start.guess
+    outcome = Outcome.NOT_CONVERGED
     if solution is None:
-        return Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
-    spent = f"; {BUDGET_EXHAUSTED}" if session.budget.exhausted else ""
-    gave_up = f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
-    advice = "try the other --guess, a finer settings.mesh.interval_s, or milder rules"
-    if solution.infeasible and diagnosing:
-        conflict = diagnose(session, start.problem, _last_flight(start, solution), start.guess, solution.worst)
-        if conflict is not None:
-            return Outcome.INFEASIBLE, conflict
-        return Outcome.NOT_CONVERGED, f"{gave_up}; the legs around it can be flown by themselves; {advice}"
-    return Outcome.NOT_CONVERGED, f"{gave_up}; {advice}"
+        outcome, message = Outcome.TIMEOUT, "the solver finished no iteration for too long and was stopped"
+    else:
+        if solution.iterate.state.shape == last.state.shape:  # else it gave up on a finer mesh
+            last = solution.iterate
+        spent = f"; {BUDGET_EXHAUSTED}" if session.budget.exhausted else ""
+        message = (
+            f"not converged: {solution.solver} gave up ({solution.status}), most violated: {solution.worst}{spent}"
+        )
+        if solution.infeasible and diagnose is not None:
+            conflict = diagnose(session, start.problem, last, start.guess, solution.worst)
+            if conflict is None:
+                message = f"{message}; the legs around it can be flown by themselves"
+            else:
+                outcome, message = Outcome.INFEASIBLE, conflict
+        if outcome is Outcome.NOT_CONVERGED:
+            message = f"{message}; try the other --guess, a finer settings.mesh.interval_s, or milder rules"
+    return conclude(start.flight, session, start.problem, last, outcome=outcome, message=message)

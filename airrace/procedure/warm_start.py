@@ -17,11 +17,10 @@ from airrace.control.trim import settle
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.multiplier_transfer import transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
-from airrace.optimal_control.refinement import Marks
 from airrace.optimal_control.solvers.solver import Multipliers
 from airrace.procedure.result import StageProvenance, StageResult
-from airrace.procedure.solve_and_refine import HANDOVER_BARRIER, Start
 from airrace.procedure.stage_problem import Flight, fractions_of, history, mesh_of
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.quantities import Quantity
 from airrace.trajectory import Array
 
@@ -54,7 +53,7 @@ def followed(flight: Flight, pilot: TrackingSimulator, source: Flight, optimum: 
     guess = Iterate(simulated.durations, simulated.state, simulated.control)
     problem = flight.problem(fractions_of(simulated.time, first_node))
     known = known_multipliers(source, optimum, problem)
-    return Start(flight, problem, guess, HANDOVER_BARRIER, provenance, known)
+    return Start(flight, problem, guess, InitialBarrier.OTHER_STAGE, provenance, known)
 
 
 def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -65,7 +64,9 @@ def settled(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     guess = Iterate(flown.durations, state, control)
     problem = flight.problem(fractions_of(nodes, first_node))
     provenance = StageProvenance(source_stage=source.stage.value)
-    return Start(flight, problem, guess, HANDOVER_BARRIER, provenance, known_multipliers(source, optimum, problem))
+    return Start(
+        flight, problem, guess, InitialBarrier.OTHER_STAGE, provenance, known_multipliers(source, optimum, problem)
+    )
 
 
 def known_multipliers(source: Flight, optimum: StageResult, problem: Problem) -> Multipliers:
@@ -85,7 +86,7 @@ def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]
     further apart than `longest`, s.
     """
     flown = optimum.trajectory
-    times = flown.time[coarser_nodes(optimum)]
+    times = flown.time[optimum.coarser_nodes]
     needed = np.concatenate([[0.0], np.cumsum(np.maximum(1.0, np.diff(times) / longest))])
     nodes: list[Array] = []
     for begin, end in itertools.pairwise(flown.time[flown.first_node]):
@@ -94,12 +95,6 @@ def first_nodes(optimum: StageResult, longest: float) -> tuple[Array, list[int]]
         nodes.append(np.interp(np.linspace(first, last, count + 1)[:-1], needed, times))
     first_node = np.cumsum([0, *map(len, nodes)])
     return np.concatenate([*nodes, times[-1:]]), first_node.tolist()
-
-
-def coarser_nodes(optimum: StageResult) -> Marks:
-    """Return which nodes belong to the mesh that an optimum's was divided from; all where there is none."""
-    record = optimum.mesh.coarser
-    return record if len(record) else np.ones(len(optimum.trajectory.time), dtype=np.bool_)
 
 
 def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
@@ -125,4 +120,6 @@ def recorded(flight: Flight, source: Flight, optimum: StageResult) -> Start:
     )
     problem = flight.problem(fractions_of(nodes, first_node))
     provenance = StageProvenance(source_stage=source.stage.value)
-    return Start(flight, problem, guess, HANDOVER_BARRIER, provenance, known_multipliers(source, optimum, problem))
+    return Start(
+        flight, problem, guess, InitialBarrier.OTHER_STAGE, provenance, known_multipliers(source, optimum, problem)
+    )

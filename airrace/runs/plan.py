@@ -17,7 +17,7 @@ from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import proves
 from airrace.procedure.passings import ensure_same_passings, passings_of
-from airrace.procedure.restart import SourceRun, startable
+from airrace.procedure.restart import SourceRun
 from airrace.procedure.result import Outcome, Stage, StageResult, State
 from airrace.procedure.settings import GuessKind, MeshCheck
 from airrace.records import record
@@ -198,7 +198,7 @@ def source_run(before: Run, run: Run, until: Stage) -> SourceRun:
     there, here = (passings_of(one.inputs.race.course) for one in (before, run))
     ensure_same_passings(here, there, known.name)
     stages = tuple(procedure.STAGES)
-    startable(known, stages[: stages.index(until) + 1])
+    known.usable_optima(stages[: stages.index(until) + 1])
     return known
 
 

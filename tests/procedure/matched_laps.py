@@ -17,9 +17,9 @@ from airrace.procedure.homotopy import held
 from airrace.procedure.models import iterate_of
 from airrace.procedure.phase_segments import joined, phase_piece
 from airrace.procedure.progress import Silent
-from airrace.procedure.solve_and_refine import PIECED_BARRIER
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of, trajectory
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.trajectory import Array, Trajectory
 
@@ -58,7 +58,9 @@ def matched_laps(count: int) -> Trajectory:
     last = dataclasses.replace(free.phases[-1], end=matched(held(flight, state), start.state[:, -1], state))
     problem = dataclasses.replace(free, start=held(flight, state), phases=(*free.phases[:-1], last))
     with SolverService(threads=1, stall_seconds=PLAN.solver.stall_seconds) as service:
-        solution = SolverSession(service, PLAN, Silent()).solve(problem, start, "matched laps", barrier=PIECED_BARRIER)
+        solution = SolverSession(service, PLAN, Silent()).solve(
+            problem, start, "matched laps", barrier=InitialBarrier.PIECES
+        )
     assert solution is not None
     assert solution.kkt.largest < PLAN.certificate.kkt_error
     assert not violations_of(problem, solution)

@@ -13,8 +13,9 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, MeshSettings
-from airrace.procedure.solve_and_refine import COLD_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.start import InitialBarrier, Start
 
 
 def limited(work: float, *verdicts: str) -> SolverSession:
@@ -60,7 +61,7 @@ def test_a_solver_may_take_what_is_left_and_none_is_asked_after_that() -> None:
 
 def test_a_stage_whose_budget_is_spent_has_not_converged_and_says_what_it_came_to() -> None:
     problem, made = small()
-    starts = [lambda: Start(prepared(SMALL), problem, made, COLD_BARRIER)] * 2
+    starts = [lambda: Start(prepared(SMALL), problem, made, InitialBarrier.COLD)] * 2
     used = limited(2.0 * problem.intervals, "stuck")
     result = solve_with_refinement(used, starts)
     assert result.outcome is Outcome.NOT_CONVERGED

@@ -10,10 +10,10 @@ from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
-from airrace.procedure.solve_and_refine import REFINED_BARRIER
+from airrace.procedure.refinement import measure_hold_cost, predict_hold_cost
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
-from airrace.procedure.zoh_error import foreseen, measured
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 
 WEIGHT = 0.25
@@ -27,13 +27,13 @@ def held(*controls: float, seconds: float = 2.0) -> tuple[Problem, Iterate]:
 
 def test_constant_controls_cost_nothing() -> None:
     problem, iterate = held(3.0, 3.0, 3.0, 3.0)
-    assert (foreseen(problem, iterate) == 0.0).all()
-    assert (measured(problem, iterate, np.array([True, False, True, False, True])) == 0.0).all()
+    assert (predict_hold_cost(problem, iterate) == 0.0).all()
+    assert (measure_hold_cost(problem, iterate, np.array([True, False, True, False, True])) == 0.0).all()
 
 
 def test_price_is_the_regularised_variance_within_the_coarser_interval() -> None:
     problem, iterate = held(1.0, 5.0, 2.0, 2.0)
-    price = measured(problem, iterate, np.array([True, False, True, False, True]))
+    price = measure_hold_cost(problem, iterate, np.array([True, False, True, False, True]))
     assert price == pytest.approx([1.0 * WEIGHT * 2.0**2, 0.0])
 
 
@@ -41,13 +41,13 @@ def test_controls_that_vary_evenly_are_foreseen_as_they_will_be_measured() -> No
     """Where the finer mesh has the same slope: halves differ by half of what neighbours do."""
     coarse, fine = held(0.0, 1.0, 2.0, 3.0), held(*(0.5 * np.arange(8) - 0.25))
     kept = np.arange(9) % 2 == 0
-    assert foreseen(*coarse) == pytest.approx(measured(*fine, kept))
+    assert predict_hold_cost(*coarse) == pytest.approx(measure_hold_cost(*fine, kept))
 
 
 def test_price_grows_with_time_weight_and_jump_squared() -> None:
     usual, longer, higher = held(0.0, 1.0), held(0.0, 1.0, seconds=4.0), held(0.0, 3.0)
-    assert foreseen(*longer) == pytest.approx(2.0 * foreseen(*usual))
-    assert foreseen(*higher) == pytest.approx(9.0 * foreseen(*usual))
+    assert predict_hold_cost(*longer) == pytest.approx(2.0 * predict_hold_cost(*usual))
+    assert predict_hold_cost(*higher) == pytest.approx(9.0 * predict_hold_cost(*usual))
 
 
 def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
@@ -56,9 +56,9 @@ def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
     mesh, guess = restrict(problem.mesh, iterate, result.mesh.coarser)
     with SolverService() as service:
         solution = SolverSession(service, PLAN, Silent()).solve(
-            flight.problem(mesh), guess, "", barrier=REFINED_BARRIER
+            flight.problem(mesh), guess, "", barrier=InitialBarrier.COARSER_MESH
         )
     assert solution is not None
     objective = result.trajectory.race_time + result.provenance.regularisation
     gained = solution.objective - objective
-    assert 0.1 * gained < measured(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained
+    assert 0.1 * gained < measure_hold_cost(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained

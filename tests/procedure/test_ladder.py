@@ -34,7 +34,7 @@ from airrace.procedure.results_api import derived_quantities
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import history, mesh_of
-from airrace.procedure.warm_start import FEWEST, coarser_nodes, first_nodes, recorded, settled
+from airrace.procedure.warm_start import FEWEST, first_nodes, recorded, settled
 from airrace.trajectory import Array
 
 each_race = pytest.mark.parametrize("name", QUICK)
@@ -187,7 +187,7 @@ def test_first_mesh_is_as_dense_as_the_one_before_and_no_coarser_than_allowed(lo
     optimum = solve_stages(SMALL)[0]
     nodes, first_node = first_nodes(optimum, longest)
     steps, flown = np.diff(nodes), optimum.trajectory
-    before = flown.time[coarser_nodes(optimum)]
+    before = flown.time[optimum.coarser_nodes]
     assert (nodes[first_node] == flown.time[flown.first_node]).all()
     assert steps.min() > 0.0
     assert steps.max() <= longest + 1e-9

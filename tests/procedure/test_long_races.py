@@ -7,7 +7,7 @@ from test_meshing import LIMITS, RESTLESS, flown
 
 from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.procedure.certification import certify
-from airrace.procedure.refinement import adapted
+from airrace.procedure.refinement import adapt
 from airrace.procedure.settings import LONG_RACE
 
 
@@ -53,4 +53,4 @@ def test_certificate_measures_with_the_limit_of_its_race(races: float, share: fl
 def test_error_that_is_too_large_for_a_short_race_needs_no_finer_mesh_in_a_long_one(minutes: float, cut: bool) -> None:
     erring = {3: 0.8 * LIMITS.race_time, 12: 0.4 * LIMITS.race_time}
     optimum = flown({"drift": RESTLESS, "integration": erring}, (40.0 * minutes, 20.0 * minutes))
-    assert (adapted(optimum, LIMITS, early=True, joining=True) is not None) is cut
+    assert (adapt(optimum, LIMITS, early=True, joining=True) is not None) is cut

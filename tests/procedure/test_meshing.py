@@ -1,5 +1,6 @@
 """Which mesh comes next, decided from what is measured of an oscillator's flight."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -13,16 +14,15 @@ from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.certification import Evidence
 from airrace.procedure.refinement import (
-    CALM,
-    PARTS_MAX,
+    SETTINGS,
     MeshProposal,
     MeshSolution,
-    adapted,
+    adapt,
     bisect_all,
-    doubled,
-    provided,
-    reconsidered,
+    bisect_coarse,
+    refine_changed,
     refine_flagged,
+    refine_guess,
     refine_predicted,
 )
 from airrace.procedure.result import RefinementReason
@@ -65,7 +65,7 @@ def flown(
         measured[name][list(values)] = list(values.values())
     audited = ConstraintCheck((), measured["defect"], measured["excess"])
     evidence = Evidence(replay(problem, iterate), audited, measured["drift"], measured["integration"])
-    return MeshSolution(problem, iterate, MeshProposal.first(problem, iterate), evidence)
+    return MeshSolution(problem, iterate, MeshProposal.first(problem, iterate), lambda: evidence)
 
 
 def counts(draft: MeshProposal) -> list[int]:
@@ -76,12 +76,12 @@ def everywhere(value: float) -> Mapping[int, float]:
     return dict.fromkeys(range(sum(COUNTS)), value)
 
 
-RESTLESS = everywhere(2.0 * CALM * LIMITS.hamiltonian)
+RESTLESS = everywhere(2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
 """Too much for nodes to be dropped, too little for new ones."""
 
 
 def test_draft_fits_its_guess() -> None:
-    for draft in (bisect_all(flown(), LIMITS), adapted(flown(), LIMITS, early=True, joining=True)):
+    for draft in (bisect_all(flown(), LIMITS), adapt(flown(), LIMITS, early=True, joining=True)):
         assert draft is not None
         N = sum(counts(draft))
         assert draft.guess.state.shape == (2, N + 1)
@@ -95,7 +95,7 @@ def test_draft_fits_its_guess() -> None:
 
 
 def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
-    draft = adapted(flown(), LIMITS, early=True, joining=True)
+    draft = adapt(flown(), LIMITS, early=True, joining=True)
     assert draft is not None
     assert counts(draft) == [6, 4]
     assert set(draft.why.tolist()) == {RefinementReason.CALM}
@@ -103,23 +103,23 @@ def test_calm_mesh_loses_every_second_node_of_each_phase() -> None:
 
 
 def test_nodes_are_dropped_only_where_any_length_will_do() -> None:
-    assert adapted(flown(), LIMITS, early=True, joining=False) is None
+    assert adapt(flown(), LIMITS, early=True, joining=False) is None
 
 
 @pytest.mark.parametrize("marks", [{"drift": RESTLESS}, {"excess": everywhere(0.2)}, {"defect": everywhere(0.4e-6)}])
 def test_mesh_with_something_going_on_is_left_alone(marks: Mapping[str, Mapping[int, float]]) -> None:
-    assert adapted(flown(marks), LIMITS, early=True, joining=True) is None
+    assert adapt(flown(marks), LIMITS, early=True, joining=True) is None
 
 
 def test_few_dropped_nodes_are_not_worth_a_solve() -> None:
-    busy = dict.fromkeys(range(16), 2.0 * CALM * LIMITS.hamiltonian)
-    assert adapted(flown({"drift": busy}), LIMITS, early=True, joining=True) is None
+    busy = dict.fromkeys(range(16), 2.0 * SETTINGS.coarsen_below * LIMITS.hamiltonian)
+    assert adapt(flown({"drift": busy}), LIMITS, early=True, joining=True) is None
 
 
 def test_phase_keeps_a_few_intervals() -> None:
     solved = flown()
     for _ in range(5):
-        draft = adapted(solved, LIMITS, early=True, joining=True)
+        draft = adapt(solved, LIMITS, early=True, joining=True)
         if draft is None:
             break
         assert min(counts(draft)) >= 4
@@ -132,12 +132,12 @@ def test_phase_keeps_a_few_intervals() -> None:
         )
         still = np.zeros(problem.intervals)
         evidence = Evidence(replay(problem, draft.guess), ConstraintCheck((), still, still), still, still)
-        solved = MeshSolution(problem, draft.guess, draft, evidence)
+        solved = MeshSolution(problem, draft.guess, draft, functools.partial(lambda one: one, evidence))
     assert draft is None
 
 
 def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
-    draft = adapted(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
+    draft = adapt(flown({"drift": {**RESTLESS, 5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
     assert draft is not None
     parts = 4  # more than four times what is wanted of it
     assert counts(draft) == [9 + 3 * parts, 8]
@@ -149,7 +149,7 @@ def test_mesh_far_from_the_hamiltonian_is_cut_there_and_beside() -> None:
 
 def test_one_look_at_the_neighbours_does_not_cross_a_busy_place() -> None:
     """What is cut is not joined at the same time, nor is what lies beside it."""
-    draft = adapted(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
+    draft = adapt(flown({"drift": {5: 2.5 * LIMITS.hamiltonian}}), LIMITS, early=True, joining=True)
     assert draft is not None
     shares = np.concatenate(draft.mesh[:1]) * 12
     cut = np.flatnonzero(shares < 0.9)
@@ -159,9 +159,9 @@ def test_one_look_at_the_neighbours_does_not_cross_a_busy_place() -> None:
 
 def test_late_only_what_is_wrong_is_worth_another_solve() -> None:
     far_off = flown({"drift": {5: 0.5}})
-    assert adapted(far_off, LIMITS, early=True, joining=False) is not None
-    assert adapted(far_off, LIMITS, early=False, joining=False) is None
-    wrong = adapted(flown({"defect": {5: 0.02}}), LIMITS, early=False, joining=False)
+    assert adapt(far_off, LIMITS, early=True, joining=False) is not None
+    assert adapt(far_off, LIMITS, early=False, joining=False) is None
+    wrong = adapt(flown({"defect": {5: 0.02}}), LIMITS, early=False, joining=False)
     assert wrong is not None
     assert counts(wrong) == [9 + 3 * 4, 8]
     assert (wrong.why == RefinementReason.INTEGRATION).sum() == 12
@@ -170,7 +170,7 @@ def test_late_only_what_is_wrong_is_worth_another_solve() -> None:
 @pytest.mark.parametrize(("durations", "left"), [((12.0, 1.0), [12, 4]), ((2.0, 12.0), [6, 8])])
 def test_no_interval_is_joined_beyond_a_length(durations: tuple[float, float], left: list[int]) -> None:
     """Intervals of a second or more stay as they are."""
-    draft = adapted(flown(durations=durations), LIMITS, early=True, joining=True)
+    draft = adapt(flown(durations=durations), LIMITS, early=True, joining=True)
     assert draft is not None
     assert counts(draft) == left
 
@@ -190,8 +190,8 @@ def test_all_intervals_are_halved_and_the_nodes_before_are_remembered() -> None:
     [
         ("defect", 1.1e-6, 2, RefinementReason.INTEGRATION),
         ("defect", 1e-4, 3, RefinementReason.INTEGRATION),
-        ("defect", 1.0, PARTS_MAX, RefinementReason.INTEGRATION),
-        ("defect", np.nan, PARTS_MAX, RefinementReason.INTEGRATION),
+        ("defect", 1.0, SETTINGS.parts_max, RefinementReason.INTEGRATION),
+        ("defect", np.nan, SETTINGS.parts_max, RefinementReason.INTEGRATION),
         ("excess", 1.1, 2, RefinementReason.LIMITS),
         ("excess", 5.0, 4, RefinementReason.LIMITS),
         ("drift", 0.03, 4, RefinementReason.HAMILTONIAN),
@@ -226,7 +226,7 @@ def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved() -> None:
     good = refine_flagged(solved, LIMITS)
     assert good is not None
     before = np.diff(np.flatnonzero(good.coarser))
-    fine = doubled(good)
+    fine = bisect_coarse(good)
     assert np.diff(np.flatnonzero(fine.coarser)).tolist() == np.maximum(before, 2).tolist()
     assert sum(counts(fine)) == np.maximum(before, 2).sum()
     assert fine.guess.durations.tolist() == good.guess.durations.tolist()
@@ -234,8 +234,8 @@ def test_everywhere_is_as_fine_as_if_the_coarser_mesh_were_halved() -> None:
 
 
 def test_halving_twice_is_halving_once() -> None:
-    once = doubled(flown().draft)
-    twice = doubled(once)
+    once = bisect_coarse(flown().draft)
+    twice = bisect_coarse(once)
     assert once.mesh == bisect_all(flown(), LIMITS).mesh
     assert twice.mesh == once.mesh
     np.testing.assert_array_equal(twice.guess.state, once.guess.state)
@@ -311,7 +311,7 @@ def test_intervals_are_cut_where_a_guess_lets_foresee_errors_and_the_coarser_mes
     guess = replace(solved.iterate, state=np.stack([x, 0.0 * x]), control=force)
     first = solved.draft.coarser.copy()
     first[1::2] = False
-    draft = provided(replace(solved.draft, guess=guess, coarser=first), solved.problem, LIMITS)
+    draft = refine_guess(replace(solved.draft, guess=guess, coarser=first), solved.problem, LIMITS)
     assert counts(draft) == [13, 8]
     assert np.flatnonzero(draft.why == RefinementReason.INTEGRATION).tolist() == [4, 5]
     assert draft.guess.control[0].tolist() == np.insert(force[0], 4, force[0, 4]).tolist()
@@ -323,9 +323,9 @@ def test_intervals_are_cut_where_a_guess_lets_foresee_errors_and_the_coarser_mes
 
 def test_only_errors_of_the_integrator_are_foreseen() -> None:
     still = replace(flown().draft, guess=replace(flown().iterate, control=np.zeros((1, sum(COUNTS)))))
-    assert counts(provided(still, flown().problem, LIMITS)) == list(COUNTS)
+    assert counts(refine_guess(still, flown().problem, LIMITS)) == list(COUNTS)
     swung = replace(flown().draft, guess=replace(flown().iterate, control=np.full((1, sum(COUNTS)), 1000.0)))
-    assert counts(provided(swung, flown().problem, LIMITS)) == [2 * count for count in COUNTS]
+    assert counts(refine_guess(swung, flown().problem, LIMITS)) == [2 * count for count in COUNTS]
 
 
 # a race time that changed
@@ -343,12 +343,12 @@ def finer(before: MeshSolution, gained: float, **varied: float) -> MeshSolution:
     for name, difference in varied.items():
         control[0, 2 * int(name[1:])] = difference
     iterate = replace(draft.guess, durations=draft.guess.durations * (1.0 - gained / 3.0), control=control)
-    return MeshSolution(problem, iterate, draft, before.evidence)
+    return MeshSolution(problem, iterate, draft, before.measure)
 
 
 def test_intervals_that_gained_stay_fine_with_their_neighbours_and_the_others_go_back() -> None:
     before = flown()
-    again = reconsidered(finer(before, 0.02, i5=2.0, i17=0.1), before, LIMITS)
+    again = refine_changed(finer(before, 0.02, i5=2.0, i17=0.1), before, LIMITS)
     assert counts(again) == [12 + 3, 8]
     assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
         range(4, 10)
@@ -360,16 +360,16 @@ def test_so_many_intervals_stay_fine_that_the_others_gain_half_of_what_is_allowe
     """Of 20 ms all but 2.5 ms: seven of eight that gain alike, with their neighbours."""
     alike = {f"i{index}": 1.0 for index in (1, 3, 5, 7, 9, 11)} | {f"i{index}": np.sqrt(1.5) for index in (13, 17)}
     before = flown()
-    again = reconsidered(finer(before, 0.02, **alike), before, LIMITS)
+    again = refine_changed(finer(before, 0.02, **alike), before, LIMITS)
     cut = sum(counts(again)) - sum(COUNTS)
     assert cut < sum(COUNTS)
-    slight = reconsidered(finer(before, 0.0051, **alike), before, LIMITS)
+    slight = refine_changed(finer(before, 0.0051, **alike), before, LIMITS)
     assert sum(counts(slight)) < sum(counts(again))
 
 
 def test_time_lost_to_limits_kept_at_more_nodes_makes_fine_where_they_were_left() -> None:
     left = flown({"excess": {3: 0.5, 4: 0.5, 15: 0.001}})
-    again = reconsidered(finer(left, -0.006), left, LIMITS)
+    again = refine_changed(finer(left, -0.006), left, LIMITS)
     assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
         range(2, 10)
     )
@@ -378,7 +378,7 @@ def test_time_lost_to_limits_kept_at_more_nodes_makes_fine_where_they_were_left(
 
 def test_time_lost_to_the_integrator_makes_fine_where_it_erred() -> None:
     erring = flown({"integration": {2: 0.004, 16: 0.0005}})
-    again = reconsidered(finer(erring, -0.0055), erring, LIMITS)
+    again = refine_changed(finer(erring, -0.0055), erring, LIMITS)
     assert [index for index, why in enumerate(again.why.tolist()) if why == RefinementReason.RACE_TIME] == list(
         range(1, 7)
     )
@@ -387,18 +387,18 @@ def test_time_lost_to_the_integrator_makes_fine_where_it_erred() -> None:
 
 def test_errors_of_the_integrator_that_add_up_are_cut_before_all_is_halved() -> None:
     erring = {3: 0.004, 12: 0.002}
-    draft = adapted(flown({"drift": RESTLESS, "integration": erring}), LIMITS, early=True, joining=True)
+    draft = adapt(flown({"drift": RESTLESS, "integration": erring}), LIMITS, early=True, joining=True)
     assert draft is not None
     assert counts(draft) == [13, 8]
     cancelling = {3: 0.004, 12: -0.002}
-    assert adapted(flown({"drift": RESTLESS, "integration": cancelling}), LIMITS, early=True, joining=True) is None
+    assert adapt(flown({"drift": RESTLESS, "integration": cancelling}), LIMITS, early=True, joining=True) is None
 
 
 def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows() -> None:
     busy = {"drift": {3: 3.0 * LIMITS.hamiltonian}, "excess": everywhere(0.2)}  # another mesh comes in any case
     marks = {**busy, "integration": everywhere(0.4 * LIMITS.race_time)}  # 8 times what a short race may change by
-    short = adapted(flown(marks), LIMITS, early=True, joining=False)
-    long = adapted(flown(marks, (20.0 * LONG_RACE, 10.0 * LONG_RACE)), LIMITS, early=True, joining=False)
+    short = adapt(flown(marks), LIMITS, early=True, joining=False)
+    long = adapt(flown(marks, (20.0 * LONG_RACE, 10.0 * LONG_RACE)), LIMITS, early=True, joining=False)
     assert short is not None
     assert long is not None
     assert RefinementReason.RACE_TIME in short.why
@@ -407,5 +407,5 @@ def test_long_race_is_cut_for_the_race_time_that_its_own_tolerance_allows() -> N
 
 def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
     before = flown()
-    again = reconsidered(finer(before, 0.02), before, LIMITS)
+    again = refine_changed(finer(before, 0.02), before, LIMITS)
     assert sum(counts(again)) > 1.8 * sum(COUNTS)

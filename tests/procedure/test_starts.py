@@ -16,9 +16,10 @@ from airrace.procedure.models import iterate_of
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, StageResult
 from airrace.procedure.settings import MeshSettings
-from airrace.procedure.solve_and_refine import HANDOVER_BARRIER, Start, solve_with_refinement
+from airrace.procedure.solve_and_refine import solve_with_refinement
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import mesh_of
+from airrace.procedure.start import InitialBarrier, Start
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +56,7 @@ def solved_start(*, torn: float = 0.0) -> Start:
     state = iterate.state.copy()
     state[0, -1] += torn
     begun = Iterate(iterate.durations, state, iterate.control)
-    return Start(flight, flight.problem(mesh_of(flown)), begun, HANDOVER_BARRIER)
+    return Start(flight, flight.problem(mesh_of(flown)), begun, InitialBarrier.OTHER_STAGE)
 
 
 def tried(used: SolverSession, *starts: Start) -> tuple[StageResult, list[int], list[str]]:

@@ -20,10 +20,11 @@ from airrace.procedure.infeasibility.suggestions import NOTHING, Flown
 from airrace.procedure.models import iterate_of
 from airrace.procedure.result import Outcome, StageResult, SuggestedChange
 from airrace.procedure.settings import SearchEffort
-from airrace.procedure.solve_and_refine import COLD_BARRIER, PIECED_BARRIER, Start, refined
+from airrace.procedure.solve_and_refine import solve_certified
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage import Stage
 from airrace.procedure.stage_problem import Flight, mesh_of, stage_flight
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 
 ITERATIONS_MAX = 150
@@ -120,9 +121,9 @@ class _Trial:
             InputError: aircraft and rules leave no allowed value of some quantity.
         """
         along = relaxer.flight(race)
-        relaxed = Start(along, along.problem(relaxer.mesh), near.flight, PIECED_BARRIER)
+        relaxed = Start(along, along.problem(relaxer.mesh), near.flight, InitialBarrier.PIECES)
         if race is self.race:  # whose plan has led nowhere
-            found = refined(self.session, relaxed, self.session.settings.solver.primary)
+            found = solve_certified(self.session, relaxed, self.session.settings.solver.primary)
             certified = found if isinstance(found, StageResult) and found.certified else None
             return dataclasses.replace(NOTHING, certified=certified is not None, result=certified)
         first = self._flown(relaxed)
@@ -130,12 +131,12 @@ class _Trial:
             return first
         flight = stage_flight(self.stage, race, self.session.settings)
         mesh = first_mesh(flight.plan, self.session.settings.mesh)
-        planned = self._flown(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), COLD_BARRIER))
+        planned = self._flown(Start(flight, flight.problem(mesh), guess(flight.plan, mesh), InitialBarrier.COLD))
         return dataclasses.replace(planned, effort=first.effort + planned.effort)
 
     def _flown(self, start: Start) -> Flown:
         session = _impatient(self.session, start.problem)
-        found = refined(session, start, session.settings.solver.primary)
+        found = solve_certified(session, start, session.settings.solver.primary)
         effort = session.budget.spent / session.budget.work
         if isinstance(found, StageResult):
             return Flown(found.trajectory.race_time, certified=found.certified, effort=effort, result=found)

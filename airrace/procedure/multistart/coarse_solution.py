@@ -23,6 +23,7 @@ from airrace.optimal_control.solvers.solver import Solution, SolverOptions
 from airrace.planning.plan import Plan
 from airrace.procedure.guess import guess, leg_seconds
 from airrace.procedure.stage_problem import Flight
+from airrace.procedure.start import InitialBarrier
 from airrace.trajectory import Array
 
 logger = logging.getLogger(__name__)
@@ -51,8 +52,6 @@ OWN_ITERATIONS = 400
 All solves of a point mass without exploring, the proof among them, took 69 to 203 iterations on most of 14 generated
 courses, 367 on one and 638 and 939 on two.
 """
-AGAIN_BARRIER = 1e-3
-"""The first value of the barrier parameter of a solve that starts from the same flight on another mesh."""
 TOO_FEW = 0.7
 """The part of the intervals that a phase should have (1), below which it gets a finer mesh."""
 ERROR_TOLERANCE = 0.01
@@ -137,7 +136,7 @@ def solve_coarse(service: SolverService, initial_guess: InitialGuess) -> CoarseS
         return found
     counts = [intervals(seconds) for seconds in found.iterate.durations.tolist()]
     mesh, iterate = resample(found.problem.mesh, found.iterate, counts)
-    return _coarse_solution(service, InitialGuess(found.flight, mesh, iterate, AGAIN_BARRIER)) or found
+    return _coarse_solution(service, InitialGuess(found.flight, mesh, iterate, InitialBarrier.COARSE)) or found
 
 
 def _coarse_solution(service: SolverService, initial_guess: InitialGuess) -> CoarseSolution | None:
@@ -157,7 +156,7 @@ def _coarse_solution(service: SolverService, initial_guess: InitialGuess) -> Coa
         if counts == [len(phase) for phase in mesh]:
             return found
         mesh, iterate = resample(mesh, found.iterate, counts)
-        barrier = AGAIN_BARRIER
+        barrier = InitialBarrier.COARSE
     return found
 
 

@@ -19,20 +19,10 @@ from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.multistart.window import priced
 from airrace.procedure.result import StageResult
 from airrace.procedure.stage_problem import Flight, mesh_of
+from airrace.procedure.start import InitialBarrier
 from airrace.track.course import Course
 from airrace.trajectory import Array
 
-NEAR_BARRIER = 1e-4
-"""The first value of the barrier parameter of the optimum itself, flown by the point mass under the changed numbers.
-
-On Rovinj and Abu Dhabi it took 14 to 18 iterations, and 17 to 23 with 1e-3.
-"""
-WINDOW_BARRIER = 1e-2
-"""The first value of the barrier parameter of a window.
-
-On the same courses windows took 20 to 56 iterations, most of them less than 30, and 20 to more than 70 with 0.1, which
-led to the same flights.
-"""
 WORTH = 0.02
 """The time that another way through a window has to save, flown by the point mass, before all is flown again, s.
 
@@ -67,7 +57,7 @@ def find_faster_route(
     phases = set(range(len(base.problem.phases)))
     # What wins at a place in one lap wins there in the others, too, as far as they are flown alike.
     moves = list(move_generator.moves(phases, shapes=False, places=move_generator.places()))
-    found = pool.work([one.window for one in moves], lambda service, one: priced(service, one, WINDOW_BARRIER))
+    found = pool.work([one.window for one in moves], lambda service, one: priced(service, one, InitialBarrier.PIECES))
     wins = [
         EvaluatedWindow(move, win)
         for move, win in zip(moves, found, strict=True)
@@ -87,7 +77,7 @@ def _initial_guess(point_mass: Flight, source: Flight, optimum: StageResult) -> 
     mesh, iterate = mesh_of(flown), _as_point_mass(point_mass, source, optimum)
     counts = [intervals(seconds) for seconds in flown.durations.tolist()]
     mesh, iterate = resample(mesh, iterate, counts)
-    return InitialGuess(point_mass, mesh, iterate, NEAR_BARRIER)
+    return InitialGuess(point_mass, mesh, iterate, InitialBarrier.OTHER_STAGE)
 
 
 def _as_point_mass(point_mass: Flight, source: Flight, optimum: StageResult) -> Iterate:

@@ -10,20 +10,18 @@ from airrace.planning.plan import plan
 from airrace.planning.planning_model import PlanningModel
 from airrace.procedure.guess import counts_of
 from airrace.procedure.multistart.budget import SearchBudget, scaled
-from airrace.procedure.multistart.coarse_solution import AGAIN_BARRIER, CoarseSolution, InitialGuess, solve_coarse
+from airrace.procedure.multistart.coarse_solution import CoarseSolution, InitialGuess, solve_coarse
 from airrace.procedure.multistart.description import describe_route, named, shape_in_words, way_in_words
 from airrace.procedure.multistart.search import EvaluatedWindow, Found, Search, Tried
 from airrace.procedure.multistart.segments import Segment, differing, same_way, shape, stretches
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.result import Route, SearchReport
-from airrace.procedure.solve_and_refine import Start
 from airrace.procedure.solver_session import SolverSession
 from airrace.procedure.stage_problem import Flight
+from airrace.procedure.start import InitialBarrier, Start
 from airrace.records import record
 from airrace.track.course import Course
 
-FINAL_BARRIER = 1e-4
-"""The first value of the barrier parameter of the solve that continues from a sketch."""
 CLOSE = 0.4
 """The largest lag behind the best flight with which a flight is compared again, s."""
 MOST_WAYS = 40
@@ -110,7 +108,7 @@ def _finals(pool: SolverPool, session: SolverSession, finalists: Sequence[Coarse
         wanted = counts_of(coarse.iterate.durations.tolist(), session.settings.mesh)
         counts = [max(count, len(phase)) for count, phase in zip(wanted, coarse.problem.mesh, strict=True)]
         mesh, iterate = resample(coarse.problem.mesh, coarse.iterate, counts)
-        return solve_coarse(service, InitialGuess(coarse.flight, mesh, iterate, AGAIN_BARRIER)) or coarse
+        return solve_coarse(service, InitialGuess(coarse.flight, mesh, iterate, InitialBarrier.COARSE)) or coarse
 
     if len(finalists) < 2:
         return list(finalists)
@@ -118,7 +116,7 @@ def _finals(pool: SolverPool, session: SolverSession, finalists: Sequence[Coarse
 
 
 def _start(coarse: CoarseSolution) -> Start:
-    return Start(coarse.flight, coarse.problem, coarse.iterate, FINAL_BARRIER)
+    return Start(coarse.flight, coarse.problem, coarse.iterate, InitialBarrier.OTHER_STAGE)
 
 
 def _told(found: Found, best: CoarseSolution, course: Course, pace: PlanningModel, seconds: float) -> SearchReport:

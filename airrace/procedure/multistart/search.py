@@ -21,8 +21,8 @@ from airrace.procedure.multistart.moves import Move, MoveGenerator
 from airrace.procedure.multistart.segments import Segment, differing, neighbours, stretches
 from airrace.procedure.multistart.solver_pool import SolverPool
 from airrace.procedure.multistart.window import EvaluatedMove, apply_moves, priced
-from airrace.procedure.solve_and_refine import COLD_BARRIER
 from airrace.procedure.stage_problem import Flight
+from airrace.procedure.start import InitialBarrier
 from airrace.track.course import Course
 
 WORTH = 0.003
@@ -129,7 +129,7 @@ class Search:
             pace = scaled(self._pace, radius)
             text = f"plan with turns of {pace.radius:.0f} m"
             own, twin = (
-                planned_guess(self._flight, plan(self._course, pace, ties), COLD_BARRIER) for ties in (ANY, TWIN)
+                planned_guess(self._flight, plan(self._course, pace, ties), InitialBarrier.COLD) for ties in (ANY, TWIN)
             )
             found.append((text, own))
             if number < self._effort.twins and not np.array_equal(own.guess.state, twin.guess.state):

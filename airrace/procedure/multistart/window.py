@@ -15,7 +15,6 @@ from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.procedure.attitudes import ROWS as ATTITUDE
 from airrace.procedure.homotopy import held
 from airrace.procedure.multistart.coarse_solution import (
-    AGAIN_BARRIER,
     CoarseSolution,
     InitialGuess,
     objective_error,
@@ -24,8 +23,8 @@ from airrace.procedure.multistart.coarse_solution import (
 )
 from airrace.procedure.multistart.segments import Segment
 from airrace.procedure.phase_segments import joined, phase_piece
-from airrace.procedure.solve_and_refine import COLD_BARRIER
 from airrace.procedure.stage_problem import Flight
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 
 ITERATIONS = 70
@@ -83,7 +82,7 @@ class EvaluatedMove:
         return [(replace(one, first=one.first - first, last=one.last - first), one) for one in within]
 
 
-def priced(service: SolverService, window: Window, barrier: float = COLD_BARRIER) -> EvaluatedMove | None:
+def priced(service: SolverService, window: Window, barrier: float = InitialBarrier.COLD) -> EvaluatedMove | None:
     """Return the fastest flight through a window near its guess; None if there is none within the budget.
 
     Args:
@@ -121,7 +120,7 @@ def apply_moves(
         for place, index in enumerate(win.window.phases):
             pieces[index] = phase_piece(win.iterate, win.problem, place)
             mesh[index] = win.problem.phases[place].fractions
-    return solve_coarse(service, InitialGuess(flight, mesh, joined(pieces), AGAIN_BARRIER))
+    return solve_coarse(service, InitialGuess(flight, mesh, joined(pieces), InitialBarrier.COARSE))
 
 
 def _problem(window: Window) -> tuple[Problem, Iterate, float]:

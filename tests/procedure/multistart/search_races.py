@@ -13,12 +13,12 @@ from airrace.environment.air import Air
 from airrace.optimal_control.solvers.process.service import SolverService
 from airrace.planning.race import Race
 from airrace.procedure.multistart.coarse_solution import CoarseSolution, planned_guess, solve_coarse
-from airrace.procedure.multistart.window import COLD_BARRIER
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 from airrace.track.gates import Gate, Pylon
 
@@ -74,6 +74,6 @@ def planned_coarse_solution(race: Race) -> CoarseSolution:
     """A race sketched from its own plan; done once however many tests ask."""
     flight = prepared(race)
     with open_session() as session:
-        found = solve_coarse(session.service, planned_guess(flight, flight.plan, COLD_BARRIER))
+        found = solve_coarse(session.service, planned_guess(flight, flight.plan, InitialBarrier.COLD))
     assert found is not None
     return found

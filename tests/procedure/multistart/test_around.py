@@ -13,12 +13,12 @@ from airrace.procedure.fidelity_continuation import FidelityContinuation
 from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse
 from airrace.procedure.multistart.local_search import find_faster_route
 from airrace.procedure.multistart.solver_pool import SolverPool
-from airrace.procedure.multistart.window import COLD_BARRIER
 from airrace.procedure.progress import Silent
 from airrace.procedure.result import Outcome, Stage, StageResult
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
 from airrace.procedure.stage_problem import stage_flight
+from airrace.procedure.start import InitialBarrier
 from airrace.trajectory import Trajectory
 
 WINDY = blown(SLALOM, 200.0, 2.0)
@@ -77,7 +77,7 @@ def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
         def endless(pool: SolverPool) -> str:
             begun.set()
             while True:
-                pool.work([planned_guess(prepared(SLALOM), prepared(SLALOM).plan, COLD_BARRIER)], solve_coarse)
+                pool.work([planned_guess(prepared(SLALOM), prepared(SLALOM).plan, InitialBarrier.COLD)], solve_coarse)
 
         def interrupted() -> None:
             with session.aside(endless):

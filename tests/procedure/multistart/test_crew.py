@@ -13,8 +13,9 @@ from waiting import PATIENCE
 from airrace.errors import SolverCrash
 from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
 from airrace.optimal_control.solvers.solver import Solution
-from airrace.procedure.multistart.coarse_solution import AGAIN_BARRIER, try_solve
+from airrace.procedure.multistart.coarse_solution import try_solve
 from airrace.procedure.multistart.solver_pool import SolverPool
+from airrace.procedure.start import InitialBarrier
 
 
 class Idle(SolverService):
@@ -134,7 +135,7 @@ def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> Non
     coarse = planned_coarse_solution(SMALL)
 
     def solve(service: SolverService, _: object = None) -> Solution | None:
-        return try_solve(service, coarse.problem, coarse.iterate, AGAIN_BARRIER)
+        return try_solve(service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
 
     def solve_anew(service: SolverService, _: object) -> Solution | None:
         service.stop()
@@ -155,14 +156,14 @@ def test_service_that_was_ended_starts_no_other_process() -> None:
     with open_session() as session:
         session.service.end()
         with pytest.raises(SolverEnded):
-            try_solve(session.service, coarse.problem, coarse.iterate, AGAIN_BARRIER)
+            try_solve(session.service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
 
 
 def test_flight_that_kills_its_solver_is_left_out_and_the_next_one_is_flown(caplog: pytest.LogCaptureFixture) -> None:
     coarse = planned_coarse_solution(SMALL)
     broken = dataclasses.replace(coarse.iterate, state=coarse.iterate.state[:-1])
     with open_session() as session, caplog.at_level(logging.WARNING):
-        assert try_solve(session.service, coarse.problem, broken, AGAIN_BARRIER) is None
-        assert try_solve(session.service, coarse.problem, coarse.iterate, AGAIN_BARRIER) is not None
+        assert try_solve(session.service, coarse.problem, broken, InitialBarrier.COARSE) is None
+        assert try_solve(session.service, coarse.problem, coarse.iterate, InitialBarrier.COARSE) is not None
     (record,) = caplog.records
     assert "left out" in record.getMessage()

@@ -21,8 +21,8 @@ from airrace.procedure.progress import Silent
 from airrace.procedure.result import NOT_SEARCHED, Outcome, Route, SearchReport, Stage, StageResult, State
 from airrace.procedure.run import optimize
 from airrace.procedure.settings import Settings
-from airrace.procedure.solve_and_refine import Start
 from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.start import Start
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
 BOTH = dataclasses.replace(QUICK, alternatives=2)
@@ -103,7 +103,7 @@ class Answers:
         self.asked: list[list[Start]] = []
 
     def __call__(
-        self, _: SolverSession, starts: Sequence[Callable[[], Start]], refine: object, *, diagnosing: bool
+        self, _: SolverSession, starts: Sequence[Callable[[], Start]], refine: object, *, diagnose: object
     ) -> StageResult:
         self.asked.append([make() for make in starts] if self.making else [])
         return self.verdicts.pop(0)
@@ -209,7 +209,7 @@ def close_together(
     monkeypatch.setattr(fidelity_continuation, "solve_with_refinement", lambda *_, **__: left.pop(0))
     monkeypatch.setattr(fidelity_continuation, "explore", lambda *_: Exploration(starts, lambda _: NOT_SEARCHED))
     monkeypatch.setattr(fidelity_continuation, "fly_homotopy", lambda *_: search_optimum(SMALL, OFF))
-    monkeypatch.setattr(fidelity_continuation, "proved", answered)
+    monkeypatch.setattr(fidelity_continuation, "check_mesh_convergence", answered)
     with open_session(two) as session:
         result = FidelityContinuation(SMALL, two, (), last=Stage.TRANSFER_FUNCTION).climb(Stage.POINT_MASS, session)
     return result, asked

@@ -23,7 +23,7 @@ from airrace.procedure.multistart.coarse_solution import (
     solve_coarse,
     try_solve,
 )
-from airrace.procedure.multistart.window import COLD_BARRIER
+from airrace.procedure.start import InitialBarrier
 
 HALF_CUBAN = SHIPPED["half_cuban_eight"]
 each_small_race = pytest.mark.parametrize(
@@ -57,11 +57,11 @@ def test_errors_of_integration_on_a_coarse_mesh_are_told_in_seconds(monkeypatch:
     monkeypatch.setattr(coarse_solution, "COARSE_SOLVES_MAX", 1)
     flight = prepared(HALF_CUBAN)
     with open_session() as session:
-        coarse = solve_coarse(session.service, planned_guess(flight, flight.plan, COLD_BARRIER))
+        coarse = solve_coarse(session.service, planned_guess(flight, flight.plan, InitialBarrier.COLD))
         assert coarse is not None
         scheme = dataclasses.replace(coarse.problem.scheme, steps=4 * coarse.problem.scheme.steps)
         finer = dataclasses.replace(coarse.problem, scheme=scheme)
-        solution = try_solve(session.service, finer, coarse.iterate, coarse_solution.AGAIN_BARRIER)
+        solution = try_solve(session.service, finer, coarse.iterate, InitialBarrier.COARSE)
     assert solution is not None
     assert solution.success
     true, raw = float(solution.iterate.durations.sum()), float(coarse.iterate.durations.sum())
@@ -82,7 +82,7 @@ def test_mesh_that_deceives_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(coarse_solution, "FEWEST", 3)
     monkeypatch.setattr(coarse_solution, "STEP", 1)
     flight = prepared(HALF_CUBAN)
-    first = planned_guess(flight, flight.plan, COLD_BARRIER)
+    first = planned_guess(flight, flight.plan, InitialBarrier.COLD)
     with open_session() as session:
         found = solve_coarse(session.service, first)
     assert found is not None
@@ -103,8 +103,8 @@ def test_intervals_grow_with_the_duration_in_steps_up_to_a_limit() -> None:
 def test_slower_plan_has_no_more_intervals_for_being_slow() -> None:
     flight = prepared(SMALL)
     slow = scaled(flight.plan.cruise, Radius(0.5, slower=True))
-    slower = planned_guess(flight, plan(SMALL.course, slow), COLD_BARRIER)
-    own = planned_guess(flight, flight.plan, COLD_BARRIER)
+    slower = planned_guess(flight, plan(SMALL.course, slow), InitialBarrier.COLD)
+    own = planned_guess(flight, flight.plan, InitialBarrier.COLD)
     assert slower.flight.plan.cruise.V < flight.plan.cruise.V
     assert sum(map(len, slower.mesh)) <= sum(map(len, own.mesh))
 
@@ -130,7 +130,7 @@ class Hanging(SolverService):
 
 def test_start_on_which_the_solver_hangs_is_lost_and_nothing_else() -> None:
     flight = prepared(SMALL)
-    assert solve_coarse(Hanging(), planned_guess(flight, flight.plan, COLD_BARRIER)) is None
+    assert solve_coarse(Hanging(), planned_guess(flight, flight.plan, InitialBarrier.COLD)) is None
 
 
 def test_sketch_of_an_optimum_stays_there() -> None:
@@ -138,7 +138,7 @@ def test_sketch_of_an_optimum_stays_there() -> None:
     with open_session() as session:
         again = solve_coarse(
             session.service,
-            InitialGuess(found.flight, found.problem.mesh, found.iterate, coarse_solution.AGAIN_BARRIER),
+            InitialGuess(found.flight, found.problem.mesh, found.iterate, InitialBarrier.COARSE),
         )
     assert again is not None
     assert again.race_time == pytest.approx(found.race_time, abs=1e-3)
@@ -149,7 +149,7 @@ def test_start_on_a_fine_mesh_is_sketched_like_all_others() -> None:
     rough = planned_coarse_solution(SMALL)
     counts = [2 * len(phase) for phase in rough.problem.mesh]
     mesh, guess = resample(rough.problem.mesh, rough.iterate, counts)
-    begun = InitialGuess(rough.flight, mesh, guess, coarse_solution.AGAIN_BARRIER, is_baseline=True)
+    begun = InitialGuess(rough.flight, mesh, guess, InitialBarrier.COARSE, is_baseline=True)
     with open_session() as session:
         found = solve_coarse(session.service, begun)
     assert found is not None

@@ -22,7 +22,6 @@ from airrace.procedure.multistart.moves import Move, MoveGenerator
 from airrace.procedure.multistart.search import EvaluatedWindow
 from airrace.procedure.multistart.segments import Segment, shape, stretches
 from airrace.procedure.multistart.window import (
-    COLD_BARRIER,
     END_SPEED_TRUST,
     EvaluatedMove,
     Window,
@@ -30,6 +29,7 @@ from airrace.procedure.multistart.window import (
     priced,
 )
 from airrace.procedure.phase_segments import phase_piece
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval
 
 ATTITUDE = slice(4, 8)
@@ -137,7 +137,7 @@ def test_start_that_may_be_passed_either_way_is_thought_of_the_other_way() -> No
     flight = prepared(race)
     wrong = dataclasses.replace(flight, plan=plan(race.course, flight.plan.cruise, chosen))
     with open_session() as session:
-        base = solve_coarse(session.service, planned_guess(wrong, wrong.plan, COLD_BARRIER))
+        base = solve_coarse(session.service, planned_guess(wrong, wrong.plan, InitialBarrier.COLD))
     assert base is not None
     assert base.race_time > planned_coarse_solution(race).race_time + 2.0
     about_start = [one for one in moves(base, race) if one.kind == "other direction" and one.stretch.number == 0]
