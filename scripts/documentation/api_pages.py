@@ -6,7 +6,7 @@ import airrace
 
 MODULES = {
     "Exports": ("airrace.export",),
-    "Prices": ("airrace.sensitivity",),
+    "Sensitivities": ("airrace.sensitivity",),
     "Checkpoints": ("airrace.checkpoint",),
     "Fidelities and kinds of gates": (
         "airrace.procedure.fidelity",
@@ -26,7 +26,7 @@ MODULES = {
 OPENING = """# Python API
 
 Everything in the first two sections can be imported from `airrace`; names are looked up when they are first used, so
-`import airrace` is quick. [The tutorial](../tutorial.md) shows how they are used together. The optimiser knows
+`import airrace` is quick. [The tutorial](../tutorial.md) shows how they are used together. The optimizer knows
 nothing of aircraft: [A problem of your own](../engine.md) shows how the last modules are used.
 """
 

@@ -13,6 +13,7 @@ from language_pages import language_pages
 from mathml import with_formulas
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from module_page import module_page
 from notebook_pages import notebook_page
 
 ROOT_DOCUMENTS = {
@@ -27,6 +28,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are not files of the documentation's folder."""
     root = Path(config.config_file_path).parent
     pages = {"reference/commands.md": commands_page(), "reference/api.md": api_page()}
+    pages["project/modules.md"] = module_page(root / "airrace")
     pages |= {f"reference/{language}.md": page for language, page in language_pages()}
     for name, page in ROOT_DOCUMENTS.items():
         pages[page] = moved((root / name).read_text(encoding="utf-8"))
