@@ -194,11 +194,13 @@ def resume(
         from_: a stage that is computed again although it still stands, and all after it.
         mesh_check: which stages have a mesh check from now on, `last` or `all`; `all` completes that of those solved
             on one mesh. None for what the run was asked for.
-        set: single values that are otherwise, see `optimize`.
-        track, aircraft, settings: what is flown instead, see `optimize`.
+        set: single values that are changed, by their keys, e.g. `{"rules.n_z_max": 9}`.
+        track, aircraft, settings: what is flown instead: a name, a file or, but for settings, an object.
         output: the file to be written; None for the file of the run, of a changed run for none.
         force: whether a file that exists may be overwritten.
-        threads, timeout, progress: see `optimize`.
+        threads: threads that evaluate derivatives; None for all cores.
+        timeout: the longest wall time, s; None for none.
+        progress: whether a view of the run under way is shown on stderr; or who watches.
 
     Returns:
         The run with all its stages.
@@ -262,7 +264,10 @@ def check(
         <CourseCheck Rovinj 2014: 17 passages, 0 warnings>
 
     Args:
-        track, aircraft, settings, set: see `optimize`.
+        track: a course that comes along, by name; a file; or a `Course` or a `Race` that was built in Python.
+        aircraft: another aircraft than the one that the track names, likewise.
+        settings: a settings file; None for the defaults.
+        set: single values by their keys, e.g. `{"rules.n_z_max": 9}`.
 
     Returns:
         Course, aircraft and air, with the warnings of the review. A notebook shows the course from above.

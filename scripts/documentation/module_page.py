@@ -3,7 +3,9 @@
 import ast
 from pathlib import Path
 
-OPENING = "# Files of the package\n\nEvery module with the first sentence of its docstring. [Architecture](architecture.md) explains the rooms."
+OPENING = """# Files of the package
+
+Every module with the first sentence of its docstring. [Architecture](architecture.md) explains the rooms."""
 
 
 def module_page(package: Path) -> str:
@@ -14,7 +16,11 @@ def module_page(package: Path) -> str:
         about = sentence(folder / "__init__.py") if (folder / "__init__.py").exists() else ""
         rows = [f"| `{path.name}` | {sentence(path)} |" for path in modules]
         table = "\n".join(["| file | what it is |", "|---|---|", *rows])
-        parts += [f"## {folder.relative_to(package.parent).as_posix()}", *([about] if about else []), *([table] if rows else [])]
+        parts += [
+            f"## {folder.relative_to(package.parent).as_posix()}",
+            *([about] if about else []),
+            *([table] if rows else []),
+        ]
     return "\n\n".join(parts) + "\n"
 
 

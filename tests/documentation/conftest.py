@@ -1,27 +1,13 @@
-"""The folder in which the code of the pages runs, and the modules that generate pages."""
+"""The run with which the code of the pages works, and the site that is built of them."""
 
-import importlib
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from disk_cache import cached_across_workers
-from pages import ROOT
-
-MODULES = (
-    "api_pages",
-    "command_pages",
-    "flow_tables",
-    "grouped_names",
-    "language_pages",
-    "mathml",
-    "notebook_pages",
-    "site_hooks",
-)
+from pages import ROOT, build
 
 
 @cached_across_workers
@@ -45,11 +31,9 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def generators() -> Iterator[dict[str, ModuleType]]:
-    """The modules in `scripts/documentation/`, by name."""
-    folder = str(ROOT / "scripts" / "documentation")
-    sys.path.insert(0, folder)
-    yield {name: importlib.import_module(name) for name in MODULES}
-    sys.path.remove(folder)
-    for name in MODULES:
-        del sys.modules[name]
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built site."""
+    output = tmp_path_factory.mktemp("site")
+    built = build(ROOT, output)
+    assert built.returncode == 0, built.stdout + built.stderr
+    return output

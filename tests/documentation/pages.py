@@ -1,6 +1,8 @@
 """The pages that users read, and the blocks of code in them."""
 
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,3 +75,9 @@ def shell_lines() -> Iterator[tuple[str, str]]:
                 command = re.split(r" {4,}", line.strip().removeprefix("$ "))[0].strip()
                 if command:
                     yield name_of(page), command
+
+
+def build(folder: Path, output: Path) -> subprocess.CompletedProcess[str]:
+    """Build the site of a folder as strictly as can be: a link or a heading that does not exist is an error."""
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(output)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

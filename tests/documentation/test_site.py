@@ -4,16 +4,19 @@ import html
 import inspect
 import re
 import shutil
-import subprocess
-import sys
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
 import pytest
-from pages import ROOT
+import typer.main
+import yaml
+from pages import DOCS, ROOT, build
 
 import airrace
+from airrace.cli.main import app
+from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 LOADING = {
     "audio": "src",
@@ -33,20 +36,6 @@ LOADING = {
 
 LOADING_LINKS = {"dns-prefetch", "icon", "manifest", "modulepreload", "preconnect", "prefetch", "preload", "stylesheet"}
 ELSEWHERE = re.compile(r"(?:[a-z]+:)?//", re.IGNORECASE)
-
-
-def build(folder: Path, output: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(output)]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site, built as strictly as can be: a link or a heading that does not exist is an error."""
-    output = tmp_path_factory.mktemp("site")
-    built = build(ROOT, output)
-    assert built.returncode == 0, built.stdout + built.stderr
-    return output
 
 
 class Fetched(HTMLParser):
@@ -124,23 +113,94 @@ def test_what_is_fetched_from_elsewhere_would_be_found(page: str) -> None:
     assert len(elsewhere(parser.addresses)) == 1
 
 
-def test_the_site_has_what_is_generated(site: Path) -> None:
-    text = (site / "reference" / "commands.html").read_text(encoding="utf-8")
-    assert "airrace optimize" in text
-    assert (site / "theory" / "model.html").read_text(encoding="utf-8").count("<math ") > 30
-    assert "Minimum" in (site / "index.html").read_text(encoding="utf-8")
+def text_of(page: Path) -> str:
+    """What a page says, without its marks, in one line."""
+    text = re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8"))
+    return " ".join(html.unescape(text).split())
 
 
-def test_the_api_has_every_public_name_with_its_docstring(site: Path, generators: dict[str, ModuleType]) -> None:
+def test_the_api_has_every_public_name_with_its_docstring(site: Path) -> None:
     page = (site / "reference" / "api.html").read_text(encoding="utf-8")
-    text = html.unescape(re.sub(r"<[^>]+>", "", page))
-    names = generators["api_pages"].public_names()
+    text = text_of(site / "reference" / "api.html")
+    names = [name for name in dir(airrace) if not name.startswith("_")]
     assert {"Course", "Race", "StageResult", "load_inputs"} <= set(names)
     for name in names:
-        assert f'id="{generators["api_pages"].home_of(name)}"' in page, name
-        described = inspect.getdoc(getattr(airrace, name))
+        found = getattr(airrace, name)
+        assert f'id="{found.__module__}.{found.__qualname__}"' in page, name
+        described = inspect.getdoc(found)
         assert described, name
         assert described.splitlines()[0].replace("`", "") in text, name
+
+
+def test_the_parameters_of_a_record_and_names_that_share_a_description_are_shown(site: Path) -> None:
+    text = text_of(site / "reference" / "api.html")
+    assert re.search(r"Quantity dataclass .{80,200}name str the symbol", text)
+    assert re.search(r"lower float (.+?) upper float \1 ", text)
+
+
+def test_the_page_of_commands_has_every_command_option_and_meaning(site: Path) -> None:
+    text = text_of(site / "reference" / "commands.html")
+    count = 0
+    for name, command in commands("airrace", typer.main.get_command(app)):
+        assert name in text
+        assert " ".join((command.help or "").replace("`", "").split()) in text, name
+        for parameter in command.params:
+            count += 1
+            meaning = getattr(parameter, "help", None)
+            assert meaning, f"{name}: {parameter.name} is not explained"
+            assert meaning.replace("`", "") in text, f"{name}: {parameter.name}"
+            assert all(option in text for option in parameter.opts if option[0] == "-")
+    assert count > 60
+
+
+def commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:  # Any: typer hides the class
+    """Every command that does something, with the words that call it."""
+    if not hasattr(command, "list_commands"):
+        yield name, command
+        return
+    context = typer.Context(command)
+    for word in command.list_commands(context):
+        yield from commands(f"{name} {word}", command.get_command(context, word))
+
+
+def properties(node: Any) -> list[tuple[str, str]]:  # Any: JSON of any shape
+    """Every key of a schema with its meaning, at any depth."""
+    if isinstance(node, list):
+        return [found for one in node for found in properties(one)]
+    if not isinstance(node, dict):
+        return []
+    own = [(key, one.get("description", "")) for key, one in node.get("properties", {}).items()]
+    return own + [found for one in node.values() for found in properties(one)]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_page_of_a_language_has_every_key_with_its_meaning(site: Path, language: str) -> None:
+    page = (site / "reference" / f"{language}.html").read_text(encoding="utf-8")
+    text, schema = text_of(site / "reference" / f"{language}.html"), json_schema(language)
+    keys = properties(schema)
+    assert len(keys) > 5
+    for key, meaning in keys:
+        assert meaning, f"{key} is not explained"
+        assert f"<code>{key}</code>" in page, key
+        assert meaning.replace("`", "") in text, key
+    assert all(f'id="{name}"' in page for name in schema["definitions"])
+
+
+def test_values_of_a_language_are_described_in_words(site: Path) -> None:
+    text = text_of(site / "reference" / "track.html")
+    assert "bank right or left or either either the wing that points down" in text
+    assert "laps whole number from 1 to 100 how often the lap is flown; once by default" in text
+    assert "n_z_max number above 1 and at most 25" in text
+    assert "A bare text stands for a mapping with this text as its gate." in text
+    assert "each_lap list of: list of: flown, at most 10000, at most 100" in text
+
+
+def test_notebooks_and_documents_of_the_root_are_pages(site: Path) -> None:
+    assert "data:image/png;base64," in (site / "notebooks" / "rovinj.html").read_text(encoding="utf-8")
+    architecture = text_of(site / "project" / "architecture.html")
+    assert "procedure Problem, guess optimal_control" in architecture
+    modules = text_of(site / "project" / "modules.html")
+    assert {path.name for path in (ROOT / "airrace").rglob("*.py")} - {"__init__.py"} <= set(modules.split())
 
 
 @pytest.mark.slow  # a second build of the site
@@ -152,3 +212,9 @@ def test_a_link_that_leads_nowhere_ends_the_build(tmp_path: Path) -> None:
     built = build(copy, tmp_path / "site")
     assert built.returncode != 0
     assert "no-such-heading" in built.stdout + built.stderr
+
+
+def test_every_page_stands_in_the_navigation() -> None:
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = set(re.findall(r"[\w/]+\.md", str(yaml.safe_load(text)["nav"])))
+    assert {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")} <= pages
