@@ -18,7 +18,7 @@ from airrace.results.clearances import Clearance
 from airrace.results.legs import passings_around
 from airrace.track.limits import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
-from airrace.views.course_page import CourseRow, rows, safety_lines
+from airrace.views.course_page import CourseRow, rows
 
 ROWS_MAX = 200
 """The largest number of passages in the table; of more, only the first and the last are printed."""
@@ -128,7 +128,7 @@ def _surroundings(race: Race) -> Iterator[list[str]]:
         middle = np.mean([_pair(corner) for corner in corners], axis=0)
         where = f"{shapes[crowd.shape]} {size} {_place(*middle)}".replace("  ", " ")
         yield [crowd.name, "crowd", where, f"{crowd.distance:g} m {'slant' if crowd.slant else 'over ground'}"]
-    for line in safety_lines(race):
+    for line in race.course.safety_lines:
         side = "right" if line.keep_right else "left"
         where = f"{side} of {_place(*_pair(line.start))} to {_place(*_pair(line.end))}"
         yield [line.name, "safety line", where, f"{line.margin:g} m"]

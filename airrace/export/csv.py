@@ -51,7 +51,7 @@ def export_csv(
         stream: receives the text.
         rate_hz: rows per second from the start to the end, both included; None for one row per node of the mesh.
         derived: further columns.
-        sampler: gives the states between the nodes; without one they are interpolated linearly, see `sampling`.
+        sampler: gives the states between the nodes; without one they are interpolated linearly, see `at_times`.
         provenance: names for the comments.
         comments: begin with lines `# key: value` that say which flight this is.
 

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from airrace.errors import UsageError
 from airrace.export.extras import extra
-from airrace.frames import rotation
 from airrace.quantities import KNOT, Quantity
 from airrace.records import record
+from airrace.results.attitude import euler_angles, interpolate_attitude, path_axes
+from airrace.results.flight import PATH_ATTITUDE
 from airrace.trajectory import Array, Trajectory
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 # Returns named histories at given times (s, shape (n,)), at least of all states, e.g. by integration between nodes.
 Sampler = Callable[[Array], Mapping[str, Array]]
 
-QUATERNION = ("q0", "q1", "q2", "q3")
 ROWS_MAX = 10_000_000
 """The largest number of rows that are sampled at a fixed rate."""
 
@@ -52,26 +52,13 @@ def at_nodes(trajectory: Trajectory) -> Samples:
     )
 
 
-def at_rate(trajectory: Trajectory, rate: float, sampler: Sampler | None = None) -> Samples:
-    """Return rows at a fixed rate from the start, and a last one at the very end.
+def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None) -> Samples:
+    """Return rows at some times of a flight, s.
 
     Controls are those of the interval the time lies in. States come from the sampler; without one they are interpolated
     linearly between the nodes (which cuts corners by up to `a dt^2 / 8`, e.g. 0.35 m at 10 g and intervals of 0.17 s),
     quaternions along the shorter way and renormalised.
-
-    Args:
-        trajectory: the flight.
-        rate: rows per second, Hz.
-        sampler: gives states, and perhaps controls, at given times.
-
-    Raises:
-        UsageError: the rate is not positive or gives more than ten million rows, or the flight has no finite duration.
     """
-    return at_times(trajectory, times_at_rate(trajectory, rate), sampler)
-
-
-def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None) -> Samples:
-    """Return rows at any times of a flight; see `at_rate`."""
     intervals = np.searchsorted(trajectory.time, time, side="right") - 1
     intervals = np.clip(intervals, 0, trajectory.control.shape[1] - 1)
     states = _interpolated(trajectory, time) if sampler is None else sampler(time)
@@ -79,7 +66,11 @@ def at_times(trajectory: Trajectory, time: Array, sampler: Sampler | None = None
 
 
 def times_at_rate(trajectory: Trajectory, rate: float) -> Array:
-    """Return the times of rows at a fixed rate, s; errors as of `at_rate`."""
+    """Return the times of rows at a fixed rate (Hz) from the start, and the very end, s.
+
+    Raises:
+        UsageError: the rate is not positive or gives more than ten million rows, or the flight has no finite duration.
+    """
     start, end = float(trajectory.time[0]), float(trajectory.time[-1])
     if not np.all(np.isfinite(trajectory.time)):
         raise UsageError("this flight has no finite duration: it can only be exported on its mesh")
@@ -107,28 +98,16 @@ def _phases(trajectory: Trajectory, intervals: NDArray[np.int64]) -> NDArray[np.
 
 def _interpolated(trajectory: Trajectory, time: Array) -> dict[str, Array]:
     nodes = _states(trajectory, trajectory.state)
-    if all(name in nodes for name in QUATERNION):
-        q = _without_sign_flips(np.array([nodes[name] for name in QUATERNION]))
-        nodes.update(zip(QUATERNION, q, strict=True))
     histories = {name: np.interp(time, trajectory.time, values) for name, values in nodes.items()}
-    if all(name in histories for name in QUATERNION):
-        q = np.array([histories[name] for name in QUATERNION])
-        histories.update(zip(QUATERNION, q / np.linalg.norm(q, axis=0), strict=True))
+    if all(name in nodes for name in PATH_ATTITUDE):
+        q = interpolate_attitude(trajectory.time, np.array([nodes[name] for name in PATH_ATTITUDE]), time)
+        histories.update(zip(PATH_ATTITUDE, q, strict=True))
     return histories
-
-
-def _without_sign_flips(q: Array) -> Array:
-    """Return the same attitudes, shape (4, n), each quaternion in the hemisphere of the one before.
-
-    A quaternion and its negative are one attitude.
-    """
-    flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
-    signs = np.cumprod(np.where(flips, -1.0, 1.0))
-    return q * np.concatenate(([1.0], signs))
 
 
 DEGREE = math.pi / 180.0  # rad
 SPEEDS = ("V_K", "V_A", "V_I")
+PATH_ANGLES = ("chi", "gamma", "mu")
 
 # Further columns: a declaration, and its values from the sampled states and controls, in the declared unit.
 Derived = Mapping[Quantity, Callable[[Mapping[str, Array]], Array]]
@@ -147,8 +126,12 @@ def columns_of(trajectory: Trajectory, samples: Samples, derived: Derived) -> li
     columns = [Column("time_s", samples.time)]
     for quantity in (*trajectory.states, *trajectory.controls):
         columns.extend(displayed(quantity, samples.histories[quantity.name]))
-    columns.extend(_height(samples.histories))
-    columns.extend(_angles(samples.histories))
+    histories = samples.histories
+    if "z" in histories:
+        columns.append(Column("height_m", -histories["z"]))
+    if all(name in histories for name in PATH_ATTITUDE):
+        angles = euler_angles(path_axes([histories[name] for name in PATH_ATTITUDE]))
+        columns.extend(Column(f"{name}_deg", one / DEGREE) for name, one in zip(PATH_ANGLES, angles, strict=True))
     for quantity, function in derived.items():
         columns.extend(displayed(quantity, function(samples.histories)))
     return columns
@@ -174,20 +157,6 @@ def unit_suffix(unit: str) -> str:
     for symbol, letters in (("%", "percent"), ("^", ""), ("²", "2"), ("³", "3"), ("°", "deg")):
         unit = unit.replace(symbol, letters)
     return "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in unit)
-
-
-def _height(histories: Mapping[str, Array]) -> Iterator[Column]:
-    if "z" in histories:
-        yield Column("height_m", -histories["z"])
-
-
-def _angles(histories: Mapping[str, Array]) -> Iterator[Column]:
-    """Yield course, climb and bank of Kbar: `chi = atan2(R21, R11)`, `gamma = -asin(R31)`, `mu = atan2(R32, R33)`."""
-    if all(name in histories for name in QUATERNION):
-        R = rotation([histories[name] for name in QUATERNION])
-        yield Column("chi_deg", np.arctan2(R[1][0], R[0][0]) / DEGREE)
-        yield Column("gamma_deg", -np.arcsin(np.clip(R[2][0], -1.0, 1.0)) / DEGREE)
-        yield Column("mu_deg", np.arctan2(R[2][1], R[2][2]) / DEGREE)
 
 
 NO_DERIVED: Derived = MappingProxyType({})
@@ -225,14 +194,14 @@ def flight_table(
         trajectory: the flight.
         rate_hz: rows per second from the start to the end, both included; None for one row per node of the mesh.
         derived: further columns.
-        sampler: gives the states between the nodes; without one they are interpolated linearly, see `sampling`.
+        sampler: gives the states between the nodes; without one they are interpolated linearly, see `at_times`.
 
     Raises:
         UsageError: the rate cannot be exported.
     """
-    return _table(
-        trajectory, at_nodes(trajectory) if rate_hz is None else at_rate(trajectory, rate_hz, sampler), derived
-    )
+    if rate_hz is None:
+        return _table(trajectory, at_nodes(trajectory), derived)
+    return _table(trajectory, at_times(trajectory, times_at_rate(trajectory, rate_hz), sampler), derived)
 
 
 def flight_tables(

@@ -83,10 +83,9 @@ def features(course: Course) -> Iterator[Feature]:
     for crowd in course.crowd:
         note = f"keep {crowd.distance:g} m away, measured {'in space' if crowd.slant else 'over ground'}"
         yield _feature(course, "crowd", crowd.name, Shape(crowd.shape.value), crowd.corners, note)
-    lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
-    for name, line in lines.items():
+    for line in course.safety_lines:
         note = f"keep to the {'right' if line.keep_right else 'left'}, at least {line.margin:g} m away"
-        yield _feature(course, "safety line", name, Shape.LINE, (line.start, line.end), note)
+        yield _feature(course, "safety line", line.name, Shape.LINE, (line.start, line.end), note)
     if course.airspace:
         yield _feature(course, "airspace", "airspace", Shape.AREA, course.airspace)
 

@@ -63,9 +63,26 @@ def quaternions(R: Axes) -> list[Array]:
     products = np.array([[traces[0], a, b, c], [a, traces[1], d, e], [b, d, traces[2], f], [c, e, f, traces[3]]])
     largest = np.argmax(traces, axis=0)
     q = np.take_along_axis(products, largest[None, None, :], axis=0)[0]
-    q = q / np.linalg.norm(q, axis=0)
+    return list(without_sign_flips(q / np.linalg.norm(q, axis=0)))
+
+
+def without_sign_flips(q: Array) -> Array:
+    """Return the same attitudes, shape (4, n), each quaternion in the hemisphere of the one before.
+
+    A quaternion and its negative are one attitude.
+    """
     flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
-    return list(q * np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0)))))
+    return q * np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))
+
+
+def interpolate_attitude(time: Array, q: Array, wanted: Array) -> Array:
+    """Return quaternions, shape (4, m), between those at some times, shape (4, n), along the shorter way.
+
+    Their components are interpolated linearly and scaled to length one.
+    """
+    rows: list[Array] = list(without_sign_flips(q))
+    between = np.array([np.interp(wanted, time, row) for row in rows], np.float64)
+    return between / np.linalg.norm(between, axis=0)
 
 
 def euler_angles(R: Axes) -> tuple[Array, Array, Array]:
@@ -81,7 +98,7 @@ def _to_body(alpha: Array, beta: Array) -> Axes:
 
 
 def _stacked(rows: list[list[Scalar]], like: Array) -> Axes:
-    return np.stack([np.stack([np.broadcast_to(entry, like.shape) for entry in row]) for row in rows])
+    return np.array([[np.broadcast_to(entry, like.shape) for entry in row] for row in rows])
 
 
 def _unit(vectors: Array) -> Array:

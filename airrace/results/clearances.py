@@ -9,7 +9,7 @@ between the pylons. The wing of an aircraft that crosses this line askew reaches
 or after, and may be closer to a pylon then. Nothing at all keeps the wing away from the pylons of other gates.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,6 @@ from airrace.records import record
 from airrace.results.attitude import path_axes
 from airrace.results.flight import BODY_ATTITUDE, Crossing, Flight
 from airrace.results.legs import Leg, legs_of, passings_around
-from airrace.track.element import Element
-from airrace.track.limits import Crowd, SafetyLine
 from airrace.track.passing import Passing, Tolerant
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
@@ -79,20 +77,37 @@ class Distance:
 
 def distances(flight: Flight) -> tuple[Distance, ...]:
     """Return the distances from everything that the course names; empty where the flight does not tell its position."""
-    if not flight.has("x", "y", "height"):
-        return ()
-    return (*pylons(flight), *surroundings(flight))
+    return (*pylons(flight), *surroundings(flight)) if flight.has("x", "y", "height") else ()
 
 
 def surroundings(flight: Flight) -> Iterator[Distance]:
     """Yield the distances from people, safety lines, the border of the airspace, floor and ceiling.
 
+    A safety line counts on the legs that name it.
+
     Args:
         flight: one that tells its position.
     """
-    yield from _crowds(flight)
-    yield from _lines(flight)
-    yield from _borders(flight)
+    course, height = flight.course, flight["height"]
+    places = np.stack([flight["x"], flight["y"]], axis=1)
+    for crowd in course.crowd:
+        away = ground_distance(places, crowd)
+        if crowd.slant:
+            above = height - crowd.height
+            away = np.hypot(away, np.where(np.isnan(above), 0.0, above))
+        yield Distance("crowd", crowd.name, crowd.distance, away)
+    for line in course.safety_lines:
+        on_leg = (any(one.name == line.name for one in passage.safety_lines) for passage in course.passages)
+        legs = frozenset(number for number, holds in enumerate(on_leg) if number and holds)
+        if legs:
+            yield Distance("safety line", line.name, line.margin, beside_line(places, line), legs)
+    if course.airspace:
+        yield Distance("airspace", "", 0.0, beside_border(places, course.airspace))
+    floor, ceiling = course.rules.height.lower, course.rules.height.upper
+    if np.isfinite(floor):
+        yield Distance("floor", "", 0.0, height - floor)
+    if np.isfinite(ceiling):
+        yield Distance("ceiling", "", 0.0, ceiling - height)
 
 
 def least(flight: Flight, leg: Leg, known: Sequence[Distance]) -> tuple[Clearance, ...]:
@@ -139,22 +154,19 @@ def pylons(flight: Flight) -> Iterator[Distance]:
     """Yield the distance of the wing from the pylons of every element, in the order first flown; none where the flight
     tells its height nowhere.
     """
-    elements: dict[str, Element] = {one.element.name: one.element for one in flight.course.passages}
-    posts = [(element, post) for element in elements.values() for post in element.drawing().posts]
-    if not posts or not np.isfinite(flight["height"]).any():
+    elements = {one.element.name: one.element for one in flight.course.passages}
+    posts = {name: element.drawing().posts for name, element in elements.items()}
+    if not any(posts.values()) or not np.isfinite(flight["height"]).any():
         return
     left, right = _wing_tips(flight)
     over = np.maximum(np.minimum(left[2], right[2]) - PYLON_HEIGHT, 0.0)
     for name, element in elements.items():
-        away = [_from_wing(left, right, post) for one, post in posts if one is element]
-        if away:
-            yield Distance("pylon", name, _required(element), np.hypot(np.minimum.reduce(away), over))
-
-
-def _required(element: Element) -> float:
-    if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
-        return element.tolerances.clearance
-    return 0.0
+        required = 0.0
+        if isinstance(element, Tolerant) and element.passing is Passing.WINDOW:
+            required = element.tolerances.clearance
+        if posts[name]:
+            away = np.minimum.reduce([_from_wing(left, right, post) for post in posts[name]])
+            yield Distance("pylon", name, required, np.hypot(away, over))
 
 
 def _wing_tips(flight: Flight) -> tuple[Array, Array]:
@@ -176,46 +188,6 @@ def _from_wing(left: Array, right: Array, post: Point) -> Array:
     share = np.sum((place - left[:2]) * along, axis=0) / np.where(squared > 0.0, squared, 1.0)
     foot = left[:2] + np.clip(share, 0.0, 1.0) * along
     return np.hypot(*(place - foot))
-
-
-def _crowds(flight: Flight) -> Iterator[Distance]:
-    for crowd in flight.course.crowd:
-        yield Distance("crowd", crowd.name, crowd.distance, _from_crowd(flight, crowd))
-
-
-def _from_crowd(flight: Flight, crowd: Crowd) -> Array:
-    ground = ground_distance(np.stack([flight["x"], flight["y"]], axis=1), crowd)
-    if not crowd.slant:
-        return ground
-    above = flight["height"] - crowd.height
-    return np.hypot(ground, np.where(np.isnan(above), 0.0, above))
-
-
-def _lines(flight: Flight) -> Iterator[Distance]:
-    """Yield the distance from every safety line, which counts on the legs that name it."""
-    places = np.stack([flight["x"], flight["y"]], axis=1)
-    legs: dict[str, set[int]] = {}
-    lines: dict[str, SafetyLine] = {}
-    for number, passage in enumerate(flight.course.passages[1:], start=1):
-        for line in passage.safety_lines:
-            lines[line.name] = line
-            legs.setdefault(line.name, set()).add(number)
-    for name, line in lines.items():
-        yield Distance("safety line", name, line.margin, beside_line(places, line), frozenset(legs[name]))
-
-
-def _borders(flight: Flight) -> Iterator[Distance]:
-    course, height = flight.course, flight["height"]
-    if course.airspace:
-        places = np.stack([flight["x"], flight["y"]], axis=1)
-        yield Distance("airspace", "", 0.0, beside_border(places, course.airspace))
-    bounds: tuple[tuple[str, float, Callable[[float], Array]], ...] = (
-        ("floor", course.rules.height.lower, lambda bound: height - bound),
-        ("ceiling", course.rules.height.upper, lambda bound: bound - height),
-    )
-    for kind, bound, values in bounds:
-        if np.isfinite(bound):
-            yield Distance(kind, "", 0.0, values(bound))
 
 
 TOLERANCE = 0.1

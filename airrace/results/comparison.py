@@ -11,26 +11,26 @@ way `L` and the mean `w` of the time per metre, so what is lost on it is, exactl
     t' - t = (L' - L) (w + w')/2 + (w' - w) (L + L')/2        by the longer way and by the lower speed
 """
 
-import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 
 from airrace.environment.air import Air
 from airrace.errors import UsageError
 from airrace.procedure.passings import passings_of
+from airrace.procedure.result import StageResult
 from airrace.quantities import KNOT, Interval
 from airrace.records import record
 from airrace.results.flight import Basis, Flight
 from airrace.results.legs import Lap, Leg, laps_of, legs_of, way
-from airrace.track.course import Course, Rules
-from airrace.track.limits import Crowd, SafetyLine
+from airrace.track.course import Rules
 from airrace.trajectory import Array
 
 ROLLING = 1.0
 """The roll rate from which the aircraft is said to roll, rad/s."""
-MOST = 4
+DIFFERENCES_MAX = 4
 """The greatest number of differences that are told of one leg."""
 
 
@@ -79,40 +79,25 @@ class Measure:
 
 
 def differences(reference: Flight, before: Leg, other: Flight, after: Leg) -> tuple[Difference, ...]:
-    """Return what the other flight does otherwise on a leg that both have flown; the most telling first, at most
-    `MOST`.
+    """Return what the other flight does otherwise on a leg that both have flown, at most `DIFFERENCES_MAX`.
 
-    Args:
-        reference, before: the flight that is compared with, and its leg.
-        other, after: the flight that is told of, and the same leg of it.
+    The most telling difference comes first.
     """
-    told: list[Difference] = []
+    found: list[Difference] = []
     for measure in MEASURES:
         first, second = measure.of(reference, before), measure.of(other, after)
         apart = abs(second - first)
-        if not measure.least <= apart <= measure.most:  # NaN is no difference
-            continue
-        words = measure.more if second > first else measure.less
-        text = words.format(f"{apart:.{measure.digits}f}")
-        told.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
-    return tuple(sorted(told, key=lambda one: -one.weight)[:MOST])
+        if measure.least <= apart <= measure.most:  # NaN is no difference
+            words = measure.more if second > first else measure.less
+            text = words.format(f"{apart:.{measure.digits}f}")
+            found.append(Difference(measure.name, first, second, measure.unit, text, apart / measure.least))
+    return tuple(sorted(found, key=lambda one: -one.weight)[:DIFFERENCES_MAX])
 
 
 def _roll_begins(flight: Flight, leg: Leg) -> float:
     """Return when the aircraft first rolls fast, s after the passing that begins the leg; NaN where it never does."""
-    rolling = np.abs(flight.values("p_Kbar")[leg.rows]) >= ROLLING
-    if not rolling.any():
-        return math.nan
-    return float(flight.time[leg.rows][int(np.argmax(rolling))]) - leg.before.time
-
-
-def _way(flight: Flight, leg: Leg) -> float:
-    """Return the length of the way flown on the leg, m."""
-    return float(way(flight, leg)[-1])
-
-
-def _highest(flight: Flight, leg: Leg) -> float:
-    return float(flight.values("height")[leg.rows].max())
+    rolling = np.flatnonzero(np.abs(flight.values("p_Kbar")[leg.rows]) >= ROLLING)
+    return float(flight.time[leg.rows][rolling[0]]) - leg.before.time if len(rolling) else math.nan
 
 
 def _mean_load_factor(flight: Flight, leg: Leg) -> float:
@@ -127,45 +112,43 @@ def _greatest_load_factor(flight: Flight, leg: Leg) -> float:
     return float(flight.values("n_z")[leg.rows].max())
 
 
-def _entry_speed(flight: Flight, leg: Leg) -> float:
-    """Return the speed over ground at the passing that begins the leg, kt."""
-    return leg.before.value("V_K") / KNOT
-
-
-def _slowest(flight: Flight, leg: Leg) -> float:
-    """Return the least speed over ground on the leg, kt."""
-    return float(flight.values("V_K")[leg.rows].min()) / KNOT
-
-
-def _energy_lost(flight: Flight, leg: Leg) -> float:
-    """Return the energy height that is lost from the beginning of the leg to its end, m."""
-    return leg.before.value("h_E") - leg.after.value("h_E")
-
-
 MEASURES = (
     Measure("roll_begins", _roll_begins, "s", 0.02, "rolls {} s later", "rolls {} s earlier", 2, most=1.0),
-    Measure("speed_in", _entry_speed, "kt", 0.5, "{} kt faster in", "{} kt slower in", 1),
-    Measure("least_speed", _slowest, "kt", 1.0, "slowest {} kt faster", "slowest {} kt slower", 1),
-    Measure("way", _way, "m", 1.0, "{} m longer way", "{} m shorter way", 0),
-    Measure("greatest_height", _highest, "m", 1.0, "{} m higher", "{} m lower", 0),
+    Measure(
+        "speed_in", lambda _, leg: leg.before.value("V_K") / KNOT, "kt", 0.5, "{} kt faster in", "{} kt slower in", 1
+    ),
+    Measure(
+        "least_speed",
+        lambda flight, leg: float(flight.values("V_K")[leg.rows].min()) / KNOT,
+        "kt",
+        1.0,
+        "slowest {} kt faster",
+        "slowest {} kt slower",
+        1,
+    ),
+    Measure("way", lambda flight, leg: float(way(flight, leg)[-1]), "m", 1.0, "{} m longer way", "{} m shorter way", 0),
+    Measure(
+        "greatest_height",
+        lambda flight, leg: float(flight.values("height")[leg.rows].max()),
+        "m",
+        1.0,
+        "{} m higher",
+        "{} m lower",
+        0,
+    ),
     Measure("mean_load_factor", _mean_load_factor, "g", 0.1, "{} g more on average", "{} g less on average", 1),
     Measure("greatest_load_factor", _greatest_load_factor, "g", 0.2, "pulls {} g more", "pulls {} g less", 1),
-    Measure("energy_lost", _energy_lost, "m", 3.0, "loses {} m more energy", "loses {} m less energy", 0),
+    Measure(
+        "energy_lost",
+        lambda _, leg: leg.before.value("h_E") - leg.after.value("h_E"),
+        "m",
+        3.0,
+        "loses {} m more energy",
+        "loses {} m less energy",
+        0,
+    ),
 )
-"""The measures that are taken on every leg."""
-
-
-def _safety_lines(course: Course) -> tuple[SafetyLine, ...]:
-    return tuple(dict.fromkeys(line for passage in course.passages for line in passage.safety_lines))
-
-
-SURROUNDINGS: Mapping[str, Callable[[Course], Sequence[SafetyLine | Crowd]]] = {
-    "safety lines": _safety_lines,
-    "people": lambda course: course.crowd,
-}
-"""The things that a flight keeps away from, by the words for them."""
-NAMED = 3
-"""The greatest number of gates that are named as standing elsewhere."""
+"""What is measured on every leg."""
 
 
 def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str]]:
@@ -177,25 +160,24 @@ def conditions(reference: Flight, other: Flight) -> Iterator[tuple[str, str, str
         yield ("aircraft", first, second) if first != second else ("aircraft", first, f"{second} with other numbers")
     if reference.air.wind != other.air.wind:
         yield "wind", _wind(reference.air), _wind(other.air)
-    if dataclasses.replace(reference.air, wind=None) != dataclasses.replace(other.air, wind=None):
+    if replace(reference.air, wind=None) != replace(other.air, wind=None):
         yield "air of the day", _day(reference.air), _day(other.air)
-    for field in dataclasses.fields(Rules):
+    for field in fields(Rules):
         first, second = (getattr(flight.course.rules, field.name) for flight in (reference, other))
         if first != second:
-            yield f"rules: {field.name}", _allowed(first), _allowed(second)
-    for what, named in SURROUNDINGS.items():
-        first, second = (named(flight.course) for flight in (reference, other))
-        if first != second:
-            names = [", ".join(one.name for one in some) or "none" for some in (first, second)]
-            yield what, names[0], names[1] if names[0] != names[1] else f"{names[1]} otherwise"
-    if moved := _moved(reference, other):
-        yield "gates", "as in its course", f"otherwise: {moved}"
-
-
-def _moved(reference: Flight, other: Flight) -> str:
+            yield f"rules: {field.name}", _bounds_text(first), _bounds_text(second)
+    for what, here, there in (
+        ("safety lines", reference.course.safety_lines, other.course.safety_lines),
+        ("people", reference.course.crowd, other.course.crowd),
+    ):
+        if here != there:
+            first, second = (", ".join(one.name for one in some) or "none" for some in (here, there))
+            yield what, first, second if first != second else f"{second} otherwise"
     pairs = zip(reference.course.passages, other.course.passages, strict=True)
-    names = dict.fromkeys(mine.element.name for mine, its in pairs if mine.element != its.element)
-    return ", ".join([*list(names)[:NAMED], *(["..."] if len(names) > NAMED else [])])
+    moved = list(dict.fromkeys(mine.element.name for mine, its in pairs if mine.element != its.element))
+    if moved:
+        names = [*moved[:NAMES_MAX], *(["..."] if len(moved) > NAMES_MAX else [])]
+        yield "gates", "as in its course", f"otherwise: {', '.join(names)}"
 
 
 def _wind(air: Air) -> str:
@@ -209,12 +191,12 @@ def _day(air: Air) -> str:
     return f"{air.temperature_offset:+.1f} K and {air.pressure_offset / 100.0:+.1f} hPa from the standard{thermals}"
 
 
-def _allowed(value: Interval | float) -> str:
-    if isinstance(value, Interval):
-        return f"{value.lower:g} to {value.upper:g}"
-    return f"{value:g}"
+def _bounds_text(value: Interval | float) -> str:
+    return f"{value.lower:g} to {value.upper:g}" if isinstance(value, Interval) else f"{value:g}"
 
 
+NAMES_MAX = 3
+"""The greatest number of gates that are named as standing elsewhere."""
 TIE = 0.005
 """The difference of time below which two flights are a tie, s.
 
@@ -299,6 +281,11 @@ class Comparison:
         return abs(self.difference) <= TIE
 
     @property
+    def certified(self) -> bool:
+        """Whether both are certified optima; of others some milliseconds may be those of a mesh."""
+        return bool(self.reference.source.certified and self.other.source.certified)
+
+    @property
     def by_loss(self) -> tuple[LegComparison, ...]:
         """The legs, first the one on which the other loses most; those that were not flown last."""
         return tuple(sorted(self.legs, key=lambda leg: math.inf if math.isnan(leg.difference) else -leg.difference))
@@ -318,13 +305,39 @@ def compare_flights(reference: Flight, other: Flight) -> Comparison:
         UsageError: the courses have other passings; names the first that differs.
     """
     ensure_comparable(reference, other)
+    starts = reference.crossings[0].time, other.crossings[0].time
     legs: list[LegComparison] = []
+    distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
     for before, after in zip(legs_of(reference), legs_of(other), strict=True):
-        by_way, by_speed = _shares(_length(reference, before), before.time, _length(other, after), after.time)
-        so_far = (after.after.time - other.crossings[0].time) - (before.after.time - reference.crossings[0].time)
-        told = differences(reference, before, other, after) if before.flown and after.flown else ()
-        legs.append(LegComparison(before, after, so_far, by_way, by_speed, told))
-    return Comparison(reference, other, tuple(legs), _progress(reference, other, legs))
+        so_far = (after.after.time - starts[1]) - (before.after.time - starts[0])
+        ways = [way(flight, leg) for flight, leg in ((reference, before), (other, after)) if leg.flown]
+        lost, by_way, by_speed, found = np.full(len(SHARES), np.nan), math.nan, math.nan, ()
+        if before.flown and after.flown:
+            mine, its = (
+                np.interp(SHARES, flown / flown[-1], flight.time[leg.rows])
+                for flown, flight, leg in zip(ways, (reference, other), (before, after), strict=True)
+            )
+            lost = (its - starts[1]) - (mine - starts[0])
+            (L, L_other), (t, t_other) = (float(one[-1]) for one in ways), (before.time, after.time)
+            w, w_other = t / L, t_other / L_other
+            by_way, by_speed = (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
+            found = differences(reference, before, other, after)
+        legs.append(LegComparison(before, after, so_far, by_way, by_speed, found))
+        length = float(ways[0][-1]) if ways else 0.0
+        distance.append((passings[-1] + SHARES * length)[1:])
+        passings.append(passings[-1] + length)
+        difference.append(lost[1:])
+    progress = RelativeProgress(np.concatenate(distance), np.concatenate(difference), np.array(passings))
+    return Comparison(reference, other, tuple(legs), progress)
+
+
+def highest_common(
+    before: Sequence[StageResult], after: Sequence[StageResult]
+) -> tuple[StageResult, StageResult] | None:
+    """Return the highest stage that holds in both of two runs, from either; None if there is none."""
+    earlier = {one.stage: one for one in before if one.holds}
+    common = [one for one in after if one.holds and one.stage in earlier]
+    return (earlier[common[-1].stage], common[-1]) if common else None
 
 
 def ensure_comparable(reference: Flight, other: Flight) -> None:
@@ -346,34 +359,3 @@ def ensure_comparable(reference: Flight, other: Flight) -> None:
             f"{other.label} and {reference.label} cannot be compared: "
             f"the one has {len(there)} passings, the other {len(here)}"
         )
-
-
-def _length(flight: Flight, leg: Leg) -> float:
-    return float(way(flight, leg)[-1]) if leg.flown else math.nan
-
-
-def _shares(L: float, t: float, L_other: float, t_other: float) -> tuple[float, float]:
-    w, w_other = t / L, t_other / L_other
-    return (L_other - L) * 0.5 * (w + w_other), (w_other - w) * 0.5 * (L + L_other)
-
-
-def _progress(reference: Flight, other: Flight, legs: Sequence[LegComparison]) -> RelativeProgress:
-    """Return the difference of time, leg by leg at the same shares of both ways."""
-    starts = reference.crossings[0].time, other.crossings[0].time
-    distance, difference, passings = [np.zeros(1)], [np.zeros(1)], [0.0]
-    for leg in legs:
-        lengths = [_length(*pair) for pair in ((reference, leg.reference), (other, leg.other))]
-        length = next((one for one in lengths if math.isfinite(one)), 0.0)
-        distance.append((passings[-1] + SHARES * length)[1:])
-        passings.append(passings[-1] + length)
-        lost = np.full(len(SHARES), np.nan)
-        if leg.reference.flown and leg.other.flown:
-            mine, its = _time_at_shares(reference, leg.reference), _time_at_shares(other, leg.other)
-            lost = (its - starts[1]) - (mine - starts[0])
-        difference.append(lost[1:])
-    return RelativeProgress(np.concatenate(distance), np.concatenate(difference), np.array(passings))
-
-
-def _time_at_shares(flight: Flight, leg: Leg) -> Array:
-    flown = way(flight, leg)
-    return np.interp(SHARES, flown / flown[-1], flight.time[leg.rows])

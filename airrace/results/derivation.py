@@ -31,7 +31,8 @@ from airrace.results.flight import (
 from airrace.track.geodetic import geodetic, placed
 from airrace.trajectory import Array
 
-PrimalDualPoint = Mapping[str, Array]
+Values = Mapping[str, Array]
+"""Histories by name, SI units and radians, each of shape (n,)."""
 
 
 @record
@@ -47,7 +48,7 @@ class Rule:
 
     needs: tuple[str, ...]
     gives: tuple[str, ...]
-    derive: Callable[[Race, PrimalDualPoint], Sequence[Array]]
+    derive: Callable[[Race, Values], Sequence[Array]]
     applies: Callable[[Race], bool] = lambda _: True
 
 
@@ -58,19 +59,19 @@ def complete_histories(race: Race, given: Histories) -> Histories:
         race: course, aircraft and air.
         given: histories over one time axis.
     """
-    told = dict(given)
+    complete = dict(given)
     for rule in RULES:
-        missing = [name for name in rule.gives if name not in told]
-        if not missing or not rule.applies(race) or any(name not in told for name in rule.needs):
+        missing = [name for name in rule.gives if name not in complete]
+        if not missing or not rule.applies(race) or any(name not in complete for name in rule.needs):
             continue
-        values = rule.derive(race, {name: one.values for name, one in told.items()})
+        values = rule.derive(race, {name: one.values for name, one in complete.items()})
         for name, one in zip(rule.gives, values, strict=True):
             if name in missing:
-                told[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
-    return _limited(told, flight_limits(race.aircraft, race.course.rules))
+                complete[name] = History(GLOSSARY[name], np.asarray(one), Basis.DERIVED)
+    return _limited(complete, flight_limits(race.aircraft, race.course.rules))
 
 
-def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[PrimalDualPoint], Array]]:
+def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Callable[[Values], Array]]:
     """Return what tables of a flight hold besides its states: airspeeds, and where it is on the globe.
 
     Args:
@@ -81,23 +82,22 @@ def table_columns(race: Race, names: Collection[str]) -> Mapping[Quantity, Calla
         Declarations, each with a function of the named histories of the states, of shape (n,) -> (n,); none where
         nothing follows from these states.
     """
-    if not {"x", "y", "z", "V_K", *PATH_ATTITUDE} <= set(names):
+    needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
+    if not set(needed) <= set(names):
         return {}
     columns = ("V_A", "V_I", *(("latitude", "longitude") if placed(race.course.origin) else ()))
-    return {GLOSSARY[name]: _column(race, name) for name in columns}
+
+    def column(name: str) -> Callable[[Values], Array]:
+        def values(known: Values) -> Array:
+            given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
+            return complete_histories(race, given)[name].values
+
+        return values
+
+    return {GLOSSARY[name]: column(name) for name in columns}
 
 
-def _column(race: Race, name: str) -> Callable[[PrimalDualPoint], Array]:
-    needed = ("x", "y", "z", "V_K", *PATH_ATTITUDE)
-
-    def values(known: PrimalDualPoint) -> Array:
-        given = {one: History(Quantity(one, ""), known[one], Basis.SOLVED) for one in needed}
-        return complete_histories(race, given)[name].values
-
-    return values
-
-
-def _limited(told: Histories, limits: Limits) -> Histories:
+def _limited(histories: Histories, limits: Limits) -> Histories:
     """Return the histories with the bounds that aircraft and rules set, where a source has brought none of its own."""
     bounds = {
         "height": Interval(-limits.z.upper, -limits.z.lower),
@@ -107,101 +107,73 @@ def _limited(told: Histories, limits: Limits) -> Histories:
         "C_L": limits.C_L,
         "beta_A": limits.beta_A,
     }
-    return {name: _bounded(one, bounds[name]) if name in bounds else one for name, one in told.items()}
+    limited = dict(histories)
+    for name in bounds.keys() & histories.keys():
+        quantity = histories[name].quantity
+        if not Interval(quantity.lower, quantity.upper).bounded:
+            quantity = replace(quantity, lower=bounds[name].lower, upper=bounds[name].upper)
+            limited[name] = replace(histories[name], quantity=quantity)
+    return limited
 
 
-def _bounded(history: History, bounds: Interval) -> History:
-    quantity: Quantity = history.quantity
-    if Interval(quantity.lower, quantity.upper).bounded:
-        return history
-    return replace(history, quantity=replace(quantity, lower=bounds.lower, upper=bounds.upper))
-
-
-def _height(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (-known["z"],)
-
-
-def _depth(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (-known["height"],)
-
-
-def _altitude(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (known["height"] + race.course.origin.elevation,)
-
-
-def _geodetic(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return geodetic(known["x"], known["y"], race.course.origin)
-
-
-def _path_angles(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return attitude.euler_angles(_R_OKbar(known))
-
-
-def _energy_height(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)
-
-
-def _airspeed(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (np.linalg.norm(_velocity_in_air(race, known), axis=0),)
-
-
-def _indicated(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (airdata.indicated_airspeed(known["V_A"], known["z"], race.air),)
-
-
-def _angle_of_attack(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),)
-
-
-def _attitude_from_path(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"]))
-
-
-def _attitude_from_air(race: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    R_OA = attitude.air_axes(_R_OKbar(known), _velocity_in_air(race, known))
-    return attitude.quaternions(attitude.body_axes(R_OA, known["alpha_A"], known["beta_A"]))
-
-
-def _attitude_along_path(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    """Return the attitude of the path as that of the body, for a source that knows no angles of the flow."""
-    return [known[name] for name in PATH_ATTITUDE]
-
-
-def _body_angles(_: Race, known: PrimalDualPoint) -> Sequence[Array]:
-    return attitude.euler_angles(attitude.path_axes([known[name] for name in BODY_ATTITUDE]))
-
-
-def _R_OKbar(known: PrimalDualPoint) -> attitude.Axes:
+def _R_OKbar(known: Values) -> attitude.Axes:
     return attitude.path_axes([known[name] for name in PATH_ATTITUDE])
 
 
-def _velocity_in_air(race: Race, known: PrimalDualPoint) -> Array:
+def _velocity_in_air(race: Race, known: Values) -> Array:
     """Return the velocity relative to the air, components in O, m/s, shape (3, n)."""
     chi, gamma = known["chi"], known["gamma"]
     e = np.stack([np.cos(gamma) * np.cos(chi), np.cos(gamma) * np.sin(chi), -np.sin(gamma)])
     return known["V_K"] * e - airdata.wind(race.air, known["x"], known["y"], known["z"])
 
 
+def _attitude_from_path(_: Race, known: Values) -> Sequence[Array]:
+    return attitude.quaternions(attitude.body_axes(_R_OKbar(known), known["alpha_K"], known["beta_K"]))
+
+
+def _attitude_from_air(race: Race, known: Values) -> Sequence[Array]:
+    R_OA = attitude.air_axes(_R_OKbar(known), _velocity_in_air(race, known))
+    return attitude.quaternions(attitude.body_axes(R_OA, known["alpha_A"], known["beta_A"]))
+
+
 _PATH = ("x", "y", "z", "V_K", "chi", "gamma")
 
 RULES = (
-    Rule(("height",), ("z",), _depth),
-    Rule(("z",), ("height",), _height),
-    Rule(("height",), ("altitude",), _altitude),
-    Rule(("x", "y"), ("latitude", "longitude"), _geodetic, lambda race: placed(race.course.origin)),
-    Rule(("height", "V_K"), ("h_E",), _energy_height),
-    Rule(PATH_ATTITUDE, ("chi", "gamma", "mu"), _path_angles),
-    Rule(_PATH, ("V_A",), _airspeed),
-    Rule(("V_A", "z"), ("V_I",), _indicated),
-    Rule(("C_L",), ("alpha_A",), _angle_of_attack),
+    Rule(("height",), ("z",), lambda _, known: (-known["height"],)),
+    Rule(("z",), ("height",), lambda _, known: (-known["z"],)),
+    Rule(("height",), ("altitude",), lambda race, known: (known["height"] + race.course.origin.elevation,)),
+    Rule(
+        ("x", "y"),
+        ("latitude", "longitude"),
+        lambda race, known: geodetic(known["x"], known["y"], race.course.origin),
+        lambda race: placed(race.course.origin),
+    ),
+    Rule(("height", "V_K"), ("h_E",), lambda _, known: (known["height"] + known["V_K"] ** 2 / (2.0 * g0),)),
+    Rule(PATH_ATTITUDE, ("chi", "gamma", "mu"), lambda _, known: attitude.euler_angles(_R_OKbar(known))),
+    Rule(_PATH, ("V_A",), lambda race, known: (np.linalg.norm(_velocity_in_air(race, known), axis=0),)),
+    Rule(
+        ("V_A", "z"),
+        ("V_I",),
+        lambda race, known: (airdata.indicated_airspeed(known["V_A"], known["z"], race.air),),
+    ),
+    Rule(
+        ("C_L",),
+        ("alpha_A",),
+        lambda race, known: (attitude.angle_of_attack(known["C_L"], race.aircraft.lift),),
+    ),
     Rule((*PATH_ATTITUDE, "alpha_K", "beta_K"), BODY_ATTITUDE, _attitude_from_path),
     Rule((*_PATH, *PATH_ATTITUDE, "alpha_A", "beta_A"), BODY_ATTITUDE, _attitude_from_air),
-    Rule(PATH_ATTITUDE, BODY_ATTITUDE, _attitude_along_path),
-    Rule(BODY_ATTITUDE, ("psi", "theta", "phi"), _body_angles),
+    Rule(PATH_ATTITUDE, BODY_ATTITUDE, lambda _, known: [known[name] for name in PATH_ATTITUDE]),
+    Rule(
+        BODY_ATTITUDE,
+        ("psi", "theta", "phi"),
+        lambda _, known: attitude.euler_angles(attitude.path_axes([known[name] for name in BODY_ATTITUDE])),
+    ),
 )
-"""The rules in the order in which they are followed: a later one may need what an earlier one gives."""
+"""The rules in the order in which they are followed: a later one may need what an earlier one gives.
 
-
+A source that knows no angles of the flow has the attitude of its path as that of the body.
+"""
 LONGEST_STEP = 0.02
 """The longest time between two samples, s.
 

@@ -16,36 +16,37 @@ from airrace.planning.race import Race
 from airrace.procedure.result import State
 from airrace.quantities import Interval, Quantity
 from airrace.records import record
+from airrace.results.attitude import interpolate_attitude
 from airrace.track.course import Course, Passage
 from airrace.trajectory import Array
 
-_DECLARED = (
-    Quantity("z", "m", text="below the track's origin"),
-    Quantity("height", "m", text="height above the track's origin"),
-    Quantity("altitude", "m", text="height above mean sea level"),
-    Quantity("latitude", "rad", text="geodetic latitude, WGS 84"),
-    Quantity("longitude", "rad", text="geodetic longitude, WGS 84"),
-    Quantity("V_K", "m/s", text="kinematic speed: along the flight path, relative to the ground"),
-    Quantity("V_A", "m/s", text="true airspeed"),
-    Quantity("V_I", "m/s", text="indicated airspeed of an instrument without errors (calibrated airspeed)"),
-    Quantity("V_G", "m/s", text="speed over ground, its horizontal part"),
-    Quantity("chi", "rad", text="course over ground"),
-    Quantity("gamma", "rad", text="climb angle"),
-    Quantity("mu", "rad", text="kinematic bank angle, right wing down"),
-    Quantity("alpha_A", "rad", text="angle of attack"),
-    Quantity("psi", "rad", text="heading of the body"),
-    Quantity("theta", "rad", text="pitch angle of the body"),
-    Quantity("phi", "rad", text="roll angle of the body"),
-    Quantity("b0", "1", text="attitude of the body in the north-east-down frame, scalar part"),
-    Quantity("b1", "1", text="attitude of the body, north part"),
-    Quantity("b2", "1", text="attitude of the body, east part"),
-    Quantity("b3", "1", text="attitude of the body, down part"),
-    Quantity("h_E", "m", text="energy height, height + V_K^2 / (2 g0)"),
-)
-
-GLOSSARY = {one.name: one for one in _DECLARED}
+GLOSSARY = {
+    one.name: one
+    for one in (
+        Quantity("z", "m", text="below the track's origin"),
+        Quantity("height", "m", text="height above the track's origin"),
+        Quantity("altitude", "m", text="height above mean sea level"),
+        Quantity("latitude", "rad", text="geodetic latitude, WGS 84"),
+        Quantity("longitude", "rad", text="geodetic longitude, WGS 84"),
+        Quantity("V_K", "m/s", text="kinematic speed: along the flight path, relative to the ground"),
+        Quantity("V_A", "m/s", text="true airspeed"),
+        Quantity("V_I", "m/s", text="indicated airspeed of an instrument without errors (calibrated airspeed)"),
+        Quantity("V_G", "m/s", text="speed over ground, its horizontal part"),
+        Quantity("chi", "rad", text="course over ground"),
+        Quantity("gamma", "rad", text="climb angle"),
+        Quantity("mu", "rad", text="kinematic bank angle, right wing down"),
+        Quantity("alpha_A", "rad", text="angle of attack"),
+        Quantity("psi", "rad", text="heading of the body"),
+        Quantity("theta", "rad", text="pitch angle of the body"),
+        Quantity("phi", "rad", text="roll angle of the body"),
+        Quantity("b0", "1", text="attitude of the body in the north-east-down frame, scalar part"),
+        Quantity("b1", "1", text="attitude of the body, north part"),
+        Quantity("b2", "1", text="attitude of the body, east part"),
+        Quantity("b3", "1", text="attitude of the body, down part"),
+        Quantity("h_E", "m", text="energy height, height + V_K^2 / (2 g0)"),
+    )
+}
 """Declarations of the derived histories, by name."""
-
 PATH_ATTITUDE = ("q0", "q1", "q2", "q3")
 """The quaternion of the flight-path frame Kbar, scalar first."""
 BODY_ATTITUDE = ("b0", "b1", "b2", "b3")
@@ -250,12 +251,16 @@ class Flight:
         Args:
             times: s after the start, rising, shape (m,).
         """
-        wanted = np.asarray(times, np.float64)
-        values = {name: _interpolated(name, self.time, one.values, wanted) for name, one in self.histories.items()}
+        wanted, values = np.asarray(times, np.float64), dict[str, Array]()
+        for name, one in self.histories.items():
+            turning = name in ANGLES
+            between = np.interp(wanted, self.time, np.unwrap(one.values) if turning else one.values)
+            values[name] = np.remainder(between + np.pi, 2.0 * np.pi) - np.pi if turning else between
         for names in (PATH_ATTITUDE, BODY_ATTITUDE):
             if self.has(*names):
-                values.update(_turned(names, self.time, [self[name] for name in names], wanted))
-        histories = {name: History(one.quantity, values[name], one.basis) for name, one in self.histories.items()}
+                q = interpolate_attitude(self.time, np.array([self[name] for name in names]), wanted)
+                values.update(zip(names, q, strict=True))
+        histories = {name: replace(one, values=values[name]) for name, one in self.histories.items()}
         return replace(self, time=wanted, histories=histories)
 
     def at_rate(self, rate_hz: float) -> "Flight":
@@ -271,19 +276,3 @@ class Flight:
         first, last = float(self.time[0]), float(self.time[-1])
         steps = int(np.ceil((last - first) * rate_hz - 1e-6))
         return np.append(first + np.arange(steps) / rate_hz, last)
-
-
-def _interpolated(name: str, time: Array, values: Array, wanted: Array) -> Array:
-    if name not in ANGLES:
-        return np.interp(wanted, time, values)
-    turned = np.interp(wanted, time, np.unwrap(values))
-    return np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi
-
-
-def _turned(names: Sequence[str], time: Array, rows: Sequence[Array], wanted: Array) -> dict[str, Array]:
-    """Return the quaternions at the wanted times, interpolated along the shorter way and of unit length."""
-    q = np.asarray(rows, np.float64)
-    flips = np.sum(q[:, 1:] * q[:, :-1], axis=0) < 0.0
-    q = q * np.concatenate(([1.0], np.cumprod(np.where(flips, -1.0, 1.0))))
-    between = np.asarray([np.interp(wanted, time, row) for row in list(q)], np.float64)
-    return dict(zip(names, between / np.linalg.norm(between, axis=0), strict=True))

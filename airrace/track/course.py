@@ -94,5 +94,10 @@ class Course:
     finish_state: EndState = EndState.FREE
 
     @property
+    def safety_lines(self) -> tuple[SafetyLine, ...]:
+        """All safety lines that hold on some leg, in the order in which they are met; each name once."""
+        return tuple({line.name: line for passage in self.passages for line in passage.safety_lines}.values())
+
+    @property
     def has_rolls(self) -> bool:
         return any(passage.roll is not None for passage in self.passages)

@@ -72,18 +72,13 @@ def course_object(race: Race, remarks: Iterable[Remark]) -> dict[str, object]:
             "lift_coefficient": _bounds(rules.C_L),
             "angle_of_attack_deg": _bounds(rules.alpha_A, math.degrees(1.0)),
         },
-        "safety_lines": [_line_object(line) for line in safety_lines(race)],
+        "safety_lines": [_line_object(line) for line in course.safety_lines],
         "crowd": [_crowd_object(crowd) for crowd in course.crowd],
         "airspace": [_place_object(corner) for corner in course.airspace],
         "warnings": [
             {"passage": remark.passage or None, "kind": remark.kind.value, "text": remark.text} for remark in remarks
         ],
     }
-
-
-def safety_lines(race: Race) -> list[SafetyLine]:
-    """Return all safety lines that hold on some leg, in the order in which they are met."""
-    return list({line.name: line for passage in race.course.passages for line in passage.safety_lines}.values())
 
 
 def rows(race: Race) -> list[CourseRow]:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from airrace.errors import UsageError
 from airrace.export import flight_table
 from airrace.export.csv import Provenance, export_csv
-from airrace.export.flight_table import at_nodes, at_rate, unit_suffix
+from airrace.export.flight_table import Samples, at_nodes, at_times, times_at_rate, unit_suffix
 from airrace.frames import quaternion
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import GateSplit, Outcome, Stage, StageResult, Timings
@@ -34,6 +34,10 @@ SPLITS = (
     GateSplit("1:g2", 3.75, 85.0, 20.0, 7.5, -math.pi / 2, 0.0, -1e-12),
 )
 PROVENANCE = Provenance("Rovinj\n2014", "Edge 540", "0.1.0")
+
+
+def at_rate(trajectory: Trajectory, rate: float) -> Samples:
+    return at_times(trajectory, times_at_rate(trajectory, rate))
 
 
 def flight() -> Trajectory:

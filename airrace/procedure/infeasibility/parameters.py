@@ -95,8 +95,7 @@ def _with_course(race: Race, **changes: Any) -> Race:  # Any: attributes of a co
 
 
 def _surroundings(course: Course) -> Iterator[RelaxableParameter]:
-    lines = {line.name: line for passage in course.passages for line in passage.safety_lines}
-    for line in lines.values():
+    for line in course.safety_lines:
         yield RelaxableParameter(
             f"safety_lines.{line.name}.margin_m",
             f"the margin of safety line {line.name}",
