@@ -1,7 +1,12 @@
 """Declared scalars, ranges and typed vectors."""
 
+import copy
 import dataclasses
+import inspect
 import math
+import pickle
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -9,7 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from airrace.frames import angle_between, angles, normalised, product, quaternion, quaternion_rates, rotation
+from airrace.points import at_points
 from airrace.quantities import Interval, Quantity, T, Vector, quantity, vector
+from airrace.records import record
 
 finite = st.floats(-1e6, 1e6)
 intervals = st.builds(lambda a, b: Interval(min(a, b), max(a, b)), finite, finite)
@@ -88,3 +96,280 @@ def test_one_finite_end_makes_a_bound() -> None:
     assert Interval(upper=1.0).bounded
     assert not Interval().bounded
     assert Interval().lower == -math.inf
+
+
+FROZEN = dataclasses.dataclass(frozen=True)
+
+
+def made(decorator: Callable[[type], type]) -> type[Any]:
+    """A class with fields of all kinds."""
+
+    class Sample:
+        shared: ClassVar[list[int]] = []
+        x: float
+        names: tuple[str, ...] = ()
+        seen: int = dataclasses.field(default=0, compare=False)
+        secret: str = dataclasses.field(default="", repr=False)
+        counted: int = dataclasses.field(default=0, hash=False)
+
+        def __post_init__(self) -> None:
+            if self.x < 0.0:
+                raise ValueError("x")
+
+    Sample.__qualname__ = "Sample"
+    return decorator(Sample)
+
+
+@pytest.fixture(params=[record, FROZEN], ids=["record", "dataclass"])
+def sample(request: pytest.FixtureRequest) -> type[Any]:
+    return made(request.param)
+
+
+def test_it_is_equal_where_its_compared_fields_are(sample: type[Any]) -> None:
+    assert sample(1.0, ("a",)) == sample(1.0, ("a",), seen=3)
+    assert sample(1.0) != sample(2.0)
+    assert sample(1.0) != sample(1.0, counted=1)
+    assert sample(1.0) != made(record)(1.0)
+    assert sample(1.0) != 1.0
+
+
+def test_its_hash_is_that_of_the_fields_that_count(sample: type[Any]) -> None:
+    assert hash(sample(1.0)) == hash(sample(1.0, seen=3, counted=2))
+    assert hash(sample(1.0)) != hash(sample(2.0))
+    assert len({sample(1.0), sample(1.0), sample(2.0)}) == 2
+
+
+def test_it_shows_what_is_to_be_shown(sample: type[Any]) -> None:
+    assert repr(sample(1.0, ("a",), secret="b")) == "Sample(x=1.0, names=('a',), seen=0, counted=0)"
+
+
+def test_nothing_of_it_can_be_set_or_deleted(sample: type[Any]) -> None:
+    one = sample(1.0)
+    for name in ("x", "names", "seen", "other"):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(one, name, 2)
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            delattr(one, name)
+    assert one == sample(1.0)
+
+
+def test_it_is_made_checked_copied_and_described_as_a_dataclass(sample: type[Any]) -> None:
+    one = sample(1.0, ("a",), 2)
+    assert dataclasses.replace(one, x=3.0) == sample(3.0, ("a",))
+    assert [field.name for field in dataclasses.fields(one)] == ["x", "names", "seen", "secret", "counted"]
+    assert dataclasses.asdict(one) == {"x": 1.0, "names": ("a",), "seen": 2, "secret": "", "counted": 0}
+    assert copy.deepcopy(one) == one
+    assert copy.copy(one).seen == 2
+    assert list(inspect.signature(sample).parameters) == ["x", "names", "seen", "secret", "counted"]
+    with pytest.raises(ValueError, match="x"):
+        sample(-1.0)
+    with pytest.raises(ValueError, match="x"):
+        dataclasses.replace(one, x=-1.0)
+    assert sample.__match_args__ == ("x", "names", "seen", "secret", "counted")
+
+
+@record
+class Base:
+    """A record that others are derived from; of the module, for pickle."""
+
+    x: int
+
+
+@record
+class Derived(Base):
+    """A record with one field more."""
+
+    y: int = 0
+
+    @property
+    def total(self) -> int:
+        return self.x + self.y
+
+
+def test_a_derived_record_has_all_fields_and_is_none_of_its_base() -> None:
+    assert Derived(1, 2).total == 3
+    assert repr(Derived(1, 2)) == "Derived(x=1, y=2)"
+    assert Derived(1) != Base(1)
+    assert Derived(1) == Derived(1)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Derived(1).x = 2  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_it_survives_being_sent_to_another_process() -> None:
+    assert pickle.loads(pickle.dumps(Derived(1, 2))) == Derived(1, 2)
+
+
+@record(kw_only=True)
+class Named:
+    """A record whose fields are given by name, with a representation and an equality of its own."""
+
+    x: int
+    held: Any = None
+
+    def __repr__(self) -> str:
+        return "its own"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Named)
+
+
+def test_methods_of_its_own_are_kept() -> None:
+    assert repr(Named(x=1)) == "its own"
+    assert Named(x=1) == Named(x=2)
+    assert hash(Named(x=1)) == hash((1, None))  # as a frozen dataclass has it
+    with pytest.raises(TypeError, match="positional"):
+        Named(1)  # pyright: ignore[reportCallIssue]
+
+
+RANDOM = np.random.default_rng(3)
+
+
+def example(*, sparse: bool = False) -> ca.Function:
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+    found = ca.vertcat(ca.sin(x[0]) * p[1], 0.0 if sparse else x[2] ** 2, ca.atan2(x[1], x[2]) + p[0])
+    return ca.Function("example", [x, p], [ca.sparsify(found) if sparse else found])
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("count", [1, 7, 400])
+def test_result_has_the_bits_of_a_call_of_casadi(count: int, sparse: bool) -> None:
+    function = example(sparse=sparse)
+    x, p = RANDOM.normal(size=(3, count)), RANDOM.normal(size=(2, count))
+    assert np.array_equal(at_points(function, x, p), np.asarray(function.map(count)(x, p)))
+
+
+def test_what_is_the_same_at_all_points_is_given_once() -> None:
+    x, p = RANDOM.normal(size=(3, 5)), RANDOM.normal(size=2)
+    assert np.array_equal(at_points(example(), x, p), at_points(example(), x, np.repeat(p[:, None], 5, axis=1)))
+
+
+def test_arrays_of_any_layout_are_taken() -> None:
+    x, p = RANDOM.normal(size=(5, 6)).T[::2], RANDOM.normal(size=2)
+    assert np.array_equal(at_points(example(), x, p), at_points(example(), np.ascontiguousarray(x), p))
+
+
+def test_argument_of_nothing_is_left_out() -> None:
+    x, none = ca.SX.sym("x", 2), ca.SX.sym("p", 0)
+    function = ca.Function("twice", [x, none], [2.0 * x])
+    given = RANDOM.normal(size=(2, 4))
+    assert np.array_equal(at_points(function, given, np.zeros(0)), 2.0 * given)
+
+
+def test_argument_with_other_rows_is_refused() -> None:
+    with pytest.raises(ValueError, match="argument 1 of example has 3 rows"):
+        at_points(example(), np.zeros((3, 2)), np.zeros(3))
+
+
+HALF = math.sqrt(0.5)
+any_angle = st.floats(-3.1, 3.1)
+climbs = st.floats(-1.5, 1.5)
+attitudes = st.builds(quaternion, any_angle, climbs, any_angle)
+rates = st.tuples(*[st.floats(-7.0, 7.0)] * 3)
+
+
+@given(attitudes, st.floats(0.1, 10.0))
+def test_rotation_is_orthonormal_and_right_handed_whatever_the_length(q: list[float], length: float) -> None:
+    R = np.array(rotation([length * component for component in q]))
+    gram = R @ R.T
+    assert gram == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0, abs=1e-12)
+
+
+@given(attitudes, st.tuples(*[st.floats(-100.0, 100.0)] * 3))
+def test_rotation_preserves_length(q: list[float], v: tuple[float, float, float]) -> None:
+    assert np.linalg.norm(np.array(rotation(q)) @ v) == pytest.approx(np.linalg.norm(v), rel=1e-12, abs=1e-12)
+
+
+@given(any_angle, climbs, any_angle)
+def test_angles_make_the_round_trip_through_the_quaternion(chi: float, gamma: float, mu: float) -> None:
+    assert angles(rotation(quaternion(chi, gamma, mu))) == pytest.approx((chi, gamma, mu), abs=1e-9)
+
+
+@given(attitudes, attitudes)
+def test_product_composes_rotations(p: list[float], q: list[float]) -> None:
+    assert np.array(rotation(product(p, q))) == pytest.approx(np.array(rotation(p)) @ np.array(rotation(q)), abs=1e-12)
+
+
+@given(attitudes)
+def test_opposite_quaternions_are_one_attitude(q: list[float]) -> None:
+    assert np.array(rotation([-component for component in q])) == pytest.approx(np.array(rotation(q)), abs=1e-14)
+
+
+@given(attitudes, st.floats(0.1, 10.0))
+def test_normalising_gives_unit_length_and_keeps_the_attitude(q: list[float], length: float) -> None:
+    stretched = [length * component for component in q]
+    unit = normalised(stretched)
+    assert math.hypot(*unit) == pytest.approx(1.0, rel=1e-14)
+    assert np.array(rotation(unit)) == pytest.approx(np.array(rotation(stretched)), abs=1e-13)
+
+
+@given(attitudes, rates)
+def test_quaternion_rates_turn_the_matrix_by_the_rates_in_the_rotated_frame(
+    q: list[float], omega: tuple[float, float, float]
+) -> None:
+    p, q_rate, r = omega
+    cross = np.array([[0.0, -r, q_rate], [r, 0.0, -p], [-q_rate, p, 0.0]])
+    step = 1e-6
+    q_dot = quaternion_rates(q, *omega)
+    after = rotation([a + step * b for a, b in zip(q, q_dot, strict=True)])
+    before = rotation([a - step * b for a, b in zip(q, q_dot, strict=True)])
+    R_dot = (np.array(after) - np.array(before)) / (2.0 * step)
+    assert R_dot == pytest.approx(np.array(rotation(q)) @ cross, abs=1e-7)
+
+
+@given(attitudes, rates)
+def test_quaternion_rates_keep_the_length(q: list[float], omega: tuple[float, float, float]) -> None:
+    assert np.dot(q, quaternion_rates(q, *omega)) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_quaternion_rates_are_half_the_product_with_the_rates() -> None:
+    q = quaternion(0.3, -0.4, 1.9)
+    half = [0.5 * component for component in product(q, [0.0, 1.0, -2.0, 3.0])]
+    assert quaternion_rates(q, 1.0, -2.0, 3.0) == pytest.approx(half, abs=1e-15)
+
+
+def test_course_counts_from_north_to_east() -> None:
+    R = rotation(quaternion(math.pi / 2, 0.0, 0.0))
+    assert [R[0][0], R[1][0], R[2][0]] == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
+
+
+def test_climb_points_the_velocity_up() -> None:
+    R = rotation(quaternion(0.0, 0.5, 0.0))
+    assert [R[0][0], R[1][0], R[2][0]] == pytest.approx([math.cos(0.5), 0.0, -math.sin(0.5)], abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("mu", "R32", "R33"),
+    [
+        (0.0, 0.0, 1.0),
+        (math.pi / 2, 1.0, 0.0),
+        (-math.pi / 2, -1.0, 0.0),
+        (math.pi, 0.0, -1.0),
+        (math.pi / 4, HALF, HALF),
+    ],
+    ids=["level", "knife edge right", "knife edge left", "inverted", "banked right"],
+)
+def test_bank_shows_in_the_last_row(mu: float, R32: float, R33: float) -> None:
+    R = rotation(quaternion(1.1, 0.0, mu))
+    assert [R[2][1], R[2][2]] == pytest.approx([R32, R33], abs=1e-15)
+
+
+def test_right_bank_lowers_the_right_wing() -> None:
+    R = rotation(quaternion(0.0, 0.0, 0.3))
+    assert R[2][1] > 0.0  # down component of the right wing
+
+
+def test_rotation_serves_symbols_and_numbers_alike() -> None:
+    q = ca.SX.sym("q", 4)
+    R = rotation(ca.vertsplit(q))
+    function = ca.Function("R", [q], [ca.vertcat(*(ca.horzcat(*row) for row in R))])
+    numbers = [0.3, -0.2, 0.9, 0.4]
+    assert np.array(function(numbers)) == pytest.approx(np.array(rotation(numbers)), abs=1e-15)
+
+
+@given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+def test_angle_between_is_the_shortest_turn(a: float, b: float) -> None:
+    turn = angle_between(a, b)
+    assert abs(turn) <= math.pi
+    assert math.cos(b + turn) == pytest.approx(math.cos(a), abs=1e-9)
+    assert math.sin(b + turn) == pytest.approx(math.sin(a), abs=1e-9)

@@ -1,9 +1,13 @@
 """Jobs, plans and batches for the tests; courses are small and flown by `stand_in_job.py`."""
 
+import json
+import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from typer.testing import CliRunner
 
 from airrace.batch.executor import AttemptResult, Executor, StageFinished
 from airrace.batch.job import Job
@@ -13,6 +17,7 @@ from airrace.batch.planning import make_plan
 from airrace.batch.record import Choice, FileMark, JobRecord, checkpoint_path, write_record
 from airrace.batch.sources import Manner, find_sources, parse_sweeps
 from airrace.batch.supervision import Policy, supervise
+from airrace.cli.main import app
 from airrace.inputs import Document
 
 ROOT = Path(__file__).parents[2]
@@ -133,3 +138,53 @@ class Watched:
 def ending(code: int = 0, race_time: float | None = 10.0, message: str = "") -> AttemptResult:
     """An answer."""
     return AttemptResult(code, message, 1.0, (), {"race_time_s": race_time, "stages": []})
+
+
+PROGRAM = f"""
+import airrace.batch.process as process
+process.JOB_COMMAND = {STAND_IN!r}
+process.GRACE = 600.0  # whoever waits for its end waits longer than any test does
+from airrace.__main__ import main
+main()
+"""
+
+
+class Shell:
+    """`airrace batch --until point-mass` in a folder of its own, with a course `oval.yaml` in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.out = folder / "batch"
+
+    def __call__(self, *arguments: str | Path) -> "Ran":
+        result = CliRunner().invoke(app, ["batch", "--until", "point-mass", *map(str, arguments)])
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+        return Ran(result.exit_code, result.stdout, result.stderr)
+
+    def start(self, *arguments: str | Path) -> subprocess.Popen[str]:
+        """In a process of its own."""
+        return subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, "batch", "--until", "point-mass", *map(str, arguments)],
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+
+class Ran:
+    """A command that has ended."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    @property
+    def answered(self) -> dict:
+        """The one object on stdout."""
+        assert self.out.count("\n") == 1
+        return json.loads(self.out)
+
+    @property
+    def states(self) -> dict[str, str]:
+        return {job["name"]: job["state"] for job in self.answered["jobs"]}

@@ -5,8 +5,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from batch_examples import STAND_IN, write_course
-from batch_shell import Shell
+from batch_examples import STAND_IN, Shell, write_course
 from cluster_log import Log
 from clusters import Cluster
 from waiting import wait_until

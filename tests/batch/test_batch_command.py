@@ -2,14 +2,26 @@
 
 import csv
 import io
+import os
+import re
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
 
 import pytest
-from batch_examples import starts, write_course
-from batch_shell import Shell
+from batch_examples import Ran, Shell, starts, write_course
 from junitparser import JUnitXml
+from rich.console import Console
+from waiting import PATIENCE, text_of, wait_until_gone
 
+from airrace.batch.executor import StageFinished
+from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
 from airrace.batch.ranking import STATES
 from airrace.batch.record import locked
+from airrace.cli.batch import stopping
+from airrace.cli.batch_tables import BatchLines, LiveTable
 from airrace.errors import UsageError
 from airrace.runs.command_result import ExitCode
 
@@ -178,3 +190,163 @@ def test_two_batches_in_one_folder_are_refused(airrace: Shell) -> None:
     assert airrace("oval.yaml").code == 0
     with locked(airrace.out), pytest.raises(UsageError), locked(airrace.out):
         pass
+
+
+STEP = PlannedJob("oval", "oval", "oval.yaml", None, (), None, "the track changed")
+
+
+def test_the_live_table_shows_course_stage_race_time_state_and_elapsed_time() -> None:
+    written, now = io.StringIO(), [0.0]
+    console = Console(file=written, force_terminal=True, width=100, height=20, no_color=True)
+    view = LiveTable(console, lambda: now[0])
+    view.begun(BatchPlan(Path(), (STEP,)))
+    view.started(STEP, 2, "worker-1")
+    view.stage_finished(STEP, StageFinished("oval", "point-mass", "solved", 55.25, True))
+    now[0] = 7.0
+    with console.capture() as captured:
+        console.print(view.live.get_renderable())
+    header, row, total = re.sub(r"\x1b\[[0-9;]*m", "", captured.get()).splitlines()
+    assert header.split() == ["job", "stage", "race", "time", "s", "state", "elapsed", "s"]
+    assert "oval" in row
+    assert all(word in row for word in ("point-mass", "55.250", "solved (attempt 2, on worker-1)", " 7"))
+    assert "0 of 1 done, 1 under way, 7 s" in total
+    view.ended(STEP, JobResult(4, "cannot be reached", None, 7.0))
+    with console.capture() as captured:
+        console.print(view.live.get_renderable())
+    assert "1 of 1 done (1 infeasible), 0 under way" in captured.get()
+    assert "oval: again (the track changed)" in written.getvalue()
+
+
+def test_the_live_table_never_grows_beyond_the_terminal() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80, height=10)
+    view = LiveTable(console)
+    steps = [PlannedJob(f"j{number}", "x", "x.yaml", None, (), None) for number in range(50)]
+    view.begun(BatchPlan(Path(), tuple(steps)))
+    for step in steps:
+        view.started(step, 1, "")
+    with console.capture() as captured:
+        console.print(view.live.get_renderable())
+    assert len(captured.get().splitlines()) <= 10
+
+
+def test_the_live_table_may_be_drawn_while_jobs_come_and_go() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80, height=40)
+    view = LiveTable(console)
+    failed: list[BaseException] = []
+    done = threading.Event()
+
+    def draw() -> None:
+        try:
+            while not done.is_set():
+                view.live.get_renderable()
+        except BaseException as error:
+            failed.append(error)
+
+    drawing = threading.Thread(target=draw)
+    drawing.start()
+    for number in range(2000):
+        step = PlannedJob(f"j{number % 7}", "x", "x.yaml", None, (), None)
+        view.started(step, 1, "")
+        view.retried(step, "crashed") if number % 3 else view.ended(step, JobResult(0))
+    done.set()
+    drawing.join()
+    assert failed == []
+
+
+def test_plain_lines_carry_time_and_count() -> None:
+    written, now = io.StringIO(), [0.0]
+    lines = BatchLines(written, lambda: now[0])
+    lines.begun(BatchPlan(Path(), (STEP,)))
+    now[0] = 12.34
+    lines.ended(STEP, JobResult(0, "", 55.25, 12.0))
+    assert written.getvalue().splitlines() == [
+        "[    0.0 s] 1 job: 1 to fly",
+        "[    0.0 s] oval: again (the track changed)",
+        "[   12.3 s] oval: certified, race time 55.250 s, 12.0 s (1 of 1)",
+    ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_batch_keeps_what_is_finished_and_goes_on_later(number: signal.Signals, airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once,slow", "--jobs", "1", "--csv", "a.csv", "--json")
+    with airrace.start(*arguments) as running:
+        wait_for(running, "notes=hang-once: point-mass started")
+        running.send_signal(number)
+        out, _ = running.communicate(timeout=PATIENCE)
+    assert running.returncode == 130
+    assert Ran(130, out, "").states == {
+        "oval,notes=fine": "certified",
+        "oval,notes=hang-once": "interrupted",
+        "oval,notes=slow": "interrupted",
+    }
+    assert (airrace.folder / "a.csv").exists()
+    assert airrace(*arguments).code == 0
+    assert starts(airrace.out, "oval,notes=fine") == ["new"]
+    assert starts(airrace.out, "oval,notes=hang-once") == ["new", "resumed"]
+
+
+def test_a_second_interrupt_ends_everything_at_once(airrace: Shell) -> None:
+    """Even a job that does not listen, which the first one would leave the whole of its grace."""
+    with airrace.start("oval.yaml", "--set", "notes=deaf") as running:
+        wait_for(running, "point-mass started")
+        child = int(text_of(airrace.out / "oval.child"))
+        running.send_signal(signal.SIGINT)
+        time.sleep(0.5)
+        running.send_signal(signal.SIGINT)
+        running.communicate(timeout=PATIENCE)
+    assert running.returncode == 130
+    job = int((airrace.out / "oval.starts").read_text().split()[0])
+    wait_until_gone(job, child)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_batch_and_its_group_is_one_request_and_told_once(
+    number: signal.Signals, airrace: Shell
+) -> None:
+    """`timeout` and others signal a process and then its group; the job hears the signal as well."""
+    with airrace.start("oval.yaml", "--set", "notes=hang-once", "--csv", "a.csv") as running:
+        wait_for(running, "point-mass started")
+        os.kill(int((airrace.out / "oval.starts").read_text().split()[0]), number)
+        for _ in range(2):
+            running.send_signal(number)
+            time.sleep(0.02)
+        _, err = running.communicate(timeout=PATIENCE)
+    assert running.returncode == 130
+    told = [line for line in err.splitlines() if line.startswith("airrace: ")]
+    assert told == ["airrace: not all jobs are certified: 1 interrupted; the same command goes on"]
+    assert (airrace.folder / "a.csv").exists()
+
+
+def test_what_was_under_way_when_the_parent_was_killed_is_flown_again(airrace: Shell) -> None:
+    arguments = ("oval.yaml", "--sweep", "notes=fine,hang-once", "--jobs", "1")
+    with airrace.start(*arguments) as running:
+        wait_for(running, "notes=hang-once: point-mass started")
+        os.kill(running.pid, signal.SIGKILL)
+        running.communicate(timeout=PATIENCE)
+    for line in (airrace.out / "oval,notes=hang-once.starts").read_text().splitlines():
+        os.kill(int(line.split()[0]), signal.SIGKILL)  # a stand-in does not mind its parent
+    ran = airrace(*arguments)
+    assert ran.code == 0
+    assert "oval,notes=hang-once: again (it was not finished)" in ran.err
+    assert starts(airrace.out, "oval,notes=fine") == ["new"]
+
+
+def wait_for(running: subprocess.Popen[str], text: str) -> None:
+    """Read the progress until a line holds the text; what follows is read on, so that nobody waits for a reader."""
+    assert running.stderr is not None
+    for line in running.stderr:
+        if text in line:
+            return
+    raise AssertionError(f"ended with {running.wait()} before it said {text!r}")
+
+
+def test_second_signal_of_one_request_interrupts_nothing_though_the_jobs_have_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("airrace.cli.batch.ONE_REQUEST", 5.0)  # a busy machine may deliver the second one late
+    second = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
+    with stopping() as asked:
+        os.kill(os.getpid(), signal.SIGINT)
+        second.start()
+        assert asked()
+    second.join()  # the signal would end it by KeyboardInterrupt

@@ -1,13 +1,31 @@
-"""From files, patterns and batch.yaml to jobs; what is wrong is told before anything is flown, the rest is flown."""
+"""What a batch is to fly: sources, patterns, sweeps, names, and what is done already."""
 
+import json
+import os
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from batch_examples import AIRCRAFT, ROOT, finished, planned, write_course
+from batch_examples import AIRCRAFT, ROOT, finished, job, planned, write_course
+from hypothesis import given
+from hypothesis import strategies as st
 
-from airrace.batch import checking
-from airrace.batch.sources import Manner, find_sources, parse_sweeps
-from airrace.errors import InputError, UsageError
+from airrace.batch import checking, sources
+from airrace.batch.job import Fingerprint, Job
+from airrace.batch.record import (
+    Choice,
+    JobRecord,
+    checkpoint_path,
+    read_record,
+    reason_to_fly,
+    record_path,
+    write_record,
+)
+from airrace.batch.sources import Manner, TooWideError, find_sources, matching, parse_sweeps
+from airrace.batch.sweep import combinations, count, cover, job_name, parse_sweep, refuse_clashes, sweep_of
+from airrace.errors import Finding, InputError, UsageError
+from airrace.inputs import Document
+from airrace.inputs.overrides import parse_overrides
 
 WIND = ("environment.wind.speed_kt=0,5,10", "environment.wind.from_deg=0:360:90")
 
@@ -194,3 +212,354 @@ def test_what_is_wrong_in_a_batch_file_is_told_with_its_line(
     batch.write_text(BATCH.format(aircraft=AIRCRAFT).replace(old, new))
     findings = find_sources([str(batch)], Manner()).findings
     assert any(one.file == str(batch) and one.line == line and word in one.message for one in findings), findings
+
+
+def names(found: list[str], folder: Path) -> list[str]:
+    return [str(Path(one).relative_to(folder)) for one in found]
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    for name in ("a.yaml", "one/b.yaml", "one/two/c.yaml", "one/two/d.txt", ".hidden/e.yaml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("pattern", "found"),
+    [
+        ("*.yaml", ["a.yaml"]),
+        ("**/*.yaml", ["a.yaml", "one/b.yaml", "one/two/c.yaml"]),
+        ("one/**/*.yaml", ["one/b.yaml", "one/two/c.yaml"]),
+        ("**/two/*", ["one/two/c.yaml", "one/two/d.txt"]),
+        ("**", ["a.yaml", "one/b.yaml", "one/two/c.yaml", "one/two/d.txt"]),
+        ("o*/**/*.txt", ["one/two/d.txt"]),
+        ("x/**/*.yaml", []),
+    ],
+)
+def test_pattern_means_these_files(pattern: str, found: list[str], tree: Path) -> None:
+    assert names(matching(str(tree / pattern)), tree) == found
+
+
+def test_pattern_may_begin_where_one_is(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tree / "one")
+    assert matching("**/*.yaml") == ["b.yaml", "two/c.yaml"]
+
+
+def test_links_in_a_circle_lead_nowhere(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("one/up", "one/two/up"):
+        (tree / name).symlink_to(tree)
+    monkeypatch.setattr(sources, "FOLDERS_MAX", 3)  # as many as there are
+    assert names(matching(str(tree / "**" / "*.yaml")), tree) == ["a.yaml", "one/b.yaml", "one/two/c.yaml"]
+
+
+def test_pattern_that_is_too_wide_is_refused_in_words(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sources, "FOLDERS_MAX", 2)
+    with pytest.raises(TooWideError, match="leads through more than 2 folders"):
+        matching(str(tree / "**" / "*.yaml"))
+    monkeypatch.setattr(sources, "MATCHES_MAX", 1)
+    with pytest.raises(TooWideError, match="matches more than 1 files"):
+        matching(str(tree / "one" / "two" / "*"))
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs the files of Linux about its processes")
+def test_files_of_the_system_are_no_courses_and_soon_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[object] = []
+
+    def scandir(path: str = ".") -> object:
+        read.append(path)
+        return scanned(path)
+
+    scanned = os.scandir
+    monkeypatch.setattr(os, "scandir", scandir)
+    monkeypatch.setattr(sources, "FOLDERS_MAX", 500)
+    with pytest.raises(TooWideError):
+        matching("/proc/**/*")
+    assert len(read) < 3 * sources.FOLDERS_MAX  # twice each: what lies in it, what matches; some vanish meanwhile
+
+
+def test_batch_that_lists_itself_is_told_so(tmp_path: Path) -> None:
+    course = write_course(tmp_path)
+    batch = tmp_path / "batch.yaml"
+    batch.write_text(f"schema: airrace/batch/1\ncourses: [batch.yaml, {os.path.basename(course)}]\n")
+    plan = planned(batch, folder=tmp_path)
+    assert [step.name for step in plan.steps] == [course.stem]
+    assert [f"{one.line}: {one.message}" for one in plan.findings] == [
+        f"2: {batch} is a batch and no course; name the courses that it names"
+    ]
+
+
+def test_sweep_that_makes_half_a_gate_is_blamed_and_not_set(tmp_path: Path) -> None:
+    plan = planned(write_course(tmp_path), folder=tmp_path, sweeps=["gates.gx.north_m=1,2"])
+    findings = {finding for step in plan.steps if step.known for finding in step.known.findings}
+    assert [(one.file, one.key) for one in findings] == [("--sweep", "gates.gx.type")]
+
+
+SPEED = "environment.wind.speed_kt"
+FROM = "environment.wind.from_deg"
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        (f"{WIND}=0,5,10", ("0", "5", "10")),
+        (f"{WIND}=0:20:5", ("0", "5", "10", "15", "20")),
+        (f"{WIND}=0:18:5", ("0", "5", "10", "15")),
+        (f"{WIND}=20:0:-10", ("20", "10", "0")),
+        (f"{WIND}=3:3:1", ("3",)),
+        ("rules.n_z_max=8:9:0.25", ("8", "8.25", "8.5", "8.75", "9")),
+        (f"{WIND}=0, 2 ,10:30:10", ("0", "2", "10", "20", "30")),
+        ("settings.guess=plan,homotopy", ("plan", "homotopy")),
+        ("rules=rbar-2014,rbar-2016", ("rbar-2014", "rbar-2016")),
+        (f"{WIND}=5.0,7.50,-0", ("5", "7.5", "0")),
+        ("notes=12:30", ("12:30",)),
+    ],
+)
+def test_texts_stand_for_lists_and_ranges(text: str, values: tuple[str, ...]) -> None:
+    assert parse_sweep(text).values == values
+
+
+def test_a_full_circle_of_directions_is_closed_once() -> None:
+    assert parse_sweep(f"{FROM}=0:360:45").values == ("0", "45", "90", "135", "180", "225", "270", "315")
+    assert parse_sweep(f"{FROM}=-180:180:90").values == ("-180", "-90", "0", "90")
+    assert parse_sweep(f"{FROM}=360:0:-120").values == ("360", "240", "120")
+
+
+def test_a_range_of_directions_that_is_no_full_circle_includes_its_last_value() -> None:
+    assert parse_sweep(f"{FROM}=0:90:45").values == ("0", "45", "90")
+    assert parse_sweep(f"{FROM}=0:360:100").values == ("0", "100", "200", "300")
+
+
+def test_degrees_that_are_no_direction_are_not_a_circle() -> None:
+    assert parse_sweep("gates.f.roll_deg=0:360:180").values == ("0", "180", "360")
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (SPEED, "form"),
+        ("=1,2", "form"),
+        ("a..b=1", "form"),
+        (f"{WIND}=", "no values"),
+        (f"{WIND}=1,,2", "missing between"),
+        (f"{WIND}=0:10:0", "never arrives"),
+        (f"{WIND}=0:10:-1", "never arrives"),
+        (f"{WIND}=5,5.0", "given twice"),
+        (f"{WIND}=0:10:5,10", "given twice"),
+        (f"{WIND}=0:100000:0.01", "more than"),
+    ],
+)
+def test_what_is_no_sweep_is_refused_with_the_reason(text: str, word: str) -> None:
+    with pytest.raises(ValueError, match=word):
+        parse_sweep(text)
+
+
+def test_several_sweeps_multiply_and_the_last_runs_fastest() -> None:
+    sweeps = (sweep_of("a", ["1", "2"]), sweep_of("b", ["x", "y", "z"]))
+    found = list(combinations(sweeps))
+    assert len(found) == count(sweeps) == 6
+    assert found[0] == (("a", "1"), ("b", "x"))
+    assert found[1] == (("a", "1"), ("b", "y"))
+    assert len(set(found)) == 6
+
+
+def test_no_sweep_is_one_combination() -> None:
+    assert list(combinations(())) == [()]
+    assert list(cover(())) == [()]
+
+
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=4))
+def test_every_value_occurs_in_the_cover_which_is_no_longer_than_the_longest_sweep(lengths: list[int]) -> None:
+    sweeps = [sweep_of(f"k{number}", [*map(str, range(length))]) for number, length in enumerate(lengths)]
+    covered = list(cover(sweeps))
+    assert len(covered) == max(lengths)
+    assert set(covered) <= set(combinations(sweeps))
+    for sweep in sweeps:
+        assert {dict(one)[sweep.key] for one in covered} == set(sweep.values)
+
+
+@given(st.integers(-500, 500), st.integers(1, 40), st.integers(1, 30))
+def test_ranges_are_exact_in_decimals(first: int, step: int, steps: int) -> None:
+    last = first + step * steps
+    values = parse_sweep(f"k={first / 10}:{last / 10}:{step / 10}").values
+    assert len(values) == steps + 1
+    assert [float(value) for value in values] == [(first + step * number) / 10 for number in range(steps + 1)]
+
+
+@given(st.decimals(-1000, 1000, places=3))
+def test_values_mean_to_set_what_they_were_written_as(value: object) -> None:
+    (swept,) = parse_sweep(f"k={value:f}").values
+    (override,) = parse_overrides([f"k={swept}"], [])
+    assert override.value.value == float(str(value))
+
+
+COURSE = Path("tracks/rovinj_2014.yaml")
+SWEPT = (("environment.wind.speed_kt", "5"), ("environment.wind.from_deg", "45"))
+
+
+def test_a_name_tells_course_aircraft_and_swept_values() -> None:
+    assert job_name(COURSE, None, ()) == "rovinj_2014"
+    assert job_name(COURSE, None, SWEPT) == "rovinj_2014,speed_kt=5,from_deg=45"
+    assert job_name(COURSE, Path("configs/pc9.yaml"), SWEPT[:1]) == "rovinj_2014,pc9,speed_kt=5"
+
+
+def test_keys_that_end_alike_are_told_in_full() -> None:
+    swept = (("gates.a.height_m", "20"), ("gates.b.height_m", "30"))
+    assert job_name(COURSE, None, swept) == "rovinj_2014,gates.a.height_m=20,gates.b.height_m=30"
+
+
+@given(st.text(max_size=300), st.text(max_size=300))
+def test_any_name_is_a_file_in_its_folder(value: str, stem: str) -> None:
+    name = job_name(Path("x" + stem.replace("/", "").replace("\0", "")), None, (("notes", value),))
+    assert Path(f"folder/{name}.h5").parent == Path("folder")
+    assert len(f"{name}.h5".encode()) <= 200
+    assert not name.startswith((".", "-"))
+
+
+def test_long_names_that_begin_alike_are_told_apart() -> None:
+    names = {job_name(COURSE, None, (("notes", "x" * 300 + end),)) for end in "ab"}
+    assert len(names) == 2
+
+
+def test_two_jobs_that_would_write_one_file_are_both_named() -> None:
+    with pytest.raises(UsageError, match=r"x\.h5: a/x\.yaml and b/x\.yaml"):
+        refuse_clashes([("x", "a/x.yaml"), ("y", "a/y.yaml"), ("x", "b/x.yaml")])
+    with pytest.raises(UsageError, match="given twice"):
+        refuse_clashes([("x", "a/x.yaml"), ("x", "a/x.yaml")])
+
+
+def test_names_that_differ_by_case_alone_clash() -> None:
+    with pytest.raises(UsageError, match="two jobs"):
+        refuse_clashes([("Oval", "a/Oval.yaml"), ("oval", "a/oval.yaml")])
+
+
+def reason(one: Job, folder: Path, choice: Choice = Choice.NONE) -> str:
+    return reason_to_fly(one, folder, choice)[0]
+
+
+def test_a_job_survives_its_own_plain_form() -> None:
+    one = job(settings=Document("s.yaml", "ä\n"), overrides=("a=1",), swept=(("k", "v"),))
+    assert Job.from_object(json.loads(json.dumps(one.as_object()))) == one
+
+
+def test_a_job_that_was_never_flown_is_new(tmp_path: Path) -> None:
+    assert reason(job(), tmp_path) == "new"
+
+
+@pytest.mark.parametrize("code", [0, 4, 5])
+def test_a_finished_job_is_kept_also_if_it_found_no_certified_flight(code: int, tmp_path: Path) -> None:
+    finished(tmp_path, job(), code, "infeasible")
+    assert reason(job(), tmp_path) == ""
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"track": Document("oval.yaml", "another track")}, "the track changed"),
+        ({"aircraft": Document("aircraft.yaml", "another one")}, "the aircraft changed"),
+        ({"settings": Document("settings.yaml", "some")}, "the settings changed"),
+        ({"overrides": ("rules.n_z_max=9",)}, "--set or --sweep changed"),
+        ({"until": "six-dof"}, "the last stage was point-mass and is six-dof"),
+        ({"versions": "airrace 9.9"}, "it was flown with other versions (airrace 0.1.0; now airrace 9.9)"),
+    ],
+)
+def test_whatever_affects_the_result_is_noticed_and_named(
+    changed: dict[str, object], told: str, tmp_path: Path
+) -> None:
+    finished(tmp_path, job())
+    assert reason(job(**changed), tmp_path) == told
+
+
+def test_every_part_of_the_fingerprint_has_its_words() -> None:
+    one = Fingerprint(*("x" for _ in fields(Fingerprint)))
+    for part in fields(Fingerprint):
+        assert len(replace(one, **{part.name: "y"}).changes(one)) == 1
+
+
+def test_the_path_of_an_input_is_of_no_matter(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    assert reason(job(track=Document("elsewhere/oval.yaml", "a track")), tmp_path) == ""
+
+
+@pytest.mark.parametrize(
+    ("code", "message", "told"),
+    [
+        (8, "its process crashed (SIGSEGV)", "it failed: its process crashed (SIGSEGV)"),
+        (6, "stopped after 5 s (--timeout)", "it failed: stopped after 5 s (--timeout)"),
+        (130, "interrupted", "it was interrupted"),
+        (3, "", "its input was not valid"),
+    ],
+)
+def test_accidents_are_flown_again(code: int, message: str, told: str, tmp_path: Path) -> None:
+    finished(tmp_path, job(), code, message)
+    assert reason(job(), tmp_path) == told
+
+
+def test_a_job_under_way_when_all_ended_is_flown_again(tmp_path: Path) -> None:
+    write_record(tmp_path, "oval", JobRecord(job().fingerprint, ended=False))
+    assert reason(job(), tmp_path) == "it was not finished"
+
+
+def test_the_user_may_ask_for_more(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    finished(tmp_path, job("bad"), 4, "infeasible")
+    assert reason(job(), tmp_path, Choice.FAILED) == ""
+    assert "asked for" in reason(job("bad"), tmp_path, Choice.FAILED)
+    assert reason(job(), tmp_path, Choice.ALL) == "asked for"
+
+
+def test_a_missing_checkpoint_is_noticed(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    checkpoint_path(tmp_path, "oval").unlink()
+    assert reason(job(), tmp_path) == "its checkpoint is missing"
+
+
+def test_a_checkpoint_of_another_size_is_noticed(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    with checkpoint_path(tmp_path, "oval").open("ab") as file:
+        file.write(b"x")
+    assert reason(job(), tmp_path).startswith("its checkpoint has changed")
+
+
+def test_another_content_of_the_same_size_is_noticed_but_a_copy_is_as_good(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    path = checkpoint_path(tmp_path, "oval")
+    content = path.read_bytes()
+    path.write_bytes(content)
+    os.utime(path, ns=(1, 1))
+    assert reason(job(), tmp_path) == ""
+    path.write_bytes(content[::-1])
+    os.utime(path, ns=(1, 1))
+    assert reason(job(), tmp_path) == "its checkpoint has changed (in its content)"
+
+
+def test_a_checkpoint_without_a_record_is_flown_again(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    record_path(tmp_path, "oval").unlink()
+    assert reason(job(), tmp_path) == "its record is missing"
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"[]", b"null", b'{"schema": "airrace/job/1"}', b"\xff\xfe", b"[" * 9999]
+)
+def test_a_damaged_record_is_told_and_never_a_crash(content: bytes, tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    record_path(tmp_path, "oval").write_bytes(content)
+    assert reason(job(), tmp_path) == "its record is damaged"
+
+
+def test_any_truncation_of_a_record_is_noticed(tmp_path: Path) -> None:
+    finished(tmp_path, job())
+    content = record_path(tmp_path, "oval").read_bytes()
+    for length in range(len(content)):
+        record_path(tmp_path, "oval").write_bytes(content[:length])
+        assert reason(job(), tmp_path) == "its record is damaged"
+
+
+def test_a_record_says_after_a_round_trip_what_it_said(tmp_path: Path) -> None:
+    findings = (Finding("a.yaml", 3, 4, "rules.n_z_max", "must be a number, not the text `ä`"),)
+    run = {"race_time_s": 55.25, "stages": []}
+    record = JobRecord(job().fingerprint, True, 3, "bad", 1.5, ("crashed",), run, findings, None)
+    write_record(tmp_path, "oval", record)
+    assert read_record(tmp_path, "oval") == record

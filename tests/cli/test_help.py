@@ -1,19 +1,26 @@
-"""Help comes at once, and nothing the program can do stays untold."""
+"""Help, and the commands doctor and schema."""
 
+import json
 import re
 import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer.main
 import yaml
+from typer.testing import CliRunner
 
+from airrace.cli import installation
+from airrace.cli.courses import Language
 from airrace.cli.main import app
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.batch import read_batch
+from airrace.inputs.json_schema import LANGUAGES, json_schema
 
 ROOT = Path(__file__).parents[2]
 COMMAND_LINE = (ROOT / "docs" / "command_line.md").read_text(encoding="utf-8")
@@ -102,3 +109,71 @@ def test_the_course_of_the_documentation_is_valid(tmp_path: Path) -> None:
         inputs = load_inputs(track, aircraft=ROOT / "configs" / "edge540.yaml")
         assert inputs.race.course.name == "Harbour sprint"
         assert len(inputs.race.course.passages) == 5
+
+
+def examined() -> tuple[int, dict[str, dict[str, str]], dict[str, Any]]:  # Any: JSON
+    ran = CliRunner().invoke(app, ["doctor", "--json"])
+    told = json.loads(ran.stdout)
+    return ran.exit_code, {one["name"]: one for one in told["components"]}, told
+
+
+def test_an_installation_that_works_is_healthy() -> None:
+    code, components, told = examined()
+    assert (code, told["healthy"]) == (0, True)
+    assert {"Python", "airrace", "casadi", "numpy", "typer", "native library", "cores", "solver"} <= set(components)
+    assert components["casadi"]["found"] == version("casadi")
+    assert components["solver"]["found"].startswith("a known answer in ")
+    assert "pytest" not in components
+
+
+def test_a_wrong_answer_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Wrong:
+        objective, status = 1.9, "Solve_Succeeded"
+
+    monkeypatch.setattr(installation, "solve", lambda *_: Wrong())
+    code, components, told = examined()
+    assert (code, told["healthy"]) == (1, False)
+    assert components["solver"]["fault"] == "1.900000 s instead of 2 s (Solve_Succeeded)"
+    assert told["error"] == "this installation does not work: solver"
+
+
+def test_what_is_missing_is_told_with_what_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without(name: str) -> str:
+        if name in ("matplotlib", "h5py"):
+            raise PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(installation, "version", without)
+    monkeypatch.setattr(installation, "solve_known_problem", lambda: "a known answer")
+    code, components, _ = examined()
+    assert code == 1
+    assert components["h5py"]["fault"] == "it is not installed"
+    assert components["matplotlib"]["fault"] == ""
+    assert components["matplotlib"]["needed_for"].startswith("plot, check --plot")
+    assert (
+        "missing, needed for plot, check --plot, compare --plot: pip install"
+        in CliRunner().invoke(app, ["doctor"]).stdout
+    )
+
+
+def test_the_variant_of_the_native_library_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert installation.native_variant() in ("baseline", "avx2", "avx512")
+    monkeypatch.setattr(installation, "library", lambda: None)
+    assert installation.native_variant() == "none: casadi evaluates, some ten times slower"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_language_is_printed_as_one_object(language: str) -> None:
+    ran = CliRunner().invoke(app, ["schema", language])
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    assert json.loads(ran.stdout) == json_schema(language)
+
+
+def test_the_command_knows_every_language() -> None:
+    assert [language.value for language in Language] == list(LANGUAGES)
+
+
+def test_another_language_is_refused_with_the_known_ones() -> None:
+    ran = CliRunner().invoke(app, ["schema", "wind"])
+    assert ran.exit_code == 2
+    assert all(language in ran.stderr for language in LANGUAGES)

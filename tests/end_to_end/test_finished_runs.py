@@ -1,6 +1,7 @@
 """A whole run through the real command: optimise, look, verify, export."""
 
 import csv
+import dataclasses
 import io
 import itertools
 import json
@@ -11,7 +12,9 @@ from pathlib import Path
 import pytest
 from airrace_command import ALONG_THE_PLAN, HALF_CUBAN, POINT_MASS, ROOT, Ran, airrace, inside
 
+from airrace.checkpoint import read_checkpoint, write_checkpoint
 from airrace.checkpoint.store import seal, unseal
+from airrace.procedure.result import Outcome
 
 CERTIFICATE = {
     "solver",
@@ -286,3 +289,95 @@ def test_checked_course_needs_no_flight(tmp_path: Path) -> None:
     assert ran.code == 0
     assert json.loads(ran.out)
     assert not list(tmp_path.iterdir())
+
+
+FASTER = ("--set", "rules.n_z_max=9.5")
+
+
+@pytest.mark.slow
+def test_changed_run_ends_where_a_run_from_scratch_ends_or_earlier(tmp_path: Path) -> None:
+    plan = ("--guess", "plan", "--search", "off", "--quiet", "--json")
+    before = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, "--output", "RUN.h5", cwd=tmp_path)
+    scratch = airrace("optimize", HALF_CUBAN, *POINT_MASS, *plan, *FASTER, "--output", "SCRATCH.h5", cwd=tmp_path)
+    stored = (tmp_path / "RUN.h5").read_bytes()
+    changed = airrace("resume", "RUN.h5", *FASTER, "--output", "NEW.h5", "--quiet", "--json", cwd=tmp_path)
+    assert (changed.code, changed.answer["certified"]) == (0, True)
+    assert (tmp_path / "RUN.h5").read_bytes() == stored
+    assert changed.race_time <= scratch.race_time + 5e-3
+    compared = changed.answer["compared"]
+    assert isinstance(compared, dict)
+    difference = compared["race_time_s"]["difference"]
+    assert difference == pytest.approx(changed.race_time - before.race_time, abs=1e-9)
+    assert sum(leg["difference"] for leg in compared["legs"]) == pytest.approx(difference, abs=1e-6)
+    assert airrace("verify", "NEW.h5", cwd=tmp_path).code == 0
+
+
+WIDEST = 100  # columns
+
+
+@pytest.fixture(scope="module")
+def point_mass_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The half Cuban eight, flown."""
+    folder = tmp_path_factory.mktemp("priced")
+    assert airrace("optimize", HALF_CUBAN, *ALONG_THE_PLAN, "--quiet", cwd=folder).code == 0
+    return folder / "half_cuban_eight.h5"
+
+
+def test_the_object_and_the_csv_tell_the_same_prices(point_mass_file: Path, tmp_path: Path) -> None:
+    answer = airrace("sensitivity", point_mass_file, "--json", cwd=tmp_path).answer
+    assert list(answer) == ["track", "stage", "race_time_s", "sensitivities"]
+    prices = answer["sensitivities"]
+    assert isinstance(prices, dict)
+    rows = list(csv.DictReader(io.StringIO(inside("sensitivity", point_mass_file, "--csv", cwd=tmp_path).out)))
+    assert [row.pop("key") for row in rows] == list(prices)
+    told = [{name: "" if value is None else str(value) for name, value in one.items()} for one in prices.values()]
+    assert rows == told
+    assert prices["rules.start_speed_max_kt"]["s_per_unit"] < 0.0
+
+
+def test_the_table_leaves_out_what_is_free_and_counts_it(point_mass_file: Path, tmp_path: Path) -> None:
+    prices = inside("sensitivity", point_mass_file, "--json", cwd=tmp_path).answer["sensitivities"]
+    assert isinstance(prices, dict)
+    free = [key for key, one in prices.items() if one["activity"] == "free"]
+    table = inside("sensitivity", point_mass_file, cwd=tmp_path).out
+    assert f"free: {len(free)} more numbers of {len(prices)}" in table
+    assert max(map(len, table.splitlines())) <= WIDEST
+    assert "rules.start_speed_max_kt " in table
+    assert not any(f"{key} " in table for key in free)
+
+
+def test_a_group_shows_its_own_numbers_alone(point_mass_file: Path, tmp_path: Path) -> None:
+    prices = inside("sensitivity", point_mass_file, "--by", "rules", "--json", cwd=tmp_path).answer["sensitivities"]
+    assert isinstance(prices, dict)
+    assert {"rules.n_z_max", "rules.floor_m"} <= prices.keys()
+    assert all(key.startswith("rules.") for key in prices)
+
+
+def test_a_stage_that_the_run_does_not_have_is_wrong_usage(point_mass_file: Path, tmp_path: Path) -> None:
+    ran = inside("sensitivity", point_mass_file, "--stage", "six-dof", cwd=tmp_path)
+    assert (ran.code, ran.err) == (2, "airrace: this run has no stage 'six-dof'; it has: point-mass\n")
+
+
+def test_json_and_csv_at_once_are_wrong_usage(point_mass_file: Path, tmp_path: Path) -> None:
+    assert inside("sensitivity", point_mass_file, "--json", "--csv", cwd=tmp_path).code == 2
+
+
+def test_an_uncertified_stage_has_no_prices(point_mass_file: Path, tmp_path: Path) -> None:
+    checkpoint = read_checkpoint(point_mass_file)
+    result = dataclasses.replace(checkpoint.stages[-1].result, outcome=Outcome.NOT_CERTIFIED)
+    write_checkpoint(tmp_path / "run.h5", checkpoint.with_stage(result))
+    ran = inside("sensitivity", "run.h5", "--json", cwd=tmp_path)
+    assert ran.code == 5
+    assert ran.err == "airrace: point-mass is not certified: only a certified or solved stage has sensitivities\n"
+    assert ran.answer["error"] == "point-mass is not certified: only a certified or solved stage has sensitivities"
+
+
+def test_a_damaged_file_has_no_prices(point_mass_file: Path, tmp_path: Path) -> None:
+    damaged = Path(shutil.copy(point_mass_file, tmp_path / "run.h5"))
+    content = bytearray(damaged.read_bytes())
+    content[len(content) // 2] ^= 1
+    damaged.write_bytes(content)
+    ran = inside("sensitivity", damaged, cwd=tmp_path)
+    assert ran.code == 7
+    assert ran.err.count("\n") == 1
+    assert inside("sensitivity", tmp_path / "none.h5", cwd=tmp_path).code == 7

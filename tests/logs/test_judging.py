@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic import Fixes, csv_text, fixes, known
-from test_recovery import flown, imported
+from test_reading import flown, imported
 
 from airrace.inputs import load_inputs
 from airrace.inputs.presets import preset_names

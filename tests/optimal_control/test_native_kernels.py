@@ -1,29 +1,41 @@
-"""What the native interpreter evaluates has the same bits in every variant, lane and thread, and those of casadi."""
+"""Kernels, the sums over them and the program's functions, each against casadi's own."""
 
 import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import pytest
-from kernel_results import all_results, assert_as_casadi, assert_bitwise_equal, random_intervals, variants
-from small_problems import PROBLEMS, rich_system
+from casadi_program import transcribed
+from kernel_results import all_results, assert_as_casadi, assert_bitwise_equal, random_intervals, results, variants
+from numpy.typing import NDArray
+from small_problems import PROBLEMS, random_point, rich_system
 
 from airrace.errors import KernelError, SolverCrash
 from airrace.native.interpreter import Interpreter, bytecode, in_runs, interpreter, operation_numbers
 from airrace.native.library import library
+from airrace.optimal_control import sparse_assembly as module
 from airrace.optimal_control.assembly import Assembly
 from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import (
     Kernel,
     NativeKernel,
+    Part,
+    bind,
+    bind_all,
     build_kernels,
+    casadi_kernels,
     native_kernels,
     path_functions,
 )
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.replay import casadi_function_at_points
-from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, RungeKutta
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RK4_TWICE, VERNER_7, RungeKutta
+from airrace.optimal_control.solvers.ipopt_functions import ProgramFunctions
+from airrace.optimal_control.sparse_assembly import COOBuilder, SparseAssembly
+from airrace.procedure.fidelities import LONGEST_INTERVAL
 from airrace.quantities import Quantity
 from airrace.system import System
 
@@ -210,3 +222,306 @@ def test_any_number_of_points_is_evaluated(count: int) -> None:
         )
         with pytest.raises(ValueError, match="points"):
             at(np.zeros((3, count + 1)))
+
+
+@pytest.fixture
+def sums() -> SparseAssembly:
+    """Sums of one to about ten numbers, of sizes that differ by many orders."""
+    random = np.random.default_rng(3)
+    contributions = COOBuilder(20, 30)
+    for count in (300, 2000):
+        contributions.draw_from(500)
+        weights = random.normal(size=count) * 10.0 ** random.integers(-9, 9, count)
+        rows, columns = random.integers(0, 20, count), random.integers(0, 30, count)
+        contributions.add(rows, columns, weights, random.integers(0, 500, count))
+    return contributions.sums()
+
+
+def by_numpy(sums: SparseAssembly, drawn: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> np.ndarray:
+    assert module.library() is not None
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "library", lambda: None)
+        return sums.of(drawn)
+
+
+def test_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert len(sums.turns) > 3
+    drawn = np.random.default_rng(4).normal(size=1000)
+    expected = by_numpy(sums, drawn, monkeypatch)
+    assert sums.of(drawn).tobytes() == expected.tobytes()
+    places = np.random.default_rng(5).permutation(2 * len(expected))[: len(expected)]
+    memory = np.full(2 * len(expected), np.pi)
+    assert sums.into(drawn, memory, places)
+    assert memory[places].tobytes() == expected.tobytes()
+    assert (np.delete(memory, places) == np.pi).all()
+
+
+def test_chosen_sums_have_the_bits_of_numpy(sums: SparseAssembly, monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(6)
+    numbers = np.sort(random.integers(0, len(sums.rows), 400))
+    chosen, drawn = sums.chosen(numbers, random.normal(size=400)), random.normal(size=1000)
+    assert chosen.of(drawn).tobytes() == by_numpy(chosen, drawn, monkeypatch).tobytes()
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_both_tell_what_is_no_number(sums: SparseAssembly, number: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn, memory = np.ones(1000), np.zeros(len(sums.rows))
+    drawn[int(sums.turns[-1].sources[0])] = number  # the last summand of a sum
+    places = np.arange(len(memory))
+    assert not sums.into(drawn, memory, places)
+    monkeypatch.setattr(module, "library", lambda: None)
+    assert not sums.into(drawn, memory, places)
+    assert sums.into(np.ones(1000), memory, places)
+
+
+def system(
+    rates: Callable[[ca.SX, ca.SX, ca.SX], list[ca.SX]],
+    sizes: tuple[int, int, int],
+    projection: Callable[[ca.SX], list[ca.SX]] | None = None,
+) -> System:
+    """A system with so many states, controls and parameters."""
+    x, u, p = (ca.SX.sym(name, size) for name, size in zip("xup", sizes, strict=True))
+    named = [tuple(Quantity(f"{one}", "1") for one in ca.vertsplit(symbols)) for symbols in (x, u, p)]
+    project = ca.Function("project", [x], [ca.vertcat(*projection(x))]) if projection is not None else None
+    return System("some", *named, ca.Function("rates", [x, u, p], [ca.vertcat(*rates(x, u, p))]), projection=project)
+
+
+def car(x: ca.SX, u: ca.SX, p: ca.SX) -> list[ca.SX]:
+    """Place (2), heading, speed; nothing depends on the place."""
+    return [x[3] * ca.cos(x[2]), x[3] * ca.sin(x[2]), u[0] * x[3], p[0] * u[1] - p[1] * x[3] ** 2]
+
+
+def linear(x: ca.SX, u: ca.SX, p: ca.SX) -> list[ca.SX]:
+    return [x[1], -2.0 * x[0] - 0.3 * x[1] + u[0]]
+
+
+def coupled(x: ca.SX, u: ca.SX, p: ca.SX) -> list[ca.SX]:
+    """Curved in the control, in products of control and state, and in the parameter."""
+    return [ca.exp(0.2 * u[0]) * x[1] * x[2], ca.sin(x[0] * p[0]) * u[0] ** 2, ca.SX(0.0), x[0] / (2.0 + ca.cos(x[3]))]
+
+
+STEP_SYSTEMS: Mapping[str, System] = {
+    **{name: problem.system for name, problem in PROBLEMS.items() if name not in ("everything", "one phase")},
+    "rich": rich_system(),
+    "rich, not projected": replace(rich_system(), projection=None),
+    "place passes through": system(car, (4, 2, 2)),
+    "place passes through a projection": system(car, (4, 2, 2), lambda x: [x[0], x[1], ca.sin(x[2]), x[3]]),
+    "projection scales and mixes the place": system(
+        car, (4, 2, 2), lambda x: [2.0 * x[0], x[1] * x[3], x[2] + ca.cos(x[0]), x[3]]
+    ),
+    "linear": system(linear, (2, 1, 0)),
+    "a rate that is zero": system(coupled, (4, 1, 1)),
+    "nothing moves": system(lambda x, u, p: [ca.SX(0.0), ca.SX(0.0)], (2, 1, 0)),
+}
+EULER = RungeKutta("euler", 1, ((),), (1.0,))
+THRICE = replace(RK4_TWICE, name="rk4x3", steps=3)
+
+
+def assert_equal(of: System, scheme: RungeKutta, given: Sequence[np.ndarray] | None = None) -> None:
+    """Patterns are equal, and every result differs by no more than 1e-12 of its largest entry."""
+    composed, graph = build_kernels(of, scheme).step, casadi_kernels(of, scheme).step
+    assert isinstance(composed, NativeKernel)
+    given = given or random_intervals(graph, 1, len(of.parameters), 5 * composed.lanes)
+    for pair in (
+        (composed.jacobian_pattern, graph.jacobian_pattern),
+        (composed.hessian_pattern, graph.hessian_pattern),
+    ):
+        mine, theirs = (set(zip(*one.get_triplet(), strict=True)) for one in pair)
+        assert mine == theirs
+    for mine, theirs in zip(all_results(composed, given), all_results(graph, given), strict=True):
+        assert np.isfinite(theirs).all()
+        assert np.abs(mine - theirs).max(initial=0.0) <= 1e-12 * np.abs(theirs).max(initial=0.0)
+
+
+@pytest.mark.parametrize("name", STEP_SYSTEMS)
+def test_composed_derivatives_equal_those_of_the_whole_graph(name: str) -> None:
+    assert_equal(STEP_SYSTEMS[name], DORMAND_PRINCE_5)
+
+
+@pytest.mark.parametrize("scheme", [EULER, RK4, RK4_TWICE, THRICE], ids=lambda scheme: scheme.name)
+def test_composed_derivatives_are_those_of_any_explicit_scheme(scheme: RungeKutta) -> None:
+    assert_equal(rich_system(), scheme)
+
+
+def test_an_interval_without_length_has_derivatives() -> None:
+    step = casadi_kernels(rich_system(), DORMAND_PRINCE_5).step
+    given = random_intervals(step, 1, len(rich_system().parameters), 8)
+    given[0][:, -1] = 0.0
+    assert_equal(rich_system(), DORMAND_PRINCE_5, given)
+
+
+def test_step_derivatives_of_a_linear_system_are_the_scheme_s_polynomial() -> None:
+    """x+ = R(h A) x, R the truncated exponential up to the order, for RK4."""
+    step = build_kernels(system(linear, (2, 1, 0)), RK4).step
+    h, rates = 0.4, np.array([[0.0, 1.0], [-2.0, -0.3]])
+    expected = sum(np.linalg.matrix_power(h * rates, power) / math.factorial(power) for power in range(5))
+    given = [np.tile(one, (step.lanes, 1)) for one in ([0.3, -0.7, 0.0, 1.6], [0.25], [], [0.0, 0.0])]
+    given[2] = np.zeros(0)
+    jacobian = np.zeros((2, 4))
+    rows, columns = step.jacobian_pattern.get_triplet()
+    jacobian[rows, columns] = results(step, Part.JACOBIAN, given)[1][0]
+    assert jacobian[:, :2] == pytest.approx(expected, rel=1e-13, abs=1e-15)
+
+
+LAM_F = 0.6
+
+
+@pytest.fixture(params=PROBLEMS, scope="module")
+def assembly(request: pytest.FixtureRequest) -> Assembly:
+    problem = PROBLEMS[request.param]
+    return Assembly(Layout(problem), casadi_kernels(problem.system, problem.scheme))
+
+
+def test_all_functions_have_the_bits_of_the_casadi_program(assembly: Assembly) -> None:
+    layout, program, functions = assembly.layout, transcribed(assembly), Evaluation(assembly)
+    for seed in (1, 2):
+        w, _ = random_point(layout, seed)
+        p, lam_g = layout.parameter_values(), np.random.default_rng(seed).normal(size=layout.constraints)
+        functions.at(w, p)
+        functions.lam_f, functions.lam_g[:] = LAM_F, lam_g
+        functions.linearise()
+        functions.objective_gradient()
+        functions.curve()
+        f, g = program.nlp(w, p)
+        gradient, hessian = program.hess_l(w, p, LAM_F, lam_g)
+        assert functions.f == float(f)
+        assert functions.g.tolist() == np.asarray(g).ravel().tolist()
+        assert functions.f_gradient.tolist() == np.asarray(program.grad_f(w, p)).ravel().tolist()
+        assert functions.jacobian.tolist() == program.jac_g(w, p)[1].nonzeros()
+        assert functions.gradient.tolist() == np.asarray(gradient).ravel().tolist()
+        assert functions.hessian.tolist() == hessian.nonzeros()
+
+
+def test_the_patterns_are_those_of_the_casadi_program(assembly: Assembly) -> None:
+    program = transcribed(assembly)
+    assert assembly.jacobian.sparsity == program.jac_g.sparsity_out(1)
+    assert assembly.hessian.sparsity == program.hess_l.sparsity_out(1)
+
+
+def test_values_follow_a_change_of_the_parameters(assembly: Assembly) -> None:
+    layout, functions = assembly.layout, Evaluation(assembly)
+    w, _ = random_point(layout, 1)
+    for factor in (1.0, 1.1):
+        p = factor * layout.parameter_values()
+        functions.at(w, p)
+        assert functions.g.tolist() == np.asarray(transcribed(assembly).nlp(w, p)[1]).ravel().tolist()
+
+
+def test_the_slope_is_the_gradient_of_the_curve(assembly: Assembly) -> None:
+    layout, functions = assembly.layout, Evaluation(assembly)
+    functions.at(random_point(layout, 1)[0], layout.parameter_values())
+    functions.lam_g[:] = 1.0
+    functions.curve()
+    expected = functions.gradient.copy()
+    functions.gradient[:] = np.nan
+    functions.slope()
+    assert functions.gradient.tolist() == expected.tolist()
+
+
+def test_iterates_of_another_size_are_refused(assembly: Assembly) -> None:
+    kernel = assembly.calls[0].kernel
+    with pytest.raises(SolverCrash, match="argument 0 has another size"):
+        bind(kernel.value, (np.zeros(1), np.zeros(1), np.zeros(kernel.value.nnz_in(2))))
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+@pytest.mark.parametrize("calls", [1, 2, 5, 7, 9])
+def test_calls_that_threads_cannot_share_evenly_are_made_as_well(assembly: Assembly, calls: int, threads: int) -> None:
+    function, random = assembly.calls[0].kernel.hessian, np.random.default_rng(calls)
+    sizes = [function.nnz_in(place) for place in range(function.n_in())]
+    given = [random.uniform(0.5, 1.0, size=(calls, size)) for size in sizes]
+    call, results = bind_all(function, calls, threads, given)
+    call()
+    for number in range(calls):
+        alone, expected = bind(function, [one[number].copy() for one in given])
+        alone()
+        for one, other in zip(results, expected, strict=True):
+            assert one.reshape(calls, -1)[number].tobytes() == other.tobytes()
+
+
+def test_summands_that_meet_are_added_and_some_nonzeros_can_be_chosen() -> None:
+    matrix = COOBuilder(2, 2, symmetric=True)
+    matrix.draw_from(2)
+    matrix.add(np.array([0, 0]), np.array([0, 1]), np.array([2.0, 3.0]), np.array([0, 1]))
+    matrix.draw_from(1)
+    matrix.add(np.array([0]), np.array([1]), np.array([10.0]), np.array([0]))
+    sums, drawn = matrix.sums(), np.array([1.0, 1.0, 1.0])
+    assert list(zip(sums.rows.tolist(), sums.columns.tolist(), sums.of(drawn).tolist(), strict=True)) == [
+        (0, 0, 2.0),
+        (1, 0, 13.0),
+        (0, 1, 13.0),
+    ]
+    chosen = sums.chosen(np.array([0, 2]), np.array([1.0, -1.0]))
+    assert chosen.of(drawn).tolist() == [2.0, -13.0]
+    assert (chosen.rows.tolist(), chosen.columns.tolist()) == ([0, 0], [0, 1])
+
+
+def arrays(results: ca.DM | tuple[ca.DM, ...]) -> list[np.ndarray]:
+    """The nonzeros of a function's results."""
+    every = results if isinstance(results, tuple) else (results,)
+    return [np.array(one.nonzeros()) for one in every]
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_all_functions_have_the_bits_of_casadis_own_program(name: str) -> None:
+    problem = PROBLEMS[name]
+    layout = Layout(problem)
+    assembly = Assembly(layout, casadi_kernels(problem.system, problem.scheme))
+    mine, theirs = ProgramFunctions(Evaluation(assembly)), transcribed(assembly)
+    (w, lam_g), p = random_point(layout, 1), layout.parameter_values()
+    mine.begin(p)
+    pairs = [
+        (mine.nlp(w, p), theirs.nlp(w, p)),
+        (mine.derivatives["nlp_grad_f"](w, p), theirs.f_and_grad(w, p)),
+        (mine.derivatives["nlp_jac_g"](w, p), theirs.jac_g(w, p)),
+        (mine.derivatives["nlp_hess_l"](w, p, LAM_F, lam_g), theirs.hess_l_upper(w, p, LAM_F, lam_g)),
+        (mine.derivatives["nlp_grad"](w, p, LAM_F, lam_g), theirs.grad(w, p, LAM_F, lam_g)),
+    ]
+    for one, other in pairs:
+        for found, expected in zip(arrays(one), arrays(other), strict=True):
+            assert np.array_equal(found, expected)
+
+
+def test_ipopt_evaluates_what_fatrop_does() -> None:
+    problem = PROBLEMS["everything"]
+    layout = Layout(problem)
+    functions = Evaluation(Assembly(layout, build_kernels(problem.system, problem.scheme)))
+    (w, lam_g), p = random_point(layout, 2), layout.parameter_values()
+    program = ProgramFunctions(functions)
+    program.begin(p)
+    upper = np.array(program.derivatives["nlp_hess_l"](w, p, LAM_F, lam_g).nonzeros())
+    other = Evaluation(functions.assembly)
+    other.at(w, p)
+    other.lam_f, other.lam_g[:] = LAM_F, lam_g
+    other.curve()
+    sums = other.assembly.hessian
+    assert np.array_equal(upper, other.hessian[sums.rows <= sums.columns])
+
+
+@pytest.mark.parametrize("name", ["nlp_jac_g", "nlp_hess_l"])
+def test_patterns_are_those_of_the_assembly(name: str) -> None:
+    problem = PROBLEMS["everything"]
+    assembly = Assembly(Layout(problem), build_kernels(problem.system, problem.scheme))
+    function = ProgramFunctions(Evaluation(assembly)).derivatives[name]
+    expected = assembly.jacobian.sparsity if name == "nlp_jac_g" else ca.triu(assembly.hessian.sparsity)
+    assert function.sparsity_out(function.n_out() - 1) == expected
+
+
+ROLL_MODE = 0.08  # s, its time constant
+
+
+def left_of_a_mode(scheme: RungeKutta, step: float) -> float:
+    """Difference to the true decay in one step."""
+
+    def decay(y: NDArray[np.float64], _u: object, _p: object) -> NDArray[np.float64]:
+        return -y / ROLL_MODE
+
+    after = scheme.advance(decay, np.ones(1), None, None, step)
+    return abs(float(after[0]) - math.exp(-step / ROLL_MODE))
+
+
+@pytest.mark.parametrize(("scheme", "expected"), [(VERNER_7, 3e-5), (DORMAND_PRINCE_5, 1e-2)])
+def test_the_longest_interval_is_short_enough_for_the_scheme_of_order_7_alone(
+    scheme: RungeKutta, expected: float
+) -> None:
+    assert left_of_a_mode(scheme, LONGEST_INTERVAL) == pytest.approx(expected, rel=0.1)

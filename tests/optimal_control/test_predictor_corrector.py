@@ -1,17 +1,31 @@
-"""Near an optimum predictor-corrector steps lead to it in fewer iterations than fatrop, which is asked if they fail."""
+"""Warm starts: known multipliers, the predictor-corrector method and the Riccati recursion that solves its steps."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_problems import PROBLEMS, random_iterate
+from small_problems import PROBLEMS, random_iterate, random_point
 
+from airrace.optimal_control import sparse_assembly
+from airrace.optimal_control.assembly import Assembly
+from airrace.optimal_control.evaluation import Evaluation
 from airrace.optimal_control.kernels import casadi_kernels
 from airrace.optimal_control.layout import Layout
-from airrace.optimal_control.multiplier_transfer import transfer_multipliers
+from airrace.optimal_control.multiplier_transfer import Kind, limits_of, transfer_multipliers
 from airrace.optimal_control.problem import Iterate, Problem
 from airrace.optimal_control.refinement import divide
 from airrace.optimal_control.solvers import predictor_corrector, riccati
+from airrace.optimal_control.solvers.fatrop.stages import (
+    INEQUALITIES,
+    LEAST_FACTOR,
+    Bounds,
+    PrimalDualPoint,
+    Rows,
+    Stages,
+    plain,
+    weighed,
+)
+from airrace.optimal_control.solvers.riccati import StageSystem
 from airrace.optimal_control.solvers.solver import (
     NEAR_BARRIER,
     SOLVERS,
@@ -20,6 +34,8 @@ from airrace.optimal_control.solvers.solver import (
     Solution,
     SolverOptions,
 )
+from airrace.optimal_control.sparse_assembly import NO_FACTORS, COOBuilder, Entries, Memory, StageAssembly, unique_rows
+from airrace.trajectory import Array
 
 STEPS = "predictor-corrector"
 LIMITS_KEPT = 1e-5  # fatrop relaxes limits by 1e-8 after their factors of 1e-2 and more
@@ -83,3 +99,355 @@ def test_multipliers_that_mislead_do_not_change_the_optimum() -> None:
 def test_far_from_the_optimum_fatrop_is_asked_at_once(known: bool, barrier: float) -> None:
     problem, guess, multipliers = bisect_all("everything")
     assert STEPS not in solved(problem, guess, multipliers if known else None, barrier).status
+
+
+EVERYTHING = PROBLEMS["everything"]
+ROWS = np.arange(4)
+LOWER = np.array([0.0, -np.inf, -1.0, -1.0])
+UPPER = np.array([np.inf, 2.0, 1.0, 1.0])
+BARRIER = 1e-4
+
+
+def solve_from(
+    problem: Problem,
+    guess: Iterate,
+    multipliers: Multipliers | None = None,
+    barrier: float = 0.1,
+    tolerance: float = 1e-9,
+) -> Solution:
+    kernels = casadi_kernels(problem.system, problem.scheme)
+    options = SolverOptions(tolerance=tolerance, iterations_max=200, barrier=barrier)
+    found = PreparedProblem(Layout(problem), kernels, SOLVERS["fatrop"], options, threads=1).solve(
+        Layout(problem), guess, multipliers
+    )
+    assert found.success
+    return found
+
+
+def known(values: list[float], multipliers: list[float]) -> PrimalDualPoint:
+    return PrimalDualPoint(np.array(values), np.array(multipliers), BARRIER)
+
+
+def test_rows_of_which_nothing_is_known_stay_as_they_are() -> None:
+    sides = plain(ROWS, LOWER, UPPER)
+    assert sides.items.tolist() == ROWS.tolist()
+    assert sides.factors.tolist() == [1.0] * 4
+    assert (sides.lower.tolist(), sides.upper.tolist()) == (LOWER.tolist(), UPPER.tolist())
+
+
+def test_multiplier_of_a_weighed_side_is_one() -> None:
+    """Each row presses on one of its limits: its side times its factor has the multiplier 1."""
+    sides = weighed(ROWS, LOWER, UPPER, known([0.0, 2.0, 1.0, -1.0], [-3.0, 5.0, 0.7, -0.4]))
+    assert sides.copies.tolist() == [1, 1, 2, 2]
+    assert sides.items.tolist() == [0, 1, 2, 2, 3, 3]
+    pressing = [0, 1, 3, 4]
+    assert sides.factors[pressing] == pytest.approx([3.0, 5.0, 0.7, 0.4])
+    assert sides.factors[[2, 5]] == pytest.approx([LEAST_FACTOR] * 2)
+
+
+def test_weighed_sides_ask_for_the_same() -> None:
+    generator = np.random.default_rng(1)
+    for _ in range(50):
+        at, lam = generator.uniform(-1.0, 1.0, 4), generator.normal(size=4) * generator.integers(0, 2, 4)
+        sides = weighed(ROWS, LOWER, UPPER, PrimalDualPoint(at, lam, BARRIER))
+        for v in (-1.5, -1.0, -0.2, 0.0, 0.9, 1.0, 1.7, 2.0, 2.5):
+            values = sides.factors * v + sides.shifts
+            within = (sides.lower - 1e-12 <= values) & (values <= sides.upper + 1e-12)
+            met = [bool(within[sides.items == row].all()) for row in ROWS]
+            assert met == [bool(low <= v <= high) for low, high in zip(LOWER, UPPER, strict=True)]
+
+
+@pytest.mark.parametrize("slack", [0.2, 0.4])
+def test_slack_times_multiplier_is_the_barrier_where_nothing_presses(slack: float) -> None:
+    given = PrimalDualPoint(np.array([slack]), np.zeros(1), barrier=0.01)
+    sides = weighed(ROWS[:1], LOWER[:1], UPPER[:1], given)
+    assert sides.factors * slack == pytest.approx(given.barrier)
+    assert sides.factors[0] > LEAST_FACTOR
+
+
+@pytest.mark.parametrize("name", ["everything", "jumps", "final cost"])
+def test_known_multipliers_lead_to_the_same_optimum_in_fewer_iterations(name: str) -> None:
+    problem = PROBLEMS[name]
+    first = solve_from(problem, random_iterate(problem, 1))
+    cold = solve_from(problem, first.iterate, barrier=1e-6)
+    warm = solve_from(problem, first.iterate, first.multipliers, barrier=1e-6)
+    assert warm.iterations < cold.iterations
+    assert warm.objective == pytest.approx(cold.objective, abs=1e-7)
+    assert warm.kkt.largest < 1e-6
+    assert warm.multipliers.constraints == pytest.approx(cold.multipliers.constraints, abs=1e-4)
+
+
+def test_misleading_multipliers_do_not_change_the_optimum_of_fatrop() -> None:
+    first = solve_from(EVERYTHING, random_iterate(EVERYTHING, 1))
+    wrong = Multipliers(-first.multipliers.constraints[::-1].copy(), 0.3 * np.ones_like(first.multipliers.bounds))
+    found = solve_from(EVERYTHING, first.iterate, wrong, barrier=1e-2)
+    assert found.objective == pytest.approx(first.objective, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_carried_to_the_same_problem_the_multipliers_of_limits_stay(name: str) -> None:
+    layout = Layout(PROBLEMS[name])
+    generator = np.random.default_rng(2)
+    given = Multipliers(generator.normal(size=layout.constraints), generator.normal(size=layout.unknowns))
+    both, again = (
+        np.concatenate([one.constraints, one.bounds])
+        for one in (given, transfer_multipliers(given, layout, Layout(PROBLEMS[name])))
+    )
+    places = np.concatenate([limit.places for limit in limits_of(layout).values()])
+    assert again[places] == pytest.approx(both[places], rel=1e-12)
+    assert len(np.unique(places)) == len(places)
+    rest = np.setdiff1d(np.arange(len(both)), places)
+    assert again[rest].tolist() == [0.0] * len(rest)
+    handed_on = layout.constraints + layout.duration_index  # the durations that no phase begins with have no limit
+    assert set(rest.tolist()) <= {*layout.gap_index.ravel().tolist(), *handed_on.tolist()}
+
+
+def test_on_a_finer_mesh_the_multipliers_of_a_limit_add_up_to_the_same() -> None:
+    """A limit that presses evenly all along a phase weighs the same, whatever the mesh."""
+    coarse = Layout(EVERYTHING)
+    mesh, _ = divide(EVERYTHING.mesh, random_iterate(EVERYTHING, 1), None, np.full(EVERYTHING.intervals, 3))
+    fine = Layout(
+        replace(
+            EVERYTHING,
+            phases=tuple(
+                replace(phase, fractions=fractions) for phase, fractions in zip(EVERYTHING.phases, mesh, strict=True)
+            ),
+        )
+    )
+    both = np.zeros(coarse.constraints + coarse.unknowns)
+    limits = limits_of(coarse)
+    for (kind, _), limit in limits.items():
+        if kind in (Kind.NODE, Kind.INTERVAL):
+            both[limit.places] = limit.weights
+    found = transfer_multipliers(Multipliers(both[: coarse.constraints], both[coarse.constraints :]), coarse, fine)
+    there = np.concatenate([found.constraints, found.bounds])
+    for key, limit in limits_of(fine).items():
+        if key in limits and key[0] in (Kind.NODE, Kind.INTERVAL):
+            expected = limit.weights * np.isin(np.floor(limit.along), np.floor(limits[key].along))
+            assert there[limit.places] == pytest.approx(expected, rel=1e-12)
+
+
+def test_multipliers_carried_to_a_finer_mesh_save_iterations() -> None:
+    problem = PROBLEMS["one phase"]
+    first = solve_from(problem, random_iterate(problem, 1))
+    mesh, guess = divide(problem.mesh, first.iterate, None, np.full(problem.intervals, 2))
+    (phase,) = problem.phases
+    finer = replace(problem, phases=(replace(phase, fractions=mesh[0]),))
+    multipliers = transfer_multipliers(first.multipliers, Layout(problem), Layout(finer))
+    cold, warm = (solve_from(finer, guess, one, barrier=1e-4) for one in (None, multipliers))
+    assert warm.iterations <= cold.iterations
+    assert warm.objective == pytest.approx(cold.objective, abs=1e-6)
+
+
+def evaluated(name: str) -> tuple[Evaluation, np.ndarray, np.ndarray]:
+    """The program at a random point, with its dense Hessian and Jacobian."""
+    problem = PROBLEMS[name]
+    layout = Layout(problem)
+    functions = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
+    w, lam_g = random_point(layout, 3)
+    functions.at(w, layout.parameter_values())
+    functions.lam_f, functions.lam_g[:] = 1.0, lam_g
+    functions.linearise()
+    functions.curve()
+    H, J = np.zeros((layout.unknowns, layout.unknowns)), np.zeros((layout.constraints, layout.unknowns))
+    for matrix, sums, nonzeros in (
+        (H, functions.assembly.hessian, functions.hessian),
+        (J, functions.assembly.jacobian, functions.jacobian),
+    ):
+        matrix[sums.rows, sums.columns] = nonzeros
+    return functions, H, J
+
+
+def written(functions: Evaluation) -> StageSystem:
+    system = StageSystem(functions.assembly)
+    assert system.write(functions.linear(), functions.curved())
+    return system
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_step_solves_the_system_of_the_whole_program(name: str) -> None:
+    functions, H, J = evaluated(name)
+    layout = functions.assembly.layout
+    system, random = written(functions), np.random.default_rng(4)
+    weights = random.uniform(50.0, 100.0, system.rows + system.unknowns)
+    assert system.factorise(weights)
+    stationarity, gaps = random.normal(size=system.unknowns), random.normal(size=system.gaps)
+    step, multipliers = system.solve(stationarity, gaps)
+    G, C = J[layout.gap_index.ravel()], J[layout.row_index]
+    curvature = H + C.T @ (weights[: system.rows, None] * C) + np.diag(weights[system.rows :])
+    assert curvature @ step + G.T @ multipliers == pytest.approx(stationarity, abs=1e-9)
+    assert G @ step == pytest.approx(gaps, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", ["everything", "jumps", "one of each"])
+def test_rows_change_as_the_jacobian_says(name: str) -> None:
+    functions, _, J = evaluated(name)
+    system, C = written(functions), J[functions.assembly.layout.row_index]
+    random = np.random.default_rng(5)
+    step, values = random.normal(size=system.unknowns), random.normal(size=system.rows + system.unknowns)
+    assert system.values(step) == pytest.approx(np.concatenate([C @ step, step]), abs=1e-12)
+    assert system.transposed(values) == pytest.approx(C.T @ values[: system.rows] + values[system.rows :], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_step_that_leads_to_no_minimum_is_told(name: str) -> None:
+    functions, _, _ = evaluated(name)
+    system = written(functions)
+    weights = np.zeros(system.rows + system.unknowns)
+    weights[system.rows :] = -1e3
+    assert not system.factorise(weights)
+
+
+def test_identity_stands_in_for_the_hessian() -> None:
+    functions, _, J = evaluated("everything")
+    system = StageSystem(functions.assembly)
+    assert system.write_identity(functions.linear())
+    assert system.factorise(np.zeros(system.rows + system.unknowns))
+    stationarity = np.random.default_rng(6).normal(size=system.unknowns)
+    step, multipliers = system.solve(stationarity, np.zeros(system.gaps))
+    G = J[functions.assembly.layout.gap_index.ravel()]
+    assert step + G.T @ multipliers == pytest.approx(stationarity, abs=1e-10)
+    system.clear()
+    assert system.write(functions.linear(), functions.curved())
+    other = written(functions)
+    weights = np.full(system.rows + system.unknowns, 50.0)
+    assert system.factorise(weights) == other.factorise(weights)
+    assert system.solve(stationarity, np.zeros(system.gaps))[0] == pytest.approx(
+        other.solve(stationarity, np.zeros(system.gaps))[0], abs=1e-12
+    )
+
+
+def test_without_a_library_nothing_is_available(monkeypatch: pytest.MonkeyPatch) -> None:
+    functions, _, _ = evaluated("everything")
+    assert riccati.available(functions.assembly)
+    monkeypatch.setattr(riccati, "library", lambda: None)
+    assert not riccati.available(functions.assembly)
+
+
+ROOM = 4000
+"""More numbers than the matrices of any of these stages have."""
+
+
+@pytest.fixture(params=PROBLEMS, scope="module")
+def functions(request: pytest.FixtureRequest) -> Evaluation:
+    """A program at some point."""
+    problem = PROBLEMS[request.param]
+    layout = Layout(problem)
+    found = Evaluation(Assembly(layout, casadi_kernels(problem.system, problem.scheme)))
+    found.at(random_point(layout, 1)[0], layout.parameter_values())
+    found.lam_g[:] = np.random.default_rng(1).normal(size=layout.constraints)
+    return found
+
+
+def rows_of(functions: Evaluation, *, weighed: bool) -> Rows:
+    layout = functions.assembly.layout
+    bounds = Bounds(*layout.unknown_bounds(), *layout.constraint_bounds())
+    known = None
+    if weighed:
+        values = np.concatenate([functions.g, functions.w])
+        known = PrimalDualPoint(values, np.random.default_rng(2).normal(size=len(values)), 1e-3)
+    return Rows(Stages(functions.assembly), bounds, known)
+
+
+def empty(stages: int, families: int) -> Memory:
+    begins = ROOM * np.arange(stages * families).reshape(stages, families)
+    return Memory(np.full(begins.size * ROOM, np.pi), begins)
+
+
+@pytest.fixture(params=["native", "numpy"])
+def added_up_by(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param == "numpy":
+        monkeypatch.setattr(sparse_assembly, "library", lambda: None)
+    assert (sparse_assembly.library() is not None) == (request.param == "native")
+
+
+@pytest.mark.usefixtures("added_up_by")
+@pytest.mark.parametrize("weighed", [False, True])
+def test_the_jacobian_of_every_stage_is_that_of_the_program(functions: Evaluation, *, weighed: bool) -> None:
+    rows = rows_of(functions, weighed=weighed)
+    memory = empty(rows.stages.count, 3)
+    assert rows.jacobian.write(functions.linear(), memory, rows.weights)
+    functions.linearise()
+    whole = functions.assembly.jacobian
+    numbers, items = rows.written(whole)
+    places = rows.stages.place_in_stage[whole.columns[numbers]]
+    at = memory.begins[rows.columns.stages[items], rows.columns.families[items]] + rows.offsets(items, places)
+    assert memory.doubles[at].tolist() == (functions.jacobian[numbers] * rows.factors[items]).tolist()
+    assert (np.delete(memory.doubles, at) == np.pi).all()
+
+
+@pytest.mark.usefixtures("added_up_by")
+def test_the_hessian_of_every_stage_is_that_of_the_program(functions: Evaluation) -> None:
+    stages = Stages(functions.assembly)
+    memory = empty(stages.count, 1)
+    assert stages.hessian.write(functions.curved(), memory)
+    functions.curve()
+    whole = functions.assembly.hessian
+    stage = stages.stage_of_unknown[whole.rows]
+    row, column = stages.place_in_stage[whole.rows], stages.place_in_stage[whole.columns]
+    at = memory.begins[stage, 0] + stages.matrices.offsets(stage, row, column)
+    assert memory.doubles[at].tolist() == functions.hessian.tolist()
+    assert (np.delete(memory.doubles, at) == np.pi).all()
+    stages.hessian.fill(stages.on_diagonal.astype(np.float64), memory)
+    assert memory.doubles[at].tolist() == (row == column).astype(np.float64).tolist()
+
+
+@pytest.mark.usefixtures("added_up_by")
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_what_is_no_number_is_told_and_can_be_cleaned(functions: Evaluation, number: float) -> None:
+    rows = rows_of(functions, weighed=False)
+    memory, drawn = empty(rows.stages.count, 3), functions.linear()
+    drawn[: len(drawn) // 2] = number
+    assert not rows.jacobian.write(drawn, memory, rows.weights)
+    assert not np.isfinite(memory.doubles).all()
+    rows.jacobian.clean(memory)
+    assert np.isfinite(memory.doubles).all()
+
+
+def test_a_finer_mesh_has_stages_of_the_same_kinds() -> None:
+    problem = PROBLEMS["one phase"]
+    (phase,) = problem.phases
+    counts: list[int] = []
+    for intervals in (20, 80):
+        finer = replace(problem, phases=(replace(phase, fractions=(1.0 / intervals,) * intervals, watches=()),))
+        assembly = Assembly(Layout(finer), casadi_kernels(finer.system, finer.scheme))
+        counts.append(len(unique_rows(assembly.alike(rows=True))[1]))
+    assert counts[0] == counts[1] < 8
+
+
+def test_inequalities_alone_have_factors(functions: Evaluation) -> None:
+    rows = rows_of(functions, weighed=True)
+    own = rows.columns.families == INEQUALITIES
+    assert rows.weights.values.tolist() == rows.factors[own].tolist()
+    first = rows.weights.begins[rows.columns.stages[own]] + rows.columns.numbers[own]
+    assert first.tolist() == list(range(own.sum()))
+
+
+def test_rows_are_of_a_kind_where_all_numbers_are_equal() -> None:
+    kind, first = unique_rows(np.array([[1, 2], [3, 4], [1, 2], [1, 4]]))
+    assert kind[0] == kind[2]
+    assert len(set(kind.tolist())) == 3
+    assert [kind[one] for one in first] == [0, 1, 2]
+    assert sorted(first.tolist()) == [0, 1, 3]
+
+
+def test_numbers_of_several_blocks_and_turns_are_added_in_order() -> None:
+    """Two stages are alike: the third number of each is the sum of three, from two blocks."""
+    contributions = COOBuilder(4, 1)
+    numbers = np.arange(3)
+    contributions.draw_from(6, np.array([0, 3]))
+    contributions.add(numbers, np.zeros(3, dtype=np.int64), np.array([1.0, 10.0, 1e16]), numbers)
+    contributions.draw_from(2, np.array([0, 1]))
+    for weight in (1.0, -1e16):
+        contributions.add(np.array([2]), np.array([0]), np.array([weight]), np.array([0]))
+    sums = contributions.sums()
+    nothing = np.zeros(3, dtype=np.int64)
+    entries = Entries(nothing, nothing, numbers, nothing - 1)
+    repeated, memory = (
+        StageAssembly(sums, entries, np.zeros(2, dtype=np.int64)),
+        Memory(np.zeros(8), np.array([[0], [4]])),
+    )
+    drawn: Array = np.array([1.0, 2.0, 1.0, 3.0, 4.0, 1.0, 1.0, 1.0])
+    assert repeated.write(drawn, memory, NO_FACTORS)
+    third = (1e16 + 1.0) - 1e16
+    assert memory.doubles.tolist() == [1.0, 20.0, third, 0.0, 3.0, 40.0, third, 0.0]

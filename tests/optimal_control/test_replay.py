@@ -1,14 +1,35 @@
-"""An exact flight replays onto itself; whatever was tampered with is found where it was."""
+"""Replay and sampling by an independent integrator."""
 
+import inspect
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import known_flights
 import numpy as np
 import pytest
-from known_flights import SYSTEM, exact, flight, problem
+from known_flights import SYSTEM, exact, flight, node_times, problem
+from scipy.integrate import (
+    DOP853,  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
+    solve_ivp,  # pyright: ignore[reportUnknownVariableType] - untyped in scipy
+)
 
+from airrace.optimal_control import reference_integration as module
 from airrace.optimal_control.problem import Iterate
-from airrace.optimal_control.replay import SAMPLES, interval_durations, replay, replay_phases
+from airrace.optimal_control.reference_integration import integrate
+from airrace.optimal_control.replay import (
+    SAMPLES,
+    function_at_points,
+    interval_durations,
+    replay,
+    replay_phases,
+    sample,
+)
+from airrace.trajectory import Array
 
 EXACT = 1e-8
 SCALES = np.array([quantity.scale for quantity in SYSTEM.states])
@@ -125,3 +146,165 @@ def test_state_within_a_phase_does_not_matter(node: int) -> None:
 def test_long_phase_of_many_intervals_is_flown_within_a_millimetre() -> None:
     many = problem((1 / 400,) * 400, (1 / 300,) * 300)
     assert np.abs(replay_phases(many, flight(many))).max() < MILLIMETRE
+
+
+SAMPLE_TOLERANCE = 1e-7
+STATED, FLOWN, TIME = problem(), flight(problem()), node_times(problem())
+
+
+def sampled(times: Array) -> Array:
+    """The flight at some times, shape (n_x, n)."""
+    return sample(STATED.system, np.array(STATED.parameters), FLOWN, time=TIME, times=times)
+
+
+def test_samples_at_the_nodes_are_the_nodes() -> None:
+    assert np.allclose(sampled(TIME), FLOWN.state, atol=SAMPLE_TOLERANCE)
+
+
+def test_samples_on_the_grid_of_the_replay_are_the_replay() -> None:
+    seen = replay(STATED, FLOWN).state
+    for interval in range(STATED.intervals):
+        times = np.linspace(TIME[interval], TIME[interval + 1], SAMPLES + 1)
+        assert np.allclose(sampled(times), seen[:, interval], atol=SAMPLE_TOLERANCE)
+
+
+def test_samples_are_the_exact_flight_in_whichever_order_they_are_asked_for() -> None:
+    times = np.array([1.9, 0.3, 0.3, 1.2, 0.05, TIME[-1]])
+    for time, state in zip(times, sampled(times).T, strict=True):
+        interval = min(int(np.searchsorted(TIME, time, side="right")) - 1, STATED.intervals - 1)
+        force = float(FLOWN.control[0, interval])
+        assert state == pytest.approx(
+            exact(FLOWN.state[:, interval], force, time - TIME[interval]), abs=SAMPLE_TOLERANCE
+        )
+
+
+def test_rates_at_a_single_point_stay_as_they_are_when_others_are_asked_for() -> None:
+    at = function_at_points(STATED.system.rates, FLOWN.control[:, :1], np.array(STATED.parameters))
+    first = at(FLOWN.state[:, :1])
+    kept = first.copy()
+    assert not np.array_equal(at(FLOWN.state[:, 1:2]), kept)
+    assert np.array_equal(first, kept)
+
+
+def test_a_flight_that_cannot_be_integrated_has_no_states_there_alone() -> None:
+    state = FLOWN.state.copy()
+    state[:, 1] = np.nan
+    within: Array = (TIME[:-1] + TIME[1:]) / 2.0
+    lost = sample(STATED.system, np.array(STATED.parameters), replace(FLOWN, state=state), time=TIME, times=within)
+    assert np.isnan(lost[:, 1]).all()
+    others = [number for number in range(len(within)) if number != 1]
+    assert np.array_equal(lost[:, others], sampled(within)[:, others])
+
+
+def test_steps_become_shorter_until_samples_agree() -> None:
+    """The whole flight in one interval, without a force: one step of it is far off."""
+    single = Iterate(FLOWN.durations, FLOWN.state[:, [0, -1]], np.zeros((1, 1)))
+    ends = np.array([0.0, 20.0])
+    found = sample(STATED.system, np.array(STATED.parameters), single, time=ends, times=np.array([5.0, 20.0]))
+    for time, state in zip((5.0, 20.0), found.T, strict=True):
+        assert state == pytest.approx(exact(FLOWN.state[:, 0], 0.0, time), abs=SAMPLE_TOLERANCE)
+
+
+def test_single_sample_is_that_of_many() -> None:
+    many = sampled(np.linspace(0.0, TIME[-1], 17))
+    alone = sampled(np.array([TIME[-1] * 5 / 16]))
+    assert np.allclose(alone[:, 0], many[:, 5], atol=SAMPLE_TOLERANCE)
+
+
+def growing(_time: float, x: np.ndarray) -> np.ndarray:
+    """Rates of x' = x^2, whose solution 1 / (1 - t) from x(0) = 1 ends at t = 1."""
+    return x**2
+
+
+ROUNDING = 1e-12
+
+
+@pytest.mark.parametrize("times", [np.array([0.0, 0.5]), np.linspace(0.0, 0.9, 7)])
+def test_states_are_the_solution_at_the_times_that_were_asked(times: np.ndarray) -> None:
+    states = integrate(growing, np.ones(1), times, relative=ROUNDING, absolute=ROUNDING)
+    assert states.shape == (1, len(times))
+    assert states[0] == pytest.approx(1 / (1 - times), rel=1e-9)
+
+
+@pytest.mark.parametrize("first_step", [None, 0.5])
+@pytest.mark.parametrize("count", [2, 3, 50])
+def test_states_are_those_of_scipys_own_driver(count: int, first_step: float | None) -> None:
+    def swinging(time: float, x: np.ndarray) -> np.ndarray:
+        return np.array([x[1], -np.sin(x[0]) + 0.1 * np.cos(time)])
+
+    start, times = np.array([2.0, 0.0]), np.linspace(0.0, 20.0, count)
+    states = integrate(swinging, start, times, relative=ROUNDING, absolute=ROUNDING, first_step=first_step)
+    asked = times if count > 2 else None
+    theirs: Any = solve_ivp(  # Any: untyped in scipy
+        swinging, (0.0, 20.0), start, "DOP853", asked, rtol=ROUNDING, atol=ROUNDING, first_step=first_step
+    )
+    assert np.array_equal(states[:, [0, -1]], theirs.y[:, [0, -1]])
+    assert count == 2 or np.array_equal(states, theirs.y)
+
+
+def test_both_ends_are_told_apart_from_an_end_that_was_not_reached() -> None:
+    states = integrate(growing, np.ones(1), np.array([0.0, 2.0]), relative=ROUNDING, absolute=ROUNDING)
+    assert states[0, 0] == 1.0
+    assert np.isnan(states[0, 1])
+
+
+def test_nothing_is_told_of_times_after_the_end_of_the_solution() -> None:
+    times = np.array([0.0, 0.5, 0.9, 1.5, 2.0])
+    states = integrate(growing, np.ones(1), times, relative=ROUNDING, absolute=ROUNDING)
+    assert states.shape == (1, len(times))
+    assert states[0, :3] == pytest.approx(1 / (1 - times[:3]), rel=1e-9)
+    assert np.isnan(states[0, 3:]).all()
+
+
+def test_nothing_is_told_where_the_start_is_not_finite() -> None:
+    states = integrate(growing, np.array([1.0, np.nan]), np.array([0.0, 0.5]), relative=ROUNDING, absolute=ROUNDING)
+    assert np.isnan(states).all()
+
+
+def test_an_integration_ends_after_the_steps_that_it_may_take() -> None:
+    evaluated: list[float] = []
+
+    def rates(time: float, x: np.ndarray) -> np.ndarray:
+        evaluated.append(time)
+        return 1e9 * np.cos(1e9 * time) * np.ones_like(x)
+
+    states = integrate(rates, np.zeros(2), np.array([0.0, 1.0]), relative=ROUNDING, absolute=ROUNDING, most_steps=50)
+    assert np.isnan(states).all()
+    assert 500 < len(evaluated) <= 600
+
+
+def test_rates_that_are_no_numbers_are_told_without_a_warning() -> None:
+    def rates(time: float, x: np.ndarray) -> np.ndarray:
+        return x * np.where(time > 0.5, np.inf, 1.0) * np.array([1.0, 0.0])
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        states = integrate(rates, np.array([1.0, 1.0]), np.array([0.0, 1.0]), relative=ROUNDING, absolute=ROUNDING)
+    assert np.isnan(states[:, 1]).all()
+
+
+@pytest.fixture
+def loaded_anew() -> Iterator[None]:
+    module.dop853.cache_clear()
+    yield
+    module.dop853.cache_clear()
+
+
+def test_the_integrator_is_the_file_of_the_installed_scipy() -> None:
+    own = module.dop853()
+    assert inspect.getsourcefile(own) == inspect.getsourcefile(DOP853)  # pyright: ignore[reportUnknownArgumentType]
+
+
+def test_the_package_around_it_is_not_loaded() -> None:
+    program = "import sys; from airrace.optimal_control.reference_integration import dop853; dop853()"
+    look = f"{program}; print('scipy.integrate' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "False"
+
+
+def test_all_of_it_is_loaded_where_scipy_keeps_the_file_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, loaded_anew: None
+) -> None:
+    monkeypatch.setattr(module, "FOLDER", Path("elsewhere"))
+    monkeypatch.setattr(module, "ALIAS", "integrators_of_a_test")
+    assert module.dop853() is DOP853

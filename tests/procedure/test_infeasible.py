@@ -1,20 +1,44 @@
-"""A race without a flight is explained in its user's units, and what is suggested flies and is about the least."""
+"""Infeasible courses: certificates of conflict, diagnosis and suggested changes."""
 
 import dataclasses
 import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, cast
 
+import numpy as np
 import pytest
-from races import DEGREE, EDGE_540, ROOT, RULES, course, level, optimum, settings
+from races import DEGREE, EDGE_540, ROOT, RULES, SIXTEEN, SMALL, course, level, optimum, planned, prepared, settings
+from test_solving import STALLED, Canned, asked, session
 from transformations import mirrored
 
 from airrace.environment.air import Air
 from airrace.inputs import load_inputs
 from airrace.inputs.variation import Variation
+from airrace.optimal_control.problem import Iterate, Problem
 from airrace.planning.race import Race
+from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.guess import first_mesh, guess
+from airrace.procedure.homotopy import INFEASIBILITY_TESTS_MAX, fly_homotopy
+from airrace.procedure.infeasibility.elastic_solver import ElasticSolver, Relaxed
+from airrace.procedure.infeasibility.local_infeasibility import contradiction
 from airrace.procedure.infeasibility.parameters import relaxables
-from airrace.procedure.result import Outcome, StageResult, SuggestedChange
-from airrace.procedure.settings import GuessKind
+from airrace.procedure.infeasibility.relaxed_routes import CLEAR, Relaxation, torn
+from airrace.procedure.infeasibility.suggestions import (
+    EFFORT_MAX,
+    MARGINS,
+    NOTHING,
+    OF_AIRCRAFT,
+    OF_RULES,
+    Flown,
+    Option,
+    Trials,
+)
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome, Stage, StageResult, SuggestedChange
+from airrace.procedure.settings import GuessKind, SearchEffort, Settings
+from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval
 from airrace.track.course import Course
 from airrace.track.gates import Gate, Manoeuvre
@@ -165,3 +189,176 @@ def test_a_race_that_has_a_flight_after_all_is_flown() -> None:
     result = result_of(race)
     assert result.certified
     assert result.suggested_changes == ()
+
+
+TORN = 4
+
+
+def sixteen() -> tuple[Problem, Iterate]:
+    mesh = first_mesh(planned(SIXTEEN), Settings().mesh)
+    return prepared(SIXTEEN).problem(mesh), guess(planned(SIXTEEN), mesh)
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "found", "solvers"),
+    [
+        (["stuck", "stuck", "infeasible", "infeasible"], True, ["fatrop", "fatrop", "ipopt", "ipopt"]),
+        (["stuck", "solved"], False, ["fatrop", "fatrop"]),
+        (["stuck", "stuck", "stuck"], False, ["fatrop", "fatrop", "ipopt"]),
+        (["stuck", "stuck", "infeasible", "solved"], False, ["fatrop", "fatrop", "ipopt", "ipopt"]),
+        ([STALLED], False, ["fatrop"]),
+    ],
+)
+def test_all_have_to_agree_that_there_is_no_flight(verdicts: list[str], found: bool, solvers: list[str]) -> None:
+    used = session(*verdicts)
+    problem, made = sixteen()
+    result = contradiction(used, problem, TORN, [made, made])
+    assert (result is not None) is found
+    assert [solver for solver, _, _ in asked(used)] == solvers
+    assert all([phase.name for phase in one.phases] == list(names(problem, TORN)) for _, _, one in asked(used))
+
+
+def names(problem: Problem, torn: int) -> Sequence[str]:
+    return [phase.name for phase in problem.phases[torn - 2 : torn + 3]]
+
+
+def test_a_single_solver_contradicts_nothing() -> None:
+    used = session("infeasible")
+    used.settings = dataclasses.replace(
+        used.settings, solver=dataclasses.replace(used.settings.solver, fallback="fatrop")
+    )
+    problem, made = sixteen()
+    assert contradiction(used, problem, TORN, [made]) is None
+    assert asked(used) == []
+
+
+@pytest.mark.parametrize("answer", [True, False])
+def test_a_homotopy_asks_of_the_first_phases_that_fail_and_ends_where_they_are_hopeless(answer: bool) -> None:
+    used, tested_phases = session("stuck"), list[int]()
+
+    def window_is_infeasible(race: Problem, index: int, guesses: Sequence[Iterate]) -> bool:
+        tested_phases.append(index)
+        assert all(one.state.shape == (len(race.system.states), race.intervals + 1) for one in guesses)
+        return answer
+
+    result = fly_homotopy(prepared(SIXTEEN), used, window_is_infeasible)
+    assert tested_phases == ([0] if answer else list(range(INFEASIBILITY_TESTS_MAX)))
+    assert result.outcome is Outcome.SOLVED  # it is a guess, whatever it is worth
+    assert result.remarks == f"left as planned: {', '.join(result.trajectory.phases)}"
+    assert (len(asked(used)) == 1) is answer
+
+
+FOUND_OUT = ("stuck", "stuck", "stuck", "infeasible", "infeasible")  # the first piece, then its legs
+
+
+@pytest.mark.parametrize(
+    ("kind", "before", "search"),
+    [
+        (GuessKind.HOMOTOPY, [], SearchEffort.QUICK),
+        (GuessKind.HOMOTOPY, [], SearchEffort.OFF),
+        (GuessKind.PLAN, ["stuck", "stuck"], SearchEffort.OFF),  # the plan, then all its limits relaxed
+    ],
+)
+def test_a_race_that_contradicts_itself_is_infeasible_and_solved_no_more(
+    kind: GuessKind, before: list[str], search: SearchEffort
+) -> None:
+    chosen = settings(kind, search=search)
+    used = SolverSession(Canned(*before, *FOUND_OUT, "stuck", "solved"), chosen, Silent())
+    ladder = FidelityContinuation(SMALL, chosen, ())
+    if kind is GuessKind.HOMOTOPY:
+        assert ladder.climb(Stage.HOMOTOPY, used).outcome is Outcome.SOLVED
+        used.begin()
+    result = ladder.climb(Stage.POINT_MASS, used)
+    assert result.outcome is Outcome.INFEASIBLE
+    assert result.stage is Stage.POINT_MASS
+    first = result.trajectory.phases[0]
+    assert result.remarks.startswith(f"the limits contradict each other at {first}; without the limit of ")
+    assert [one.purpose for one in result.attempts if one.purpose.startswith("all ")] == [
+        f"all {len(result.trajectory.phases)} phases" for _ in before[1:]
+    ]
+    purposes = [one.purpose for one in result.attempts]
+    explaining = next(place for place, one in enumerate(reversed(purposes), start=1) if "without" in one) - 1
+    assert len(asked(used)) - explaining == len(before) + len(FOUND_OUT) + 2  # two limits are taken away
+
+
+KNOWN = {one.key: one for one in relaxables(SMALL)}
+NOBODY = cast(ElasticSolver, None)  # no trial of these tests asks what relaxed it
+CERTIFIED, FLOWN = Flown(20.0, certified=True, effort=0.1), Flown(20.0, certified=False, effort=0.1)
+HARD = Flown(20.0, certified=False, effort=1.0)
+
+
+def relaxed(steps: float) -> Relaxed:
+    flight = Iterate(np.ones(1), np.zeros((1, 2)), np.zeros((1, 1)))
+    return Relaxed(flight, steps, {}, {}, np.zeros((1, 1)), {"a -> b": 1.0})
+
+
+def options(*keys: str) -> list[Option]:
+    return [Option(KNOWN[key], NOBODY, relaxed(1.0)) for key in keys]
+
+
+class Flights:
+    """Trials that end as they are told to; `asked` counts them by key."""
+
+    def __init__(self, tried: Sequence[Option], ends: Mapping[str, Sequence[Flown]]) -> None:
+        self._keys = {id(one.relaxed): one.relaxable.key for one in tried}
+        self._ends = ends
+        self.asked = Counter[str]()
+
+    def __call__(self, race: Race, relaxer: ElasticSolver, near: Relaxed) -> Flown:
+        key = self._keys[id(near)]
+        self.asked[key] += 1
+        return self._ends.get(key, [CERTIFIED])[self.asked[key] - 1]
+
+
+def told(tried: Sequence[Option], **ends: Any) -> tuple[list[tuple[str, float]], Counter[str]]:  # Any: `Flown`s
+    """The keys that are told with their values, and how often each was tried; ends by the last part of the key."""
+    by_key = {key: ends[key.rpartition(".")[2]] for key in KNOWN if key.rpartition(".")[2] in ends}
+    fly = Flights(tried, by_key)
+    return [(one.option.relaxable.key, one.value) for one in Trials(SMALL, fly).flown(tried)], fly.asked
+
+
+RULE_KEYS = [key for key in KNOWN if key.startswith(("rules.", "gates."))]
+AIRCRAFT = ["aircraft.airframe.mass_kg", "aircraft.propulsion.power_max_kW", "aircraft.lift.C_L_max"]
+
+
+def test_the_aircraft_is_told_beside_however_many_rules_and_gates() -> None:
+    assert len(RULE_KEYS) > OF_RULES.suggested_max
+    keys = [key for key, _ in told(options(*RULE_KEYS, *AIRCRAFT))[0]]
+    assert keys == [*RULE_KEYS[: OF_RULES.suggested_max], *AIRCRAFT[: OF_AIRCRAFT.suggested_max]]
+
+
+def test_what_was_certified_is_told_before_what_only_flew_and_what_did_not_fly_never() -> None:
+    tried = options(*RULE_KEYS[:2], *AIRCRAFT)
+    first = RULE_KEYS[0].rpartition(".")[2]
+    ends = {first: [FLOWN] * len(MARGINS), "mass_kg": [NOTHING] * len(MARGINS)}
+    assert RULE_KEYS[1].rpartition(".")[2] != first
+    assert [key for key, _ in told(tried, **ends)[0]] == [RULE_KEYS[1], *AIRCRAFT[1:], RULE_KEYS[0]]
+
+
+@pytest.mark.parametrize("certified", range(len(MARGINS)))
+def test_the_least_margin_with_a_certified_flight_is_told(certified: int) -> None:
+    (one,) = options("aircraft.propulsion.power_max_kW")
+    ((_, value),), asked = told([one], power_max_kW=[FLOWN] * certified + [CERTIFIED])
+    assert value == one.value(MARGINS[certified])
+    assert asked[one.relaxable.key] == certified + 1
+
+
+def test_the_mildest_value_that_flew_is_told_where_none_was_certified() -> None:
+    (one,) = options("aircraft.propulsion.power_max_kW")
+    ((_, value),), _ = told([one], power_max_kW=[FLOWN, FLOWN, NOTHING])
+    assert value == one.value(MARGINS[1])
+
+
+def test_hard_trials_are_not_repeated_without_end_but_the_first_is() -> None:
+    tried = options(*AIRCRAFT[:2], *RULE_KEYS[:3])
+    ends = {key.rpartition(".")[2]: [HARD] * len(MARGINS) for key in KNOWN}
+    assert len(tried) > EFFORT_MAX
+    told_, asked = told(tried, **ends)
+    assert [key for key, _ in told_] == [*RULE_KEYS[:3], *AIRCRAFT[:2]]
+    assert asked == {RULE_KEYS[0]: len(MARGINS), **dict.fromkeys([*RULE_KEYS[1:3], *AIRCRAFT[:2]], 1)}
+
+
+def test_limits_clearly_contradict_each_other_only_where_they_do_on_all_ways_round() -> None:
+    much, little = Relaxation(NOBODY, relaxed(2.0 * CLEAR)), Relaxation(NOBODY, relaxed(0.5 * CLEAR))
+    assert torn([much, much]) == "a -> b"
+    assert [torn(one) for one in ([much, little], [much, None], [None], [])] == ["", "", "", ""]

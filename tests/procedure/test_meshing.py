@@ -1,5 +1,6 @@
-"""Which mesh comes next, decided from what is measured of an oscillator's flight."""
+"""Mesh refinement, its error estimates, and stages on a single mesh."""
 
+import dataclasses
 import functools
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,12 +8,18 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from races import PLAN, SMALL, prepared, settings, solve_stages
 
+from airrace.optimal_control.certificate import RACE_TIME_CHANGE, Item
 from airrace.optimal_control.constraint_check import ConstraintCheck
 from airrace.optimal_control.problem import Boundary, Iterate, Objective, Phase, Problem, uniform
+from airrace.optimal_control.refinement import restrict
 from airrace.optimal_control.replay import replay
 from airrace.optimal_control.runge_kutta import RK4
-from airrace.procedure.certification import Evidence
+from airrace.optimal_control.solvers.process.service import SolverService
+from airrace.procedure.certification import Evidence, certify
+from airrace.procedure.models import iterate_of
+from airrace.procedure.progress import Silent
 from airrace.procedure.refinement import (
     SETTINGS,
     MeshProposal,
@@ -20,14 +27,21 @@ from airrace.procedure.refinement import (
     adapt,
     bisect_all,
     bisect_coarse,
+    measure_hold_cost,
+    predict_hold_cost,
     refine_changed,
     refine_flagged,
     refine_guess,
     refine_predicted,
 )
-from airrace.procedure.result import RefinementReason
-from airrace.procedure.settings import LONG_RACE, CertificateLimits
+from airrace.procedure.result import NoteKind, RefinementReason, Stage, StageResult, State
+from airrace.procedure.run import optimize, recertify
+from airrace.procedure.settings import LONG_RACE, CertificateLimits, GuessKind, MeshCheck, Settings
+from airrace.procedure.solver_session import SolverSession
+from airrace.procedure.stage_problem import mesh_of
+from airrace.procedure.start import InitialBarrier
 from airrace.quantities import Interval, Quantity
+from airrace.runs.verification import discrepancies
 from airrace.system import System
 
 LIMITS = CertificateLimits()
@@ -409,3 +423,239 @@ def test_gain_without_a_known_cause_is_spread_over_all_intervals() -> None:
     before = flown()
     again = refine_changed(finer(before, 0.02), before, LIMITS)
     assert sum(counts(again)) > 1.8 * sum(COUNTS)
+
+
+WEIGHT = 0.25
+
+
+def held(*controls: float, seconds: float = 2.0) -> tuple[Problem, Iterate]:
+    phase = Phase("all", uniform(len(controls)), Interval(0.1, 9.0))
+    problem = Problem(SYSTEM, (), Boundary(), (phase,), objective=Objective(regularisation={"f": WEIGHT}))
+    return problem, Iterate(np.array([seconds]), np.zeros((2, len(controls) + 1)), np.array([controls]))
+
+
+def test_constant_controls_cost_nothing() -> None:
+    problem, iterate = held(3.0, 3.0, 3.0, 3.0)
+    assert (predict_hold_cost(problem, iterate) == 0.0).all()
+    assert (measure_hold_cost(problem, iterate, np.array([True, False, True, False, True])) == 0.0).all()
+
+
+def test_price_is_the_regularised_variance_within_the_coarser_interval() -> None:
+    problem, iterate = held(1.0, 5.0, 2.0, 2.0)
+    price = measure_hold_cost(problem, iterate, np.array([True, False, True, False, True]))
+    assert price == pytest.approx([1.0 * WEIGHT * 2.0**2, 0.0])
+
+
+def test_controls_that_vary_evenly_are_foreseen_as_they_will_be_measured() -> None:
+    """Where the finer mesh has the same slope: halves differ by half of what neighbours do."""
+    coarse, fine = held(0.0, 1.0, 2.0, 3.0), held(*(0.5 * np.arange(8) - 0.25))
+    kept = np.arange(9) % 2 == 0
+    assert predict_hold_cost(*coarse) == pytest.approx(measure_hold_cost(*fine, kept))
+
+
+def test_price_grows_with_time_weight_and_jump_squared() -> None:
+    usual, longer, higher = held(0.0, 1.0), held(0.0, 1.0, seconds=4.0), held(0.0, 3.0)
+    assert predict_hold_cost(*longer) == pytest.approx(2.0 * predict_hold_cost(*usual))
+    assert predict_hold_cost(*higher) == pytest.approx(9.0 * predict_hold_cost(*usual))
+
+
+def test_price_is_of_the_size_of_what_a_finer_mesh_gains() -> None:
+    result, flight = solve_stages(SMALL)[0], prepared(SMALL)
+    problem, iterate = flight.problem(mesh_of(result.trajectory)), iterate_of(result.trajectory)
+    mesh, guess = restrict(problem.mesh, iterate, result.mesh.coarser)
+    with SolverService() as service:
+        solution = SolverSession(service, PLAN, Silent()).solve(
+            flight.problem(mesh), guess, "", barrier=InitialBarrier.COARSER_MESH
+        )
+    assert solution is not None
+    objective = result.trajectory.race_time + result.provenance.regularisation
+    gained = solution.objective - objective
+    assert 0.1 * gained < measure_hold_cost(problem, iterate, result.mesh.coarser).sum() < 1.5 * gained
+
+
+@pytest.mark.parametrize("duration", [1.0, 55.0, 80.0, LONG_RACE])
+def test_short_races_share_one_limit(duration: float) -> None:
+    assert LIMITS.race_time_of(duration) == LIMITS.race_time
+
+
+@pytest.mark.parametrize("races", [2, 64])
+def test_limit_of_a_long_race_grows_with_its_duration(races: int) -> None:
+    assert LIMITS.race_time_of(races * LONG_RACE) == pytest.approx(races * LIMITS.race_time, rel=1e-15)
+
+
+def test_tightened_limit_grows_likewise() -> None:
+    tight = dataclasses.replace(LIMITS, race_time=0.002)
+    assert tight.race_time_of(3.0 * LONG_RACE) == pytest.approx(0.006, rel=1e-15)
+
+
+@pytest.mark.parametrize(("share", "holds"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("races", [0.5, 4.0])
+def test_certificate_measures_with_the_limit_of_its_race(races: float, share: float, holds: bool) -> None:
+    duration = races * LONG_RACE
+    optimum = flown(durations=(0.75 * duration, 0.25 * duration))
+    audited = dataclasses.replace(optimum.evidence.check, items=(Item("replay_defect", 0.0, 1.0),))
+    limit = LIMITS.race_time * max(1.0, races)
+    certificate = certify(
+        optimum.problem,
+        optimum.iterate,
+        dataclasses.replace(optimum.evidence, check=audited),
+        LIMITS,
+        claim=Item("solver", 0.0, 0.0),
+        status="solved",
+        kkt_error=0.0,
+        coarser_race_time=duration + share * limit,
+    )
+    (item,) = (one for one in certificate.items if one.name == RACE_TIME_CHANGE)
+    assert item.limit == pytest.approx(limit, rel=1e-12)
+    assert item.value == pytest.approx(share * limit, rel=1e-9)
+    assert item.holds is holds
+
+
+@pytest.mark.parametrize(("minutes", "cut"), [(1.0, True), (2.0, True), (4.0, False)])
+def test_error_that_is_too_large_for_a_short_race_needs_no_finer_mesh_in_a_long_one(minutes: float, cut: bool) -> None:
+    erring = {3: 0.8 * LIMITS.race_time, 12: 0.4 * LIMITS.race_time}
+    optimum = flown({"drift": RESTLESS, "integration": erring}, (40.0 * minutes, 20.0 * minutes))
+    assert (adapt(optimum, LIMITS, early=True, joining=True) is not None) is cut
+
+
+ALL = settings(GuessKind.PLAN)
+LAST = dataclasses.replace(ALL, mesh_check=MeshCheck.LAST)
+UNREACHABLE = dataclasses.replace(
+    ALL,
+    certificate=dataclasses.replace(ALL.certificate, race_time=1e-9),
+    mesh=dataclasses.replace(ALL.mesh, refinements_max=1),
+)
+"""Settings with which no proof ever succeeds."""
+
+
+@functools.cache
+def solve(
+    chosen: Settings, until: Stage = Stage.TRANSFER_FUNCTION, finished: int = 0, start: int = 0
+) -> tuple[StageResult, ...]:
+    """A race up to a stage; the first so many stages of the run that proves the last one alone are finished, or where
+    it starts from."""
+    known = solve(LAST) if finished or start else ()
+    return tuple(
+        optimize(
+            SMALL,
+            chosen,
+            until=until,
+            threads=1,
+            finished=known[:finished],
+            start=known[:start],
+            progress=Silent(),
+        )
+    )
+
+
+def seconds(result: StageResult) -> float:
+    return result.trajectory.race_time
+
+
+def items_of(result: StageResult) -> list[str]:
+    assert result.certificate is not None
+    return [item.name for item in result.certificate.items]
+
+
+def test_stages_below_the_last_are_solved_and_the_last_is_certified() -> None:
+    below, last = solve(LAST)
+    assert (below.state, last.state) == (State.SOLVED, State.CERTIFIED)
+    assert below.holds
+    assert not below.certified
+
+
+def test_all_that_a_certificate_measures_is_measured_but_the_second_mesh() -> None:
+    (solved, last), (proved, _) = solve(LAST), solve(ALL)
+    assert proved.state is State.CERTIFIED
+    assert items_of(solved) == [name for name in items_of(proved) if name != RACE_TIME_CHANGE]
+    assert RACE_TIME_CHANGE in items_of(last)
+
+
+def test_last_stage_comes_to_the_same_race_time_whatever_is_proved_below_it() -> None:
+    assert seconds(solve(LAST)[-1]) == pytest.approx(seconds(solve(ALL)[-1]), rel=1e-5)
+
+
+def test_only_stage_of_a_run_is_its_last_and_proved_as_ever() -> None:
+    (one,), (other,) = solve(LAST, Stage.POINT_MASS), solve(ALL, Stage.POINT_MASS)
+    assert one.certified
+    np.testing.assert_array_equal(one.trajectory.state, other.trajectory.state)
+    assert one.certificate == other.certificate
+
+
+def test_solved_stage_has_fewer_intervals_and_nearly_the_race_time_of_the_proved_one() -> None:
+    solved, proved = solve(LAST)[0], solve(ALL)[0]
+    assert len(solved.trajectory.time) < len(proved.trajectory.time)
+    assert seconds(solved) == pytest.approx(seconds(proved), abs=2.0 * ALL.certificate.race_time)
+
+
+def test_proof_completed_later_is_the_proof_and_leaves_the_stages_above_alone() -> None:
+    (completed,) = solve(ALL, finished=2)
+    assert completed.stage is Stage.POINT_MASS
+    assert completed.certified
+    assert seconds(completed) == pytest.approx(seconds(solve(ALL)[0]), abs=1e-3)  # the meshes differ a little
+    assert completed.attempts[: len(solve(LAST)[0].attempts)] == solve(LAST)[0].attempts
+
+
+def test_completed_proof_holds_when_measured_again() -> None:
+    (completed,) = solve(ALL, finished=2)
+    assert recertify(SMALL, ALL, completed).certified
+
+
+def test_nothing_is_proved_that_nobody_asked_for() -> None:
+    assert solve(LAST, finished=2) == ()
+
+
+def test_solved_stage_that_becomes_the_last_is_proved() -> None:
+    (completed,) = solve(LAST, Stage.POINT_MASS, finished=1)
+    assert completed.certified
+
+
+def test_run_goes_on_from_a_solved_stage() -> None:
+    (higher,) = solve(LAST, finished=1)
+    np.testing.assert_array_equal(higher.trajectory.state, solve(LAST)[-1].trajectory.state)
+
+
+def test_another_run_is_started_from_a_solved_stage() -> None:
+    (started,) = solve(LAST, Stage.POINT_MASS, start=1)
+    assert started.certified
+    assert started.remarks == ""
+    assert seconds(started) == pytest.approx(seconds(solve(ALL)[0]), abs=1e-3)
+
+
+def test_proof_that_fails_leaves_the_stage_as_it_was_and_says_why() -> None:
+    (left,) = solve(UNREACHABLE, finished=1, until=Stage.POINT_MASS)
+    solved = solve(LAST)[0]
+    assert left.state is State.SOLVED
+    np.testing.assert_array_equal(left.trajectory.state, solved.trajectory.state)
+    assert left.certificate == solved.certificate
+    (note,) = left.notes
+    assert note.kind is NoteKind.MESH_CHECK
+    assert "on a second mesh: solved but not certified: race_time_change" in note.text
+
+
+def test_solved_stage_is_measured_again_as_strictly_as_it_was_measured() -> None:
+    solved = solve(LAST)[0]
+    again = recertify(SMALL, LAST, solved)
+    assert solved.certificate is not None
+    assert again.holds
+    assert not again.certified
+    assert discrepancies(solved, dataclasses.replace(solved, certificate=again)) == []
+    gate, *rest = solved.trajectory.state
+    moved = dataclasses.replace(solved.trajectory, state=np.vstack([gate * 1.01, *rest]))
+    assert not recertify(SMALL, LAST, dataclasses.replace(solved, trajectory=moved)).holds
+
+
+def test_claim_to_be_certified_is_measured_on_a_second_mesh() -> None:
+    """A solved stage to which somebody has added the missing item."""
+    solved = solve(LAST)[0]
+    assert solved.certificate is not None
+    items = list(solved.certificate.items)
+    place = 1 + [item.name for item in items].index("hamiltonian_drift")
+    items.insert(place, Item(RACE_TIME_CHANGE, 1e-4, 5e-3, "s"))
+    forged = dataclasses.replace(solved, certificate=dataclasses.replace(solved.certificate, items=tuple(items)))
+    assert forged.certified
+    again = recertify(SMALL, LAST, forged)
+    assert not again.certified
+    assert forged.certificate is not None
+    clauses = discrepancies(forged, dataclasses.replace(forged, certificate=again))
+    assert any(clause.startswith("certificate, race_time_change: ") for clause in clauses)

@@ -1,21 +1,40 @@
-"""A report is one file that loads nothing, says so to the browser, and shows every text as it is."""
+"""The report: page, contents, differences of flights, command and libraries."""
 
 import base64
 import hashlib
+import json
+import math
 import re
+import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
-from example_flights import half_cuban, windy
+from example_flights import circling, half_cuban, windy
+from hypothesis import given
+from hypothesis import strategies as st
 from report_pages import HOSTILE, circle, dense, everything_flown, read, renamed, whole_page
+from typer.testing import CliRunner, Result
 
+import airrace
+from airrace.cli.main import app
+from airrace.errors import UsageError
+from airrace.inputs import load_inputs
 from airrace.procedure.result import Route, SearchReport
+from airrace.quantities import KNOT
+from airrace.report.contents import FORMAT, POSE, Contents, TimeDifference, pack, unpack
+from airrace.report.flight_contents import STRIPS, contents_of, difference_of, short_labels
 from airrace.report.flight_page import flight_page
+from airrace.report.script import FOLDER, LIBRARIES, joined, page_script
 from airrace.report.sections import number
+from airrace.results import Flight
 from airrace.results.comparison import compare_flights
 from airrace.results.leg_facts import leg_facts
+from airrace.runs.command_result import ExitCode
 from airrace.runs.flight_sources import report_of_flights, report_page, stage_sections
+from airrace.views.map_model import map_model
 from airrace.views.tables import Cell, Column, Table
 
 LOADING = ("src", "href", "action", "srcset", "data", "poster", "background")
@@ -160,3 +179,409 @@ def test_the_legs_tell_what_they_come_near_to() -> None:
     cells = read(flight_page([flight]).as_html()).texts["td"]
     for facts in leg_facts(flight):
         assert {facts.clearances[0].text, number(facts.clearances[0].distance, 1)} <= set(cells)
+
+
+def told(*flights: Flight) -> Any:
+    """What the script reads. Any: it is JSON."""
+    return json.loads(text_of(*flights))
+
+
+def text_of(*flights: Flight) -> str:
+    comparisons = [compare_flights(flights[0], other) for other in flights[1:]]
+    return contents_of(flights, comparisons, map_model(flights[0].race)).as_json()
+
+
+@given(st.lists(st.floats(width=32)))
+def test_numbers_survive_to_the_last_bit_of_32(values: list[float]) -> None:
+    assert np.array_equal(unpack(pack(np.array(values))), np.array(values, np.float32), equal_nan=True)
+
+
+def test_the_format_is_as_its_documentation_has_it() -> None:
+    page = told(circle(), circle(25.0).labelled("slower"))
+    assert page["format"] == FORMAT
+    assert list(page) == ["format", "course", "flights", "strips", "colours", "differences"]
+    assert list(page["course"]) == ["elements", "crowd", "lines", "airspace", "frame"]
+    assert list(page["flights"][0]) == ["label", "aircraft", "race_time", "passings", "time", "histories"]
+    assert list(page["strips"][0]) == ["title", "unit", "digits", "lines", "limits", "wraps", "least"]
+    assert list(page["colours"][0]) == ["title", "history", "unit", "digits", "signed"]
+    assert list(page["differences"][0]) == ["flight", "time", "difference"]
+
+
+@pytest.mark.parametrize("seconds", [20.0, 31.0])
+def test_every_history_has_a_value_per_time_and_the_pose_is_there(seconds: float) -> None:
+    (flight,) = told(circle(seconds))["flights"]
+    count = len(unpack(flight["time"]))
+    assert count == 401
+    assert set(POSE) <= set(flight["histories"])
+    assert {len(unpack(text)) for text in flight["histories"].values()} == {count}
+
+
+def test_the_pose_is_that_of_the_flight() -> None:
+    flown = half_cuban().flight()
+    (flight,) = told(flown)["flights"]
+    for name, history in {"north": "x", "east": "y", "height": "height", "q0": "b0", "q3": "b3"}.items():
+        np.testing.assert_allclose(unpack(flight["histories"][name]), flown[history], atol=1e-4)
+    np.testing.assert_allclose(unpack(flight["histories"]["V_K"]) * KNOT, flown["V_K"], rtol=1e-6)
+
+
+def test_limits_are_drawn_in_the_unit_of_their_strip() -> None:
+    run = half_cuban()
+    strips = {strip["title"]: strip for strip in told(run.flight())["strips"]}
+    rules, aircraft = run.race.course.rules, run.race.aircraft
+    allowed = rules.n_z.intersect(aircraft.envelope.n_z)
+    assert {limit["value"] for limit in strips["Load factor"]["limits"]} == {allowed.lower, allowed.upper}
+    fastest = math.degrees(min(rules.p, aircraft.point_mass.p))
+    assert max(limit["value"] for limit in strips["Roll rate"]["limits"]) == pytest.approx(fastest)
+
+
+def test_a_strip_of_which_nothing_is_known_is_left_out() -> None:
+    assert {strip["title"] for strip in told(circle())["strips"]} == {
+        "Speed", "Height", "Load factor", "Bank", "Climb", "Energy height"
+    }  # fmt: skip
+    assert "Surfaces" in {drawn.title for drawn in STRIPS}
+
+
+def test_the_clock_starts_at_the_first_passing() -> None:
+    late = circle()
+    shifted = replace(
+        late, time=late.time + 100.0, crossings=tuple(replace(one, time=one.time + 100.0) for one in late.crossings)
+    )
+    assert told(shifted)["flights"] == told(late)["flights"]
+    (difference,) = told(late, shifted)["differences"]
+    np.testing.assert_allclose(unpack(difference["difference"]), 0.0, atol=1e-9)
+
+
+def test_a_flight_that_misses_its_last_passing_has_no_race_time() -> None:
+    whole = circle()
+    lost = replace(whole, crossings=(*whole.crossings[:-1], replace(whole.crossings[-1], time=math.nan)))
+    (flight,) = told(lost)["flights"]
+    assert flight["race_time"] is None
+    assert len(flight["passings"]) == len(whole.crossings) - 1
+
+
+def test_labels_are_as_short_as_tells_flights_of_one_file_apart() -> None:
+    one, two = circle().labelled("a:six-dof"), circle().labelled("a:point-mass")
+    assert short_labels([one, two]) == ["six-dof", "point-mass"]
+    assert short_labels([one, two.labelled("b:point-mass")]) == ["a:six-dof", "b:point-mass"]
+    assert short_labels([circle().labelled("a")]) == ["a"]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_survive_and_hold_nothing_that_could_end_a_script(name: str) -> None:
+    flight = renamed(name)
+    text = text_of(flight, flight.labelled(f"{flight.label} again"))
+    assert not set("<>&") & set(text)
+    assert text.isascii()
+    page = json.loads(text)
+    assert page["flights"][0]["aircraft"]["name"] == name
+    assert name in {element["name"] for element in page["course"]["elements"]}
+
+
+def test_numbers_that_json_does_not_know_are_refused() -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        Contents({"frame": [math.inf]}, [], [], []).as_json()
+
+
+def test_a_course_with_everything_is_told(tmp_path: Path) -> None:
+    flight = everything_flown(tmp_path)
+    course = told(flight)["course"]
+    elements = {element["name"]: element for element in course["elements"]}
+    assert set(elements) == {passage.element.name for passage in flight.course.passages}
+    assert (elements["q/1"]["label"], elements["q/2"]["label"], elements["roll"]["label"]) == ("q", "", "roll")
+    assert len(elements["start"]["posts"]) == 2
+    assert len(elements["corner"]["posts"]) == 1
+    assert elements["corner"]["reach"] is not None
+    assert elements["roll"]["posts"] == []
+    assert {crowd["name"]: len(crowd["corners"]) for crowd in course["crowd"]} == {
+        "stands": 2,
+        "tower": 1,
+        "village": 3,
+    }
+    assert [crowd["closed"] for crowd in course["crowd"]] == [False, False, True]
+    assert [line["name"] for line in course["lines"]] == ["beach"]
+    assert len(course["airspace"]) == 4
+
+
+def test_pylons_of_a_gate_stand_its_width_apart_and_rise_above_its_heights() -> None:
+    flight = circle()
+    gates = {passage.element.name: passage.element for passage in flight.course.passages}
+    for element in told(flight)["course"]["elements"]:
+        gate = gates[element["name"]]
+        if len(element["posts"]) == 2:
+            assert math.dist(*element["posts"]) == pytest.approx(gate.width)  # type: ignore[attr-defined]
+            assert element["top"] > element["heights"][1] >= element["place"][2] - 20.0
+
+
+def test_what_stands_nowhere_is_told_where_the_flight_passed_it() -> None:
+    flight = half_cuban().flight()
+    places = {element["name"]: element["place"] for element in told(flight)["course"]["elements"]}
+    vertical = next(one for one in flight.crossings if one.name == "1:vertical")
+    np.testing.assert_allclose(places["vertical"], [vertical.value(name) for name in ("x", "y", "height")])
+
+
+def test_a_minute_of_flight_takes_little_room() -> None:
+    text = json.dumps(told(dense(half_cuban().flight(), 60.0), dense(windy().flight(), 60.0)))
+    assert len(text) < 1_500_000
+
+
+def behind(first: Flight, other: Flight) -> TimeDifference:
+    return difference_of(compare_flights(first, other), 1)
+
+
+def test_a_flight_is_not_behind_itself() -> None:
+    np.testing.assert_allclose(behind(circle(), circle()).difference, 0.0, atol=1e-12)
+
+
+def test_a_slowed_flight_is_behind_in_proportion_to_the_time() -> None:
+    fast = circle()
+    slow = replace(
+        fast, time=1.25 * fast.time, crossings=tuple(replace(one, time=1.25 * one.time) for one in fast.crossings)
+    )
+    told = behind(fast, slow)
+    np.testing.assert_allclose(told.difference, 0.25 * told.time, atol=1e-9)
+
+
+def test_at_the_passings_it_is_the_difference_of_their_times() -> None:
+    first, other = half_cuban().flight(), windy().flight()
+    told = behind(first, other)
+    expected = [two.time - one.time for one, two in zip(first.crossings, other.crossings, strict=True)]
+    at_passings = np.interp([one.time for one in first.crossings], told.time, told.difference)
+    np.testing.assert_allclose(at_passings, expected, atol=1e-9)
+
+
+def test_its_times_are_those_of_the_first_flight_and_rise() -> None:
+    first = half_cuban().flight()
+    told = behind(first, windy().flight())
+    assert (told.time[0], told.time[-1]) == pytest.approx((0.0, first.race_time))
+    assert np.all(np.diff(told.time) > 0.0)
+
+
+def test_legs_that_one_flight_lacks_are_unknown_and_the_others_are_not() -> None:
+    whole = circle()
+    crossings = [replace(one, time=np.nan) if i == 4 else one for i, one in enumerate(whole.crossings)]
+    missed = replace(whole, crossings=tuple(crossings))
+    seen, lacking = behind(whole, missed), behind(missed, whole)
+    before, after = whole.crossings[3].time, whole.crossings[5].time
+    inside = (seen.time > before + 1e-9) & (seen.time <= after + 1e-9)
+    assert np.array_equal(np.isnan(seen.difference), inside)
+    assert np.isfinite(lacking.difference).all()
+
+
+def test_flights_of_other_passings_are_refused() -> None:
+    other = circling(load_inputs("half_cuban_eight").race, label="elsewhere")
+    with pytest.raises(UsageError, match="elsewhere and circle cannot be compared"):
+        flight_page([circle(), other])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two runs of one course."""
+    place = tmp_path_factory.mktemp("runs")
+    half_cuban().save(place / "still.h5")
+    windy().save(place / "windy.h5")
+    return place
+
+
+def called(*words: object) -> Result:
+    return CliRunner().invoke(app, ["report", *map(str, words)])
+
+
+def test_a_run_becomes_a_page(folder: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    ran = called(folder / "still.h5", "--output", page)
+    assert (ran.exit_code, ran.output) == (ExitCode.DONE, f"{page} is written; any browser opens it\n")
+    parsed = read(page.read_text(encoding="utf-8"))
+    assert parsed.texts["h1"] == ["Half Cuban Eight"]
+    assert parsed.contents["flights"][0]["race_time"] == pytest.approx(half_cuban().race_time)
+
+
+def test_stages_and_runs_fly_beside_it(folder: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    others = (f"{folder / 'still.h5'}:homotopy", folder / "windy.h5")
+    assert called(folder / "still.h5", *others, "--output", page).exit_code == ExitCode.DONE
+    flights = read(page.read_text(encoding="utf-8")).contents["flights"]
+    stages = [half_cuban(), half_cuban().stage("homotopy"), windy()]
+    assert [one["race_time"] for one in flights] == pytest.approx([stage.race_time for stage in stages])
+    assert len({one["label"] for one in flights}) == 3
+
+
+def test_another_stage_is_named(folder: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert called(folder / "still.h5", "--stage", "homotopy", "--output", page).exit_code == ExitCode.DONE
+    parsed = read(page.read_text(encoding="utf-8"))
+    assert parsed.contents["flights"][0]["race_time"] == pytest.approx(half_cuban().stage("homotopy").race_time)
+
+
+def test_prices_are_told_on_request(folder: Path, tmp_path: Path) -> None:
+    plain, priced = tmp_path / "plain.html", tmp_path / "priced.html"
+    assert called(folder / "still.h5", "--output", plain).exit_code == ExitCode.DONE
+    assert called(folder / "still.h5", "--output", priced, "--sensitivities").exit_code == ExitCode.DONE
+    key = next(iter(half_cuban().sensitivities()))
+    assert key in read(priced.read_text(encoding="utf-8")).texts["td"]
+    assert key not in read(plain.read_text(encoding="utf-8")).texts["td"]
+
+
+def test_a_file_that_exists_is_kept_unless_forced(folder: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text("mine", encoding="utf-8")
+    ran = called(folder / "still.h5", "--output", page)
+    assert ran.exit_code == ExitCode.USAGE
+    assert page.read_text(encoding="utf-8") == "mine"
+    assert called(folder / "still.h5", "--output", page, "--force").exit_code == ExitCode.DONE
+    assert page.read_text(encoding="utf-8") != "mine"
+
+
+def test_flights_of_another_course_are_refused_with_a_sentence(folder: Path, tmp_path: Path) -> None:
+    other = airrace.optimize("half_cuban_eight", until="homotopy", set={"gates.exit.climb_deg": 1}, search="off")
+    other.save(tmp_path / "same.h5")
+    text = half_cuban().inputs.track.text.replace("upright", "level_again")
+    (tmp_path / "other.yaml").write_text(text, encoding="utf-8")
+    airrace.optimize(tmp_path / "other.yaml", until="homotopy", search="off").save(tmp_path / "other.h5")
+    assert called(folder / "still.h5", tmp_path / "same.h5", "--output", tmp_path / "a.html").exit_code == ExitCode.DONE
+    ran = called(folder / "still.h5", tmp_path / "other.h5", "--output", tmp_path / "b.html")
+    assert ran.exit_code == ExitCode.USAGE
+    assert "other:homotopy and still:point-mass cannot be compared" in " ".join(ran.output.split())
+    assert not (tmp_path / "b.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("flight", "code"), [("none.h5", ExitCode.BAD_CHECKPOINT), ("still.h5:five-dof", ExitCode.USAGE)]
+)
+def test_flights_that_do_not_exist_are_refused(folder: Path, tmp_path: Path, flight: str, code: ExitCode) -> None:
+    ran = called(folder / "still.h5", folder / flight, "--output", tmp_path / "page.html")
+    assert ran.exit_code == code
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_prices_of_a_guess_are_refused(folder: Path, tmp_path: Path) -> None:
+    ran = called(folder / "still.h5", "--stage", "homotopy", "--sensitivities", "--output", tmp_path / "page.html")
+    assert ran.exit_code == ExitCode.NOT_CERTIFIED
+
+
+def test_in_python_a_run_writes_its_report(folder: Path, tmp_path: Path) -> None:
+    written = half_cuban().report(tmp_path / "page.html", str(folder / "windy.h5"))
+    flights = read(written.read_text(encoding="utf-8")).contents["flights"]
+    assert [one["race_time"] for one in flights] == pytest.approx([half_cuban().race_time, windy().race_time])
+    with pytest.raises(UsageError, match="no stage 'five-dof'"):
+        half_cuban().report(tmp_path / "page.html", stage="five-dof")
+
+
+KNOWN = json.loads((LIBRARIES / "libraries.json").read_text(encoding="utf-8"))
+
+
+def test_every_library_is_declared() -> None:
+    assert {path.name for path in LIBRARIES.iterdir() if path.is_dir()} == set(KNOWN)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_library_is_the_file_that_was_published(name: str) -> None:
+    found = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in (LIBRARIES / name).iterdir()}
+    assert found == KNOWN[name]["files"]
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_library_says_where_it_comes_from_and_under_which_licence(name: str) -> None:
+    told = KNOWN[name]
+    assert told["licence"] in (LIBRARIES / name / "LICENSE").read_text(encoding="utf-8")
+    assert f"{name}@{told['version']}" in told["source"]
+
+
+MODULES = sorted((FOLDER / "script").glob("*.js"))
+
+
+def written(folder: Path, **modules: str) -> Path:
+    for name, text in modules.items():
+        (folder / f"{name}.js").write_text(text, encoding="utf-8")
+    return folder / "main.js"
+
+
+def test_a_module_stands_behind_what_it_imports(tmp_path: Path) -> None:
+    main = written(
+        tmp_path,
+        main='import { far } from "./a.js";\nimport { near } from "./b.js";\nfar(near);\n',
+        a='import { near } from "./b.js";\nexport function far() { return near; }\n',
+        b="export const near = 1;\n",
+    )
+    assert re.findall(r"^// (\w+)\.js", joined(main), re.MULTILINE) == ["b", "a", "main"]
+
+
+def test_both_forms_of_imports_and_exports_become_plain_objects(tmp_path: Path) -> None:
+    main = written(
+        tmp_path,
+        main='import {\n  One,\n  two as second,\n} from "./small.js";\nnew One(second);\n',
+        small='/* minified */\nimport{three as t}from"./core.js";class O{}const w=t;export{O as One,w as two};',
+        core="export class Other {}\nexport const three = 3;",
+    )
+    script = joined(main)
+    assert "const {three: t} = modules[0];" in script
+    assert "return {One: O, two: w};" in script
+    assert "const {One, two: second} = modules[1];" in script
+    assert "return {Other, three};" in script
+    assert not re.search(r"\b(import|export)\b", script)
+
+
+def test_what_is_passed_on_from_another_module_is_exported(tmp_path: Path) -> None:
+    main = written(
+        tmp_path,
+        main='import { two } from "./a.js";\ntwo();',
+        a='export{one as two}from"./b.js";',
+        b="export const one = 1;",
+    )
+    assert "return {two: modules[0].one};" in joined(main)
+
+
+def test_modules_in_a_circle_are_refused(tmp_path: Path) -> None:
+    main = written(tmp_path, main='import { a } from "./a.js";', a='import { b } from "./main.js";')
+    with pytest.raises(ValueError, match=r"main\.js imports itself"):
+        joined(main)
+
+
+@pytest.mark.parametrize(
+    "line", ['import "./a.js";', 'import * as a from "./a.js";', "export default 1;", "export let a = 1;"]
+)
+def test_other_forms_are_refused_rather_than_left_in(tmp_path: Path, line: str) -> None:
+    with pytest.raises(ValueError, match="has a form that is not known"):
+        joined(written(tmp_path, main=line, a=""))
+
+
+@pytest.mark.parametrize("text", ["</script>", "</SCRIPT >", "<!--"])
+def test_nothing_that_would_end_the_script_in_a_page_is_let_in(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ValueError, match="end the script"):
+        joined(written(tmp_path, main=f'const text = "{text}";'))
+
+
+def test_every_module_is_part_of_the_page() -> None:
+    script = page_script()
+    assert [path.name for path in MODULES if f"// {path.name}\n" not in script] == []
+
+
+def test_no_module_holds_two_ideas() -> None:
+    """As of the package itself: at most 400 lines, and a first line that says what the module is for."""
+    for path in [*MODULES, *sorted((FOLDER / "style").glob("*.css"))]:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        assert len(lines) <= 400, path.name
+        assert lines[0].startswith(("// ", "/* ")), path.name
+
+
+def test_no_module_writes_html_or_asks_a_network() -> None:
+    """Texts reach the page as texts; nothing is fetched, evaluated or stored."""
+    forbidden = (
+        r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\b|new Function"
+        r"|fetch\(|XMLHttp|WebSocket|import\(|localStorage"
+    )
+    assert [path.name for path in MODULES if re.search(forbidden, path.read_text(encoding="utf-8"))] == []
+
+
+def test_the_text_of_the_script_is_the_same_every_time() -> None:
+    page_script.cache_clear()
+    first = page_script()
+    page_script.cache_clear()
+    assert page_script() == first
+
+
+def test_the_modules_are_in_the_wheel_with_the_package() -> None:
+    """Nothing of the page is left out by git, and so by whoever builds from it."""
+    ignored = subprocess.run(
+        ["git", "check-ignore", *map(str, FOLDER.rglob("*.*"))], cwd=FOLDER, capture_output=True, text=True, check=False
+    )
+    assert [line for line in ignored.stdout.splitlines() if "__pycache__" not in line] == []

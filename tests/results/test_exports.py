@@ -6,30 +6,41 @@ import math
 import os
 import subprocess
 import sys
+import warnings
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
+from example_courses import everything, race
 from example_flights import circling, half_cuban, rovinj
+from lxml import etree
 from readers import read_acmi, read_fdr, read_gpx, read_kml
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
 from airrace.cli.main import app
 from airrace.errors import UsageError
-from airrace.export import extras
+from airrace.export import extras, flight_table
 from airrace.export.csv import export_flight_csv
 from airrace.export.czml import czml, earth_axes
 from airrace.export.formats import Format, formats, register
 from airrace.export.globe import BEGIN, on_globe
+from airrace.export.kml import kml
 from airrace.frames import rotation
-from airrace.results import Flight
+from airrace.results import Crossing, Flight
+from airrace.results.comparison import compare_flights
 from airrace.runs.flight_sources import begin_of, origin_of
+from airrace.runs.output import default_output_path
 from airrace.track.course import Origin
 from airrace.track.geodetic import metres
+from airrace.views.comparison_figure import comparison_figure
+from airrace.views.flight_figure import STRIPS, draw_flight, flight_figure
+from airrace.views.kneeboard import HEIGHT, WIDTH, draw_kneeboard, kneeboard_figure
 
 KNOT, FOOT = 1852.0 / 3600.0, 0.3048
 HOSTILE = '<script>alert(1)</script> ]]> & "quoted", a|bar\\ \x00\n\u202e' + "x" * 10_000
@@ -422,3 +433,206 @@ def test_a_format_of_an_extension_is_a_subcommand_that_writes(tmp_path: Path) ->
 def test_a_format_is_registered_once() -> None:
     with pytest.raises(ValueError, match="kml already"):
         register(Format("kml", "", lambda flights, begin: b""))
+
+
+def test_the_table_of_a_flight_is_the_same_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    def written() -> str:
+        stream = io.StringIO(newline="")
+        export_flight_csv(half_cuban().flight(), stream, rate_hz=50.0)
+        return stream.getvalue()
+
+    whole = written()
+    assert whole.count("\n") > 400
+    monkeypatch.setattr(flight_table, "ROWS_AT_ONCE", 7)
+    assert written() == whole
+
+
+def test_the_table_in_a_file_is_the_one_on_stdout_and_that_of_python(tmp_path: Path) -> None:
+    stored, path = half_cuban().save(tmp_path / "run.h5"), tmp_path / "run.csv"
+    stage = half_cuban()["point-mass"]
+    text = stage.to_csv(rate=30.0)
+    assert text.count("\n") > 200
+    assert stage.to_csv(path, rate=30.0) == ""
+    assert path.read_bytes().decode() == text
+    ran = CliRunner().invoke(app, ["export", "csv", str(stored), "--rate", "30"])
+    assert (ran.exit_code, ran.stdout) == (0, text)
+
+
+SOMEWHERE = Origin(0.8, 0.2, 500.0)
+HOSTILE_NAME = '<script>alert(1)</script> ]]> & "quoted"\n\x00\u202e' + "x" * 10_000
+
+
+@pytest.fixture(scope="module")
+def schema() -> etree.XMLSchema:
+    """The schema of Google's extension, which imports that of KML 2.2."""
+    return etree.XMLSchema(etree.parse(str(files("pykml") / "schemas" / "kml22gx.xsd")))
+
+
+def complaints(schema: etree.XMLSchema, content: bytes) -> list[str]:
+    schema.validate(etree.fromstring(content))
+    return [f"{one.line}: {one.message}" for one in schema.error_log]
+
+
+def flights(folder: Path) -> list[Flight]:
+    """Every kind of thing that a document may hold: all elements, people of all shapes, lines, an airspace, angles or
+    none, names that XML cannot take as they are."""
+    everywhere = on_globe(circling(race(everything(folder))), SOMEWHERE)
+    histories = {name: one for name, one in everywhere.histories.items() if name not in ("psi", "theta", "phi")}
+    return [
+        on_globe(circling(rovinj(), label=HOSTILE_NAME), None),
+        on_globe(half_cuban().flight(), SOMEWHERE),
+        replace(everywhere, histories=histories),
+    ]
+
+
+def test_documents_are_valid(schema: etree.XMLSchema, tmp_path: Path) -> None:
+    everyone = flights(tmp_path)
+    for some in ([everyone[0]], [everyone[1]], [everyone[2]], everyone):
+        assert complaints(schema, kml(some, BEGIN)) == []
+
+
+def test_the_schema_refuses_a_track_whose_coordinates_come_before_its_times(
+    schema: etree.XMLSchema, tmp_path: Path
+) -> None:
+    root = etree.fromstring(kml(flights(tmp_path)[:1], BEGIN))
+    (track,) = root.iter("{http://www.google.com/kml/ext/2.2}Track")
+    track.insert(1, track.find("{http://www.google.com/kml/ext/2.2}coord"))
+    assert any("when" in one for one in complaints(schema, etree.tostring(root)))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a run, which is not the current one."""
+    place = tmp_path_factory.mktemp("runs")
+    half_cuban().save(place / "eight.h5")
+    return place
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("report",), "eight.html"),
+        (("plot",), "eight.png"),
+        (("plot", "--kneeboard"), "eight.kneeboard.png"),
+        (("export", "mat"), "eight.mat"),
+        (("export", "netcdf"), "eight.nc"),
+    ],
+)
+def test_results_lie_beside_the_run_and_are_not_overwritten(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = set(folder.iterdir())
+    flight = f"{folder / 'eight.h5'}:point-mass"
+    assert CliRunner().invoke(app, [*words, flight]).exit_code == 0
+    assert {path.name for path in set(folder.iterdir()) - before} == {name}
+    assert os.listdir(tmp_path) == []
+    refused = CliRunner().invoke(app, [*words, flight])
+    assert (refused.exit_code, refused.stderr.count("--force")) == (2, 1)
+
+
+@pytest.mark.parametrize("words", [("report",), ("export", "kml", "--origin", "45,13"), ("export", "csv")])
+def test_no_command_overwrites_the_run_that_it_reads(folder: Path, words: tuple[str, ...]) -> None:
+    run = folder / "eight.h5"
+    before = run.read_bytes()
+    for name in (f"{run}", f"{run}:point-mass"):
+        output = folder / ".." / folder.name / run.name
+        refused = CliRunner().invoke(app, [*words, name, "--output", str(output), "--force"])
+        assert refused.exit_code == 2
+        assert "is read by this command; write into another file" in refused.stderr
+        assert run.read_bytes() == before
+
+
+def test_no_import_overwrites_its_log(tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text("time,latitude,longitude,altitude\n")
+    refused = CliRunner().invoke(app, ["import", str(log), "--course", "rovinj_2014", "--output", str(log), "--force"])
+    assert (refused.exit_code, refused.stderr.count("is read by this command")) == (2, 1)
+
+
+def test_the_name_is_that_of_the_file_without_its_stage() -> None:
+    assert default_output_path("runs/rovinj.h5:six-dof", "html") == Path("runs/rovinj.html")
+    assert default_output_path(Path("logs/2014.04.12.igc"), "h5") == Path("logs/2014.04.12.h5")
+    assert default_output_path("run", "kneeboard.png") == Path("run.kneeboard.png")
+
+
+def test_plan_and_profile_show_the_line_that_was_flown() -> None:
+    flight = half_cuban().flight()
+    plan, profile, *_ = flight_figure(flight).axes
+    for axes, across, up in ((plan, "y", "x"), (profile, None, "height")):
+        (line,) = [one for one in axes.collections if one.get_array() is not None and len(one.get_array()) > 50]
+        points = np.array([piece[0] for piece in line.get_segments()])
+        np.testing.assert_allclose(points[:, 0], (flight.time if across is None else flight[across])[:-1])
+        np.testing.assert_allclose(points[:, 1], flight[up][:-1])
+        np.testing.assert_allclose(line.get_array(), 0.5 * (flight["n_z"][1:] + flight["n_z"][:-1]))
+
+
+def test_limits_are_drawn_where_they_held() -> None:
+    flight = half_cuban().flight()
+    (load,) = [axes for axes in flight_figure(flight).axes if axes.get_ylabel() == "load, g" and axes.lines]
+    dashed = {line.get_ydata()[0] for line in load.lines if line.get_linestyle() == "--"}
+    assert flight.limit("n_z").upper in dashed
+
+
+def test_what_a_flight_does_not_know_is_left_out() -> None:
+    labels = {axes.get_ylabel() for axes in flight_figure(circling(rovinj())).axes}
+    assert {"speed, kt", "load, g", "bank, deg"} <= labels
+    assert not {"surfaces, deg", "lever", "roll rate, deg/s"} & labels
+    assert {strip.label for strip in STRIPS} > labels & {strip.label for strip in STRIPS}
+
+
+def test_the_kneeboard_is_one_page_with_every_gate() -> None:
+    flight = circling(rovinj())
+    figure = kneeboard_figure(flight)
+    assert tuple(figure.get_size_inches()) == (WIDTH, HEIGHT)
+    told = [text.get_text() for axes in figure.axes for text in axes.texts]
+    for crossing in flight.crossings:
+        assert crossing.name in told
+        assert f"{crossing.time:.2f}" in told
+        assert f"{math.degrees(crossing.value('chi')) % 360.0:03.0f}" in told
+    assert "north is up, grid 200 m" in told
+    figure.savefig(io.BytesIO(), format="pdf")
+
+
+@pytest.mark.parametrize("draw", [draw_flight, draw_kneeboard])
+def test_signs_that_no_font_has_are_drawn_without_a_word(draw: Callable[..., None], tmp_path: Path) -> None:
+    one = circling(rovinj(), label="\u6771\u4eac \x01")
+    one = replace(one, race=replace(one.race, course=replace(one.course, name="\u6771\u4eac \x01")))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        draw(one, tmp_path / "drawn.png")
+    assert (tmp_path / "drawn.png").stat().st_size > 0
+
+
+def test_a_missed_gate_is_a_dash_in_the_kneeboard() -> None:
+    flight = circling(rovinj())
+    lost = Crossing(flight.crossings[3].passage, math.nan, {})
+    flight = replace(flight, crossings=(*flight.crossings[:3], lost, *flight.crossings[4:]))
+    told = [text.get_text() for axes in kneeboard_figure(flight).axes for text in axes.texts]
+    assert told.count("-") >= 6
+
+
+def test_names_that_look_like_formulas_are_written_as_they_are() -> None:
+    flight = circling(rovinj(), label="a $\\frac{$ b")
+    flight = replace(flight, race=replace(flight.race, course=replace(flight.course, name="$x^2$ {{ $\\nothing$")))
+    for figure in (
+        flight_figure(flight),
+        kneeboard_figure(flight),
+        comparison_figure([compare_flights(flight, flight)]),
+    ):
+        figure.savefig(io.BytesIO(), format="png", dpi=30)
+
+
+def plot(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, ["plot", *arguments])
+    return result.exit_code, result.stderr
+
+
+def test_the_command_draws_in_the_format_that_the_name_says(tmp_path: Path) -> None:
+    stored = str(half_cuban().save(tmp_path / "run.h5"))
+    for name, begin, more in (("a.png", b"\x89PNG", ()), ("b.svg", b"<?xml", ("--kneeboard",)), ("c.pdf", b"%PDF", ())):
+        assert plot(f"{stored}:point-mass", "--output", str(tmp_path / name), *more) == (0, "")
+        assert (tmp_path / name).read_bytes().startswith(begin)
+    code, said = plot(stored, "--output", str(tmp_path / "a.png"))
+    assert (code, said.count("\n")) == (2, 1)
+    assert plot(stored, "--output", str(tmp_path / "a.gif"))[0] == 2

@@ -1,7 +1,8 @@
-"""What every kind of element answers must fit together."""
+"""Elements of a course, and geodetic places."""
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,13 +11,15 @@ from airrace.dynamics.crossing import CrossingParameters, crossing_values
 from airrace.frames import quaternion
 from airrace.procedure.formulation import crossing_parameters
 from airrace.quantities import Interval
+from airrace.track.course import Origin
 from airrace.track.element import Direction, Element
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
+from airrace.track.geodetic import geodetic, metres, placed
 
 SPAN = 7.43
 HALF_TURN = math.pi
 angles = st.floats(-math.pi, math.pi)
-metres = st.floats(-1000.0, 1000.0)
+lengths = st.floats(-1000.0, 1000.0)
 heights = st.floats(15.0, 200.0)
 passings = st.sampled_from(Passing)
 
@@ -36,7 +39,7 @@ def tolerances(draw: st.DrawFn, height: float) -> Tolerances:
 @st.composite
 def gates(draw: st.DrawFn) -> Gate:
     height = draw(heights)
-    where = draw(metres), draw(metres), height
+    where = draw(lengths), draw(lengths), height
     bank = draw(st.sampled_from((0.0, math.pi / 2, -math.pi / 2)))
     return Gate("g", *where, draw(angles), draw(st.floats(12.0, 20.0)), draw(passings), draw(tolerances(height)), bank)
 
@@ -44,7 +47,7 @@ def gates(draw: st.DrawFn) -> Gate:
 @st.composite
 def pylons(draw: st.DrawFn) -> Pylon:
     height = draw(heights)
-    where = draw(metres), draw(metres), height
+    where = draw(lengths), draw(lengths), height
     return Pylon("p", *where, draw(angles), draw(st.floats(50.0, 200.0)), draw(passings), draw(tolerances(height)))
 
 
@@ -52,7 +55,7 @@ def pylons(draw: st.DrawFn) -> Pylon:
 def manoeuvres(draw: st.DrawFn) -> Manoeuvre:
     optional = st.none() | angles
     climb = draw(st.none() | st.floats(-1.5, 1.5))
-    where = {name: Interval.exactly(draw(metres)) for name in ("north", "east", "height")}
+    where = {name: Interval.exactly(draw(lengths)) for name in ("north", "east", "height")}
     return Manoeuvre("m", bank=draw(optional), climb=climb, heading=draw(optional), **where)
 
 
@@ -109,3 +112,25 @@ def test_what_stands_somewhere_is_planned_at_its_nominal_height(element: Gate | 
     assert element.heights.lower <= element.height <= element.heights.upper
     planned = element.crossings(Direction.FORWARD, 0.0, rolling=False)
     assert {way.position[2] for way in planned if way.position is not None} == {element.height}
+
+
+ROVINJ = Origin(math.radians(45.08), math.radians(13.63), 10.0)
+
+
+@given(st.floats(-2e4, 2e4), st.floats(-2e4, 2e4), st.floats(-60.0, 60.0))
+def test_there_and_back_again(north: float, east: float, latitude: float) -> None:
+    origin = Origin(math.radians(latitude), 0.3, 250.0)
+    back = metres(*geodetic(np.array([north]), np.array([east]), origin), origin)
+    assert float(back[0][0]) == pytest.approx(north, abs=1e-6)
+    assert float(back[1][0]) == pytest.approx(east, abs=1e-6)
+
+
+def test_a_minute_of_latitude_is_about_a_sea_mile() -> None:
+    latitude, _ = geodetic(np.array([1852.0]), np.array([0.0]), ROVINJ)
+    assert math.degrees(float(latitude[0]) - math.radians(45.08)) * 60.0 == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_course_without_an_origin_lies_nowhere() -> None:
+    assert not placed(Origin())
+    with pytest.raises(ValueError, match="no latitude"):
+        geodetic(np.zeros(1), np.zeros(1), Origin())

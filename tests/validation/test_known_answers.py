@@ -1,4 +1,8 @@
-"""The engine finds what is known of textbook problems, by a formula or from others."""
+"""Textbook problems with known answers, and orders of convergence."""
+
+import functools
+import math
+from dataclasses import dataclass
 
 import delta_iii
 import double_integrator
@@ -6,10 +10,13 @@ import level_turn
 import numpy as np
 import pytest
 import reorientation
+from convergence import MESHES, SCHEMES, integration_errors, observed_order, optimum_errors, order_of_optima
+from numpy.typing import NDArray
 from statement import KnownAnswer, objective
 from textbook import known_answers
 
 from airrace.optimal_control.problem import interpolate
+from airrace.optimal_control.runge_kutta import DORMAND_PRINCE_5, RK4, RungeKutta
 from airrace.optimal_control.solve import solve
 
 both_solvers = pytest.mark.parametrize("solver", ["fatrop", "ipopt"])
@@ -77,3 +84,133 @@ def test_an_ascent_through_the_earth_is_given_up_in_time() -> None:
     solution = solve(problem, straight, stall_seconds=4.0)
     assert not solution.success
     assert solution.status == "no iteration finished within 4 s"
+
+
+every_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+
+
+@every_scheme
+def test_integration_error_falls_with_the_order_of_the_scheme(scheme: RungeKutta) -> None:
+    assert observed_order(integration_errors, scheme) == pytest.approx(scheme.order, abs=0.2)
+
+
+@every_scheme
+def test_error_of_an_optimum_falls_with_the_order_of_the_scheme(scheme: RungeKutta) -> None:
+    assert observed_order(optimum_errors, scheme) == pytest.approx(order_of_optima(scheme), abs=0.2)
+
+
+def test_a_symmetric_growth_flatters_an_odd_order() -> None:
+    """Why the growth that is measured is not symmetric."""
+    errors = np.array(optimum_errors(DORMAND_PRINCE_5, [16, 32, 64], reached=0.9))
+    assert np.log2(errors[:-1] / errors[1:]) == pytest.approx(6.0, abs=0.1)
+
+
+@every_scheme
+def test_two_steps_in_an_interval_are_one_step_in_each_half(scheme: RungeKutta) -> None:
+    errors = np.array(integration_errors(scheme, [2 * intervals for intervals in MESHES[:3]]))
+    doubled = RungeKutta("doubled", scheme.order, scheme.a, scheme.b, steps=2 * scheme.steps)
+    assert np.array(integration_errors(doubled, MESHES[:3])) == pytest.approx(errors, rel=1e-9)
+
+
+@every_scheme
+def test_all_conditions_up_to_the_order_hold(scheme: RungeKutta) -> None:
+    assert [violation(scheme, nodes) for nodes in range(1, scheme.order + 1)] == pytest.approx(
+        [0.0] * scheme.order, abs=1e-14
+    )
+
+
+@every_scheme
+def test_the_order_is_not_understated(scheme: RungeKutta) -> None:
+    assert violation(scheme, scheme.order + 1) > 1e-5
+
+
+@every_scheme
+def test_every_row_has_a_weight_for_each_stage_before_it(scheme: RungeKutta) -> None:
+    assert [len(row) for row in scheme.a] == list(range(len(scheme.b)))
+
+
+def test_trees_are_as_many_as_counted_and_their_densities_as_known() -> None:
+    assert [len(trees(nodes)) for nodes in range(1, 8)] == [1, 1, 2, 4, 9, 20, 48]  # Cayley 1857
+    assert sorted(gamma(tree) for tree in trees(4)) == [4, 8, 12, 24]  # bushy 4, then 8 and 12, tall 24
+
+
+def test_a_wrong_weight_is_found() -> None:
+    wrong = RungeKutta("wrong", 4, RK4.a, (1 / 6, 1 / 3 + 1e-6, 1 / 3 - 1e-6, 1 / 6))
+    assert violation(wrong, 1) < 1e-14
+    assert max(violation(wrong, nodes) for nodes in (2, 3, 4)) > 1e-8
+
+
+def test_two_steps_halve_the_nodes() -> None:
+    twice = tableau(RungeKutta("twice", 4, RK4.a, RK4.b, steps=2))
+    assert twice.A.sum(axis=1) == pytest.approx([0, 0.25, 0.25, 0.5, 0.5, 0.75, 0.75, 1.0])
+    assert twice.b.sum() == pytest.approx(1.0)
+    assert not np.triu(twice.A).any()
+
+
+Tree = tuple["Tree", ...]  # of the branches at its root, sorted; a single node has none
+
+
+@dataclass(frozen=True)
+class Tableau:
+    """Weights of a whole interval: `A` (s, s) and `b` (s,)."""
+
+    A: NDArray[np.float64]
+    b: NDArray[np.float64]
+
+
+def tableau(scheme: RungeKutta) -> Tableau:
+    """Of all steps of an interval, taken as one."""
+    stages, steps = len(scheme.b), scheme.steps
+    own = np.array([[*row, *[0.0] * (stages - len(row))] for row in scheme.a])
+    A = np.zeros((stages * steps, stages * steps))
+    for step in range(steps):
+        rows = slice(step * stages, (step + 1) * stages)
+        A[rows, rows] = own / steps
+        A[rows, : step * stages] = np.tile(np.array(scheme.b) / steps, step)
+    return Tableau(A, np.tile(np.array(scheme.b) / steps, steps))
+
+
+@functools.cache
+def trees(nodes: int) -> tuple[Tree, ...]:
+    """All rooted trees with this many nodes."""
+    if nodes == 1:
+        return ((),)
+    # a node more is a leaf more, somewhere
+    return tuple(sorted({grown for tree in trees(nodes - 1) for grown in with_a_leaf(tree)}))
+
+
+def with_a_leaf(tree: Tree) -> set[Tree]:
+    """The tree with one leaf more, at any of its nodes."""
+    grown = {tuple(sorted((*tree, ())))}
+    for index, branch in enumerate(tree):
+        others = tree[:index] + tree[index + 1 :]
+        grown |= {tuple(sorted((*others, larger))) for larger in with_a_leaf(branch)}
+    return grown
+
+
+def size(tree: Tree) -> int:
+    """Number of nodes."""
+    return 1 + sum(size(branch) for branch in tree)
+
+
+def gamma(tree: Tree) -> int:
+    """The tree's density: the product of the sizes of all its subtrees."""
+    return size(tree) * math.prod(gamma(branch) for branch in tree)
+
+
+def elementary_weight(scheme: Tableau, tree: Tree) -> float:
+    """What the scheme makes of the tree's elementary differential."""
+    return float(scheme.b @ _at_stages(scheme, tree))
+
+
+def _at_stages(scheme: Tableau, tree: Tree) -> NDArray[np.float64]:
+    product = np.ones(len(scheme.b))
+    for branch in tree:
+        product = product * (scheme.A @ _at_stages(scheme, branch))
+    return product
+
+
+def violation(scheme: RungeKutta, nodes: int) -> float:
+    """By how much the worst of the conditions of this order is missed."""
+    weights = tableau(scheme)
+    return max(abs(elementary_weight(weights, tree) - 1 / gamma(tree)) for tree in trees(nodes))

@@ -1,19 +1,39 @@
-"""The drawing of a course: to scale, complete, and with labels that cover nothing."""
+"""Courses as figures, as SVG and on a terminal."""
 
+import html
 import io
 import itertools
+import re
+import subprocess
+import sys
+import unicodedata
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from example_courses import SHIPPED, everything, race
+from example_courses import race as race_of
 from hypothesis import example, given
 from hypothesis import strategies as st
+from rich.table import Table
+from rich.text import Text
 
+from airrace.inputs import load_inputs
+from airrace.inputs.shipped import TRACKS
+from airrace.planning.race import Race
+from airrace.quantities import Quantity
 from airrace.track.gates import Gate
+from airrace.trajectory import Array, Trajectory
 from airrace.views.course_figure import course_figure
+from airrace.views.course_page import course_page
 from airrace.views.labels import Box, placed
 from airrace.views.map_model import map_model
+from airrace.views.plain_console import PlainConsole
+from airrace.views.plain_text import escaped, plain, styled
+from airrace.views.plan_svg import COLOURS, plan_svg
+from airrace.views.streams import SafeStream
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
@@ -82,11 +102,11 @@ def test_a_course_is_drawn_the_same_every_time(tmp_path: Path) -> None:
     assert images[0] == images[1]
 
 
-places = st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 1000)), min_size=1, max_size=12, unique=True)
+anchor_lists = st.lists(st.tuples(st.floats(0, 1000), st.floats(0, 1000)), min_size=1, max_size=12, unique=True)
 
 
 @example(anchors=[(0.0, 0.0), (0.0, 0.5), (0.0, 1.0), (1.0, 0.0)])  # a corner with hardly any room
-@given(anchors=places)
+@given(anchors=anchor_lists)
 def test_labels_stay_within_the_frame_and_near_what_they_name(anchors: list[tuple[float, float]]) -> None:
     frame = Box(0.0, 0.0, 1000.0, 1000.0)
     boxes = placed(anchors, [(60.0, 12.0)] * len(anchors), np.array(anchors), frame, gap=5.0)
@@ -103,3 +123,171 @@ def test_a_label_makes_way_for_what_is_drawn_and_for_other_labels() -> None:
     first, second = placed(anchors, [(60.0, 12.0)] * 2, along, frame, gap=5.0)
     assert first.holds(along) == second.holds(along) == 0
     assert first.overlap(second) == 0.0
+
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def drawn(race: Race, flight: Trajectory | None = None) -> ElementTree.Element:
+    return ElementTree.fromstring(plan_svg(map_model(race), flight))
+
+
+def places(root: ElementTree.Element, tag: str) -> Array:
+    """All points of all lines of a kind, pixels; shape (n, 2)."""
+    texts = [element.attrib["points"] for element in root.iter(f"{SVG}{tag}")]
+    return np.array([[float(one) for one in pair.split(",")] for text in texts for pair in text.split()])
+
+
+def flown(north: Array, east: Array, speed: Array) -> Trajectory:
+    states = tuple(Quantity(name, unit) for name, unit in (("x", "m"), ("y", "m"), ("V_K", "m/s")))
+    nodes = len(north)
+    return Trajectory(
+        phases=("0:a -> 1:b",),
+        first_node=np.array([0, nodes - 1]),
+        durations=np.array([10.0]),
+        time=np.linspace(0.0, 10.0, nodes),
+        states=states,
+        state=np.stack([north, east, speed]),
+        controls=(),
+        control=np.zeros((0, nodes - 1)),
+    )
+
+
+@pytest.mark.parametrize("name", TRACKS.names)
+def test_every_shipped_course_is_drawn_within_its_frame(name: str) -> None:
+    root = drawn(load_inputs(name).race)
+    width, height = float(root.attrib["width"]), float(root.attrib["height"])
+    for circle in root.iter(f"{SVG}circle"):
+        assert 0.0 < float(circle.attrib["cx"]) < width
+        assert 0.0 < float(circle.attrib["cy"]) < height
+
+
+def test_gates_and_pylons_bear_their_names() -> None:
+    race = load_inputs("rovinj_2014").race
+    written = {text.text for text in drawn(race).iter(f"{SVG}text")}
+    assert {passage.element.name for passage in race.course.passages} <= written
+
+
+def test_north_is_up_east_is_right_and_the_scale_is_the_same_both_ways() -> None:
+    race = load_inputs("rovinj_2014").race
+    north, east = np.array([0.0, 300.0, 300.0]), np.array([0.0, 0.0, 300.0])
+    path = places(drawn(race, flown(north, east, np.array([80.0, 80.0, 80.0]))), "polyline")
+    first, second, third = path[:3]
+    assert second[0] == pytest.approx(first[0])
+    assert first[1] - second[1] == pytest.approx(third[0] - second[0], abs=0.2)
+    assert first[1] > second[1]
+
+
+def test_a_flight_beyond_the_course_widens_the_drawing() -> None:
+    race = load_inputs("rovinj_2014").race
+    far = drawn(race, flown(np.array([0.0, 5000.0]), np.zeros(2), np.array([80.0, 90.0])))
+    path = places(far, "polyline")
+    assert path.min() >= 0.0
+    assert path[:, 1].max() <= float(far.attrib["height"])
+
+
+def test_the_colours_go_from_slow_to_fast() -> None:
+    race = load_inputs("rovinj_2014").race
+    speed = np.linspace(60.0, 110.0, 61)
+    root = drawn(race, flown(np.linspace(0.0, 800.0, 61), np.zeros(61), speed))
+    assert [line.attrib["stroke"] for line in root.iter(f"{SVG}polyline")] == list(COLOURS)
+
+
+def test_everything_that_can_stand_beside_a_course_is_drawn_and_escaped(tmp_path: Path) -> None:
+    race = race_of(everything(tmp_path))
+    course = replace(race.course, name="<script>&")
+    root = drawn(replace(race, course=course))
+    titles = [title.text for title in root.iter(f"{SVG}title")]
+    assert titles == ["<script>& from above"]
+    hostile = replace(race, course=course)
+    assert "<script>" not in course_page(hostile, map_model(hostile), ["a <b> warning"])
+    assert len(list(root.iter(f"{SVG}polygon"))) > 0
+
+
+ROOT = Path(__file__).parents[2]
+TITLE = "\x1b]0;pwned\a"
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def commands(text: str) -> list[str]:
+    """The characters that a terminal would obey."""
+    return [sign for sign in text if sign not in "\t\n" and unicodedata.category(sign) == "Cc"]
+
+
+@given(st.text())
+def test_no_control_character_is_left(text: str) -> None:
+    assert commands(plain(text)) == []
+    assert len(plain(text)) == len(text)
+    assert plain(plain(text)) == plain(text)
+
+
+@given(st.text(st.characters(exclude_categories=["Cc", "Cf", "Cs"])))
+def test_what_is_harmless_stays_as_it_is(text: str) -> None:
+    assert plain(text) == styled(text) == text
+
+
+@given(st.text(st.sampled_from("\x1b[]0;31mHJ\a\x9bx")))
+def test_of_escapes_only_colours_are_left(text: str) -> None:
+    assert commands(COLOUR.sub("", styled(text))) == []
+
+
+def test_the_direction_of_reading_is_not_turned() -> None:
+    assert plain("g1\u202e2g") == "g1\ufffd2g"
+
+
+def test_what_is_no_character_is_shown_as_that() -> None:
+    name = b"caf\xe9.yaml".decode("utf-8", "surrogateescape")
+    assert plain(name) == styled(name) == "caf\ufffd.yaml"
+
+
+@given(st.text())
+def test_a_text_in_a_page_is_apart_from_the_rest_and_can_be_written(text: str) -> None:
+    isolated = escaped(text)
+    isolated.encode("utf-8")
+    inside = isolated.removeprefix("<bdi>").removesuffix("</bdi>")
+    assert not set("<>\"'\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\x00") & set(inside)
+    assert html.unescape(inside) == plain(text)
+
+
+def test_a_name_that_is_read_from_the_right_is_isolated_in_a_page() -> None:
+    assert escaped("\u05e9\u05e2\u05e8 1") == "<bdi>\u05e9\u05e2\u05e8 1</bdi>"
+    assert escaped("g1\u202e2g & \u2212 1.5") == "g1\ufffd2g &amp; \u2212 1.5"
+
+
+def test_a_table_on_a_terminal_keeps_its_own_colours_alone() -> None:
+    file = io.StringIO()
+    table = Table(title=f"Reno{TITLE}")
+    table.add_column(f"gate{TITLE}", style="bold red")
+    table.add_row(f"g1{TITLE}")
+    table.add_row(Text(f"g2{TITLE}"))
+    PlainConsole(file=file, force_terminal=True, color_system="standard", width=60).print(table)
+    assert "\x1b[1;31m" in file.getvalue()
+    assert commands(COLOUR.sub("", file.getvalue())) == []
+    assert file.getvalue().count("pwne") == 4
+
+
+def test_a_watched_stream_shows_what_a_live_view_would_send() -> None:
+    shown, sent = io.StringIO(), io.StringIO()
+    SafeStream(shown).write("\x1b[2J")
+    SafeStream(SafeStream(sent), commanded=True).write("\x1b[2J")
+    assert (shown.getvalue(), sent.getvalue()) == ("␛[2J", "\x1b[2J")
+
+
+@pytest.mark.parametrize("where", ["the name of the race", "a key", "the file"])
+def test_a_hostile_course_commands_no_terminal(where: str, tmp_path: Path) -> None:
+    text = (ROOT / "tracks" / "half_cuban_eight.yaml").read_text(encoding="utf-8")
+    escaped = r'"\e]0;pwned\a"'
+    match where:
+        case "the name of the race":
+            text = re.sub(r"(?m)^name: .*$", lambda _: f"name: {escaped}", text)
+        case "a key":
+            text += f"{escaped}: 1\n"
+        case _:
+            text += "unknown: 1\n"
+    path = tmp_path / (f"a{TITLE}.yaml" if where == "the file" else "a.yaml")
+    path.write_text(text, encoding="utf-8")
+    command = [sys.executable, "-m", "airrace", "check", str(path)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120.0)
+    assert ran.returncode == (0 if where == "the name of the race" else 3)
+    assert "pwned" in ran.stdout + ran.stderr
+    assert commands(ran.stdout + ran.stderr) == []

@@ -1,0 +1,333 @@
+"""What the documentation's blocks of code say is so."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+import jsonschema
+import pytest
+import typer.core
+import typer.main
+import yaml
+from pages import DOCS, PAGES, ROOT, Block, blocks, languages, name_of, shell_lines
+
+from airrace.cli.main import app
+from airrace.inputs import Document, load_inputs
+from airrace.inputs.batch import read_batch
+from airrace.inputs.json_schema import LANGUAGES, json_schema
+from airrace.inputs.log_layout import read_layout
+
+ENDS = ("|", ">", "&&", ";", "&")
+"""Where the shell takes over from the command."""
+
+CALL_ERROR = cast(type[Exception], typer.BadParameter.__base__)
+"""The base of all errors in the way a command was called; where it lies depends on typer's version."""
+
+
+def calls() -> Iterator[tuple[str, list[str]]]:
+    """Every call of airrace, as the words that follow it; a call behind `&&` is one of its own."""
+    for page, line in shell_lines():
+        words = shlex.split(re.sub(r"\[[^]]*\]", "", line), comments=True)
+        for start, word in enumerate(words):
+            if word != "airrace" or (start and words[start - 1] not in ENDS):
+                continue
+            end = next((index for index in range(start, len(words)) if words[index] in ENDS), len(words))
+            yield page, words[start + 1 : end]
+
+
+CALLS = list(calls())
+
+
+def test_the_pages_call_the_command() -> None:
+    assert len(CALLS) > 40
+    assert {page for page, _ in CALLS} >= {"README.md", "docs/tutorial.md", "docs/command_line.md"}
+
+
+@pytest.mark.parametrize(("page", "words"), CALLS, ids=[f"{page}: airrace {' '.join(words)}" for page, words in CALLS])
+def test_every_call_in_the_pages_is_understood(page: str, words: list[str]) -> None:
+    parse(words)
+
+
+@pytest.mark.parametrize(
+    "words", ["optimize --nonsense x.yaml", "optimize", "show x.h5 y.h5", "optimize --alternatives 0 x.yaml"]
+)
+def test_a_call_that_is_wrong_would_be_found(words: str) -> None:
+    with pytest.raises(CALL_ERROR):
+        parse(words.split())
+
+
+def parse(words: list[str]) -> None:
+    """Read the words as the command line does, and call nothing."""
+    command = typer.main.get_command(app)
+    while isinstance(command, typer.core.TyperGroup):
+        name, *words = words
+        command = command.get_command(typer.Context(command), name)
+        assert command is not None, name
+    command.make_context("airrace", words)
+
+
+def test_no_block_is_in_a_language_that_no_test_reads() -> None:
+    assert languages() <= {"python", "yaml", "sh", "diff"}
+
+
+def test_scripts_that_the_pages_run_exist() -> None:
+    texts = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    scripts = set(re.findall(r"python ((?:scripts|tests)/[\w/]+\.py)", texts))
+    assert len(scripts) > 5
+    assert {script for script in scripts if not (ROOT / script).exists()} == set()
+
+
+def test_a_page_is_named_as_it_lies_in_the_repository() -> None:
+    assert name_of(ROOT / "docs" / "how_to" / "ci.md") == "docs/how_to/ci.md"
+
+
+BLOCKS = blocks("yaml")
+WORKFLOW = "# .github/workflows/"
+WHOLE = [block for block in BLOCKS if block.text.startswith("schema: ")]
+WITH = "with: "
+"""Begins the comment above a part of a file that needs an extension, with the path of the extension behind it."""
+
+EXTENDED = [block for block in BLOCKS if block.comment.startswith(WITH)]
+PARTS = [block for block in BLOCKS if not block.text.startswith(("schema: ", WORKFLOW)) and block not in EXTENDED]
+TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
+AIRCRAFT = ROOT / "configs" / "edge540.yaml"
+
+
+def read(block: Block, folder: Path) -> None:
+    """Read a whole file as the command does; it raises if anything is wrong."""
+    language = block.text.split("\n", 1)[0].split("/")[1]
+    path = folder / f"{language}.yaml"
+    path.write_text(block.text, encoding="utf-8")
+    match language:
+        case "track":
+            load_inputs(path, aircraft=AIRCRAFT)
+        case "aircraft":
+            load_inputs(TRACK, aircraft=path)
+        case "settings":
+            load_inputs(TRACK, aircraft=AIRCRAFT, settings=path)
+        case "batch":
+            _, reporter = read_batch(Document("batch.yaml", block.text))
+            assert reporter.findings == []
+        case "log":
+            layout, _ = read_layout(path)
+            assert layout.columns
+        case _:
+            raise AssertionError(f"{block}: {language} is no language")
+
+
+@pytest.mark.parametrize("block", WHOLE, ids=str)
+def test_every_whole_file_in_the_pages_is_valid(block: Block, tmp_path: Path) -> None:
+    read(block, tmp_path)
+
+
+def test_the_pages_show_files_of_three_languages() -> None:
+    assert {block.text.split("/")[1] for block in WHOLE} >= {"track", "settings", "batch"}
+
+
+@pytest.mark.parametrize("block", PARTS, ids=str)
+def test_every_part_of_a_file_in_the_pages_is_valid(block: Block) -> None:
+    part: dict[str, Any] = yaml.safe_load(block.text)  # Any: YAML of any shape
+    fitting = [json_schema(one) for one in LANGUAGES if part.keys() <= json_schema(one)["properties"].keys()]
+    assert len(fitting) == 1, f"{block}: the keys {', '.join(part)} belong to {len(fitting)} languages"
+    (schema,) = fitting
+    jsonschema.validate(part, {**schema, "required": []})
+
+
+@pytest.mark.parametrize("block", EXTENDED, ids=str)
+def test_every_part_that_needs_an_extension_is_valid_with_it_alone(block: Block) -> None:
+    extension = ROOT / block.comment.removeprefix(WITH)
+    program = "import json; from airrace.inputs.json_schema import json_schema; print(json.dumps(json_schema('track')))"
+    environment = {**os.environ, "AIRRACE_EXTENSIONS": str(extension)}
+    told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    part = yaml.safe_load(block.text)
+    jsonschema.validate(part, {**json.loads(told.stdout), "required": []})
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(part, {**json_schema("track"), "required": []})
+
+
+def test_a_part_with_a_wrong_value_would_be_found() -> None:
+    (block,) = (one for one in PARTS if "omega_z_rad_s" in one.text)
+    wrong = Block(block.page, block.line, block.language, block.text.replace("0.7", "-0.7"))
+    with pytest.raises(jsonschema.ValidationError):
+        test_every_part_of_a_file_in_the_pages_is_valid(wrong)
+
+
+DIFFS = blocks("diff")
+
+
+def changed(diff: str, root: Path) -> None:
+    """Make the changes of a diff whose hunks carry no line numbers: each must fit in exactly one place."""
+    for part in diff.split("--- ")[1:]:
+        name, *hunks = part.split("@@\n")
+        path = root / name.strip()
+        text = path.read_text(encoding="utf-8")
+        for hunk in hunks:
+            lines = hunk.splitlines(keepends=True)
+            before = "".join(line[1:] for line in lines if line[0] in " -")
+            assert text.count(before) == 1, f"{name.strip()}: {before}"
+            text = text.replace(before, "".join(line[1:] for line in lines if line[0] in " +"))
+        path.write_text(text, encoding="utf-8")
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with a copy of the package, and of what comes along with it."""
+    for folder in ("airrace", "tracks", "configs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+LIMIT = """
+import sys
+from pathlib import Path
+
+from airrace.inputs import load_inputs
+from airrace.dynamics.limits import flight_limits
+
+race = load_inputs(Path(sys.argv[1]), overrides=[sys.argv[2]]).race
+print(flight_limits(race.aircraft, race.course.rules).V_K.upper * 3600 / 1852)
+"""
+
+
+def said(package: Path, override: str) -> subprocess.CompletedProcess[str]:
+    """The highest speed, in knots, under one more rule."""
+    return subprocess.run(
+        [sys.executable, "-c", LIMIT, str(TRACK), override],
+        cwd=package,
+        env={**os.environ, "PYTHONPATH": str(package)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_speed_limit_is_added_as_the_page_says(package: Path) -> None:
+    (diff,) = (block for block in DIFFS if block.page == "docs/how_to/limit.md")
+    unknown = said(package, "rules.speed_max_kt=200")
+    assert "unknown key" in unknown.stderr
+    changed(diff.text, package)
+    assert float(said(package, "rules.speed_max_kt=200").stdout) == pytest.approx(200.0)
+    assert float(said(package, "rules.n_z_max=9").stdout) > 200.0
+    contradiction = said(package, "rules.speed_max_kt=60")
+    assert "V_K: no value satisfies both" in contradiction.stderr
+
+
+def test_a_change_that_does_not_fit_is_found(package: Path) -> None:
+    with pytest.raises(AssertionError, match=r"limits\.py"):
+        changed("--- airrace/dynamics/limits.py\n@@\n-        V_K=nothing\n+        V_K=1\n", package)
+
+
+NOT_RUN = "not run: "
+"""Begins the comment above a block that cannot run here, with the reason behind it."""
+
+FROM = "from: "
+"""Begins the comment above a block that is a part of a file, which other tests run, with its path behind it."""
+
+PYTHON = blocks("python")
+RUN = [block for block in PYTHON if not block.comment.startswith((NOT_RUN, FROM))]
+PYTHON_PARTS = [block for block in PYTHON if block.comment.startswith(FROM)]
+BY_PAGE = {page: [block for block in RUN if block.page == page] for page in dict.fromkeys(one.page for one in RUN)}
+
+
+def parameters() -> list[Any]:  # Any: pytest's parameter sets
+    """Every page; those that optimise a race take half a minute each and are slow."""
+    return [
+        pytest.param(page, marks=pytest.mark.slow if any("airrace.optimize(" in one.text for one in found) else ())
+        for page, found in BY_PAGE.items()
+    ]
+
+
+@pytest.mark.parametrize("page", parameters())
+def test_the_python_of_a_page_runs(
+    page: str, flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = BY_PAGE[page]
+    for folder in ("tracks", "configs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    for name in ("rovinj.h5", "rovinj_2014.h5"):
+        shutil.copy(flown, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    names: dict[str, Any] = {"__name__": "page"}  # Any: whatever the page defines
+    for block in found:
+        exec(compiled(block), names)
+    assert "certified: False" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("block", PYTHON, ids=str)
+def test_every_block_of_python_can_be_read(block: Block) -> None:
+    compiled(block)
+
+
+@pytest.mark.parametrize("block", PYTHON_PARTS, ids=str)
+def test_a_block_that_is_a_part_of_a_file_stands_there(block: Block) -> None:
+    path = ROOT / block.comment.removeprefix(FROM)
+    assert f"\n{bare(block.text)}\n" in f"\n{bare(path.read_text(encoding='utf-8'))}\n"
+
+
+def test_a_block_that_is_not_run_says_why() -> None:
+    left_out = [block for block in PYTHON if block.comment.startswith(NOT_RUN)]
+    assert left_out
+    assert all(len(block.comment) > len(NOT_RUN) for block in left_out)
+
+
+def bare(text: str) -> str:
+    """The lines of a text that hold anything, without their indents: a method is shown as if it were a function."""
+    return "\n".join(line.strip() for line in text.splitlines() if line.strip())
+
+
+def compiled(block: Block) -> Any:  # Any: a code object
+    """The code, with the lines of its page in tracebacks."""
+    return compile("\n" * (block.line - 1) + block.text, block.page, "exec")
+
+
+NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
+Cell = dict[str, Any]  # Any: JSON of any shape
+
+
+def cells(path: Path) -> list[Cell]:
+    return json.loads(path.read_text(encoding="utf-8"))["cells"]
+
+
+def code(path: Path) -> list[Cell]:
+    return [cell for cell in cells(path) if cell["cell_type"] == "code"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_cell_was_executed_in_order_and_kept_its_outputs(path: Path) -> None:
+    executed = code(path)
+    assert [cell["execution_count"] for cell in executed] == list(range(1, len(executed) + 1))
+    assert all(cell["outputs"] for cell in executed)
+    assert {output["output_type"] for cell in executed for output in cell["outputs"]} <= {
+        "display_data",
+        "execute_result",
+        "stream",
+    }
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_begins_with_its_title_and_tells_nothing_of_its_machine(path: Path) -> None:
+    assert "".join(cells(path)[0]["source"]).startswith("# ")
+    text = path.read_text(encoding="utf-8")
+    assert not any(folder in text for folder in ("/home/", "/root/", "/tmp/", "/Users/"))
+
+
+@pytest.mark.slow  # it flies several races
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    names: dict[str, Any] = {}  # Any: whatever the notebook defines
+    for number, cell in enumerate(code(path), start=1):
+        exec(compile("".join(cell["source"]), f"{path.name}, cell {number}", "exec"), names)
+
+
+def test_there_is_a_notebook() -> None:
+    assert NOTEBOOKS

@@ -1,0 +1,638 @@
+"""Inner loops: their systems, linear models, corrections of modes and inverses."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from bodies import (
+    COMMANDS_HELD,
+    KNOT,
+    STICK_FREE,
+    Array,
+    as_state_space,
+    as_state_space_inversion,
+    as_transfer_functions,
+    bodies,
+    endless_wing,
+    evaluated,
+    fly_six_dof,
+    fly_state_space,
+    fly_state_space_inversion,
+    fly_transfer_functions,
+    level_trim,
+    mirrored,
+    surroundings,
+    with_airframe,
+)
+from flights import controls, mirrored_air, states, windy_airs
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from airrace.aircraft.aircraft import Aircraft, LinearLoops, Mode, Propeller
+from airrace.dynamics.attitude import body_axes, stability_axes
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
+from airrace.dynamics.linear_derivatives import lags, level_lags, linear_parameters
+from airrace.dynamics.linear_flight import normal_load_factor, surrounding
+from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass
+from airrace.dynamics.six_dof import SixDofState, build_six_dof
+from airrace.dynamics.state_space import StateSpaceState, build_state_space
+from airrace.dynamics.state_space_inverse import GAINS, Commands, Gains, angle_of_attack, deflections, sideslip
+from airrace.dynamics.state_space_inversion import StateSpaceInversionState, build_state_space_inversion
+from airrace.dynamics.transfer_functions import build_transfer_functions
+from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.environment.atmosphere import RHO_ISA, g0
+from airrace.errors import InputError
+from airrace.frames import quaternion, rotation
+from airrace.quantities import Interval
+from airrace.system import System
+from airrace.track.course import Rules
+
+GUSTY = Air(wind=StaticWind(0.4, 8.0, Profile.POWER), thermals=(Thermal(30.0, 0.0, 2.5, 1400.0),))
+DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One of the models: how it is built, flown, and fed with some state of the whole aircraft."""
+
+    name: str
+    build: Callable[..., FlightModel]
+    fly: Callable[..., Any]
+    state: Callable[[SixDofState[float]], Any]
+    control: Any
+    roll_rate: str
+
+
+KINDS = (
+    Kind(
+        "transfer-function",
+        build_transfer_functions,
+        fly_transfer_functions,
+        as_transfer_functions,
+        COMMANDS_HELD,
+        "p_Kbar",
+    ),
+    Kind(
+        "state-space-inversion",
+        build_state_space_inversion,
+        fly_state_space_inversion,
+        as_state_space_inversion,
+        COMMANDS_HELD,
+        "p_s",
+    ),
+    Kind("state-space", build_state_space, fly_state_space, as_state_space, STICK_FREE, "p_s"),
+    Kind("six-dof", build_six_dof, fly_six_dof, lambda state: state, STICK_FREE, "p_Kbar"),
+)
+every_model = pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+FLIGHT_PATH = ("x", "y", "z", "V_K", "q0", "q1", "q2", "q3", "delta_T")
+
+
+def bounds(model: FlightModel) -> dict[str, tuple[float, float]]:
+    system = model.system
+    return {one.name: (one.lower, one.upper) for one in (*system.states, *system.controls, *system.path)}
+
+
+@every_model
+@settings(max_examples=20)
+@given(some=bodies)
+def test_compiled_system_equals_the_plain_equations(
+    edge540: Aircraft, rules: Rules, kind: Kind, some: SixDofState[float]
+) -> None:
+    state = kind.state(some)
+    rate, path = kind.fly(edge540, GUSTY, state)
+    rates, values = evaluated(kind.build(edge540, rules, GUSTY), state, kind.control)
+    assert rates == pytest.approx(np.array(rate.join()), rel=1e-9, abs=1e-9)
+    assert values == pytest.approx(np.array(path.join()), rel=1e-9, abs=1e-9)
+
+
+@every_model
+@settings(max_examples=10)
+@given(some=bodies)
+def test_derivatives_agree_with_finite_differences(
+    edge540: Aircraft, rules: Rules, kind: Kind, some: SixDofState[float]
+) -> None:
+    model, state = kind.build(edge540, rules, GUSTY), kind.state(some)
+    exact = jacobian(model)(state.join(), kind.control.join(), model.parameter_values)
+    for number, declared in enumerate(model.system.states):
+        step = 1e-6 * declared.scale
+        ahead, behind = (
+            np.concatenate(
+                evaluated(
+                    model,
+                    dataclasses.replace(state, **{declared.name: getattr(state, declared.name) + sign * step}),
+                    kind.control,
+                )
+            )
+            for sign in (1.0, -1.0)
+        )
+        assert (ahead - behind) / (2.0 * step) == pytest.approx(np.array(exact)[:, number], rel=1e-5, abs=1e-3)
+
+
+def jacobian(model: FlightModel) -> ca.Function:
+    """Of rates and path values with respect to the state."""
+    system = model.system
+    assert system.path_values is not None
+    x, u, p = (ca.SX.sym(name, system.rates.size1_in(i)) for i, name in enumerate("xup"))
+    everything = ca.vertcat(system.rates(x, u, p), system.path_values(x, u, p))
+    return ca.Function("J", [x, u, p], [ca.jacobian(everything, x)])
+
+
+@every_model
+@pytest.mark.parametrize("air", [Air(), GUSTY], ids=["still", "gusty"])
+@pytest.mark.parametrize("angle", [0.0, 14.0, -14.0])
+def test_second_derivatives_are_finite_in_symmetric_flight_and_at_the_limits(
+    edge540: Aircraft, rules: Rules, kind: Kind, air: Air, angle: float
+) -> None:
+    model = kind.build(edge540, rules, air)
+    some = dataclasses.replace(level_trim(edge540, 80.0), alpha_K=angle * DEGREE, beta_K=angle * DEGREE, xi=0.0)
+    assert model.system.path_values is not None
+    x, u, p = (ca.SX.sym(name, model.system.rates.size1_in(i)) for i, name in enumerate("xup"))
+    total = ca.sum1(model.system.rates(x, u, p)) + ca.sum1(model.system.path_values(x, u, p))
+    H = ca.Function("H", [x, u, p], [ca.hessian(total, x)[0]])
+    values = np.array(H(kind.state(some).join(), kind.control.join(), model.parameter_values))
+    assert np.all(np.isfinite(values))
+
+
+@every_model
+def test_model_is_named_and_compiled_by_its_structure_alone(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    one = kind.build(edge540, rules, GUSTY)
+    other = kind.build(with_airframe(edge540, m=800.0, I_xz=50.0), Rules(n_z=rules.n_z), GUSTY)
+    assert one.system.name == other.system.name == f"{kind.name}+wind(power)+thermals(1)"
+    assert kind.build(edge540, rules, Air(), counting=True).system.name == f"{kind.name}+rolls"
+    assert one.system.parameters == other.system.parameters
+    assert one.system.rates.serialize() == other.system.rates.serialize()
+    assert not np.array_equal(one.parameter_values, other.parameter_values)
+    assert one.parameter_values.shape == (len(one.system.parameters),)
+
+
+@every_model
+def test_every_model_carries_the_flight_path_first(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    system = kind.build(edge540, rules, Air()).system
+    assert tuple(one.name for one in system.states[:9]) == FLIGHT_PATH
+    assert system.controls[3].name == "delta_T_cmd"
+
+
+@every_model
+@settings(max_examples=5)
+@given(some=bodies)
+def test_rolls_are_counted_by_the_roll_rate_about_the_velocity(
+    edge540: Aircraft, rules: Rules, kind: Kind, some: SixDofState[float]
+) -> None:
+    state = kind.state(some)
+    rate, path = kind.fly(edge540, GUSTY, state)
+    p_Kbar = (vars(state) | vars(path))[kind.roll_rate]
+    system = kind.build(edge540, rules, GUSTY, counting=True)
+    x, u = [*state.join(), 0.7, 20.0], [*kind.control.join(), 0.25, -3.0]
+    rates = np.array(system.system.rates(x, u, system.parameter_values)).ravel()
+    assert rates[-2:] == pytest.approx([p_Kbar + 0.25, -rate.z - 3.0], rel=1e-9, abs=1e-9)
+
+
+@every_model
+def test_limits_common_to_all_become_bounds(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    found = bounds(kind.build(edge540, rules, Air()))
+    assert found["z"] == (-300.0, -5.0)
+    assert found["V_K"] == (35.0, 118.0)
+    assert found["n_z"] == (-4.0, 10.0)
+    assert found["n_y"] == (-1.0, 1.0)
+    assert found[kind.roll_rate] == (-6.0, 6.0)
+    assert found["C_L"] == (-1.4, 1.4)
+    assert found["beta_A"] == pytest.approx((-12.0 * DEGREE, 12.0 * DEGREE))
+    assert found["delta_T"] == found["delta_T_cmd"] == (0.0, 1.0)
+
+
+@every_model
+def test_what_moves_the_aircraft_is_bounded_by_stick_or_surfaces(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    found = bounds(kind.build(edge540, rules, Air()))
+    if kind.control is STICK_FREE:
+        assert {found[name] for name in ("eta_dot", "xi_dot", "zeta_dot")} == {(-120.0 * DEGREE, 120.0 * DEGREE)}
+    else:
+        assert [found[f"{name}_dot"] for name in ("n_z_cmd", "n_y_cmd", "p_cmd")] == [
+            (-40.0, 40.0),
+            (-10.0, 10.0),
+            (-40.0, 40.0),
+        ]
+        assert (found["n_z_cmd"], found["n_y_cmd"]) == ((-10.0, 12.0), (-1.0, 1.0))
+        assert found["p_cmd"] == pytest.approx((-420.0 * DEGREE, 420.0 * DEGREE))
+    if "n_z_dot" in found:
+        assert (found["n_z_dot"], found["n_y_dot"]) == ((-40.0, 40.0), (-10.0, 10.0))
+    if "eta" in found:
+        assert found["xi"] == pytest.approx((-25.0 * DEGREE, 25.0 * DEGREE))
+        assert found["zeta"] == pytest.approx((-30.0 * DEGREE, 30.0 * DEGREE))
+
+
+@pytest.mark.parametrize("kind", KINDS[1:], ids=lambda kind: kind.name)
+def test_angle_of_attack_ends_with_the_lift_curve_or_the_rules(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    stall = 1.4 / 4.8
+    assert bounds(kind.build(edge540, rules, Air()))["alpha_A"] == pytest.approx((-stall, stall))
+    strict = dataclasses.replace(rules, alpha_A=Interval(-0.1, 0.2))
+    assert bounds(kind.build(edge540, strict, Air()))["alpha_A"] == (-0.1, 0.2)
+
+
+@pytest.mark.parametrize("kind", KINDS[1:], ids=lambda kind: kind.name)
+def test_rules_that_ask_for_a_stall_are_refused(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    with pytest.raises(InputError, match="alpha_A"):
+        kind.build(edge540, dataclasses.replace(rules, alpha_A=Interval(0.35, 0.5)), Air())
+
+
+@every_model
+def test_what_is_declared_as_a_rate_is_one(edge540: Aircraft, rules: Rules, kind: Kind) -> None:
+    assert_rates_are_declared(kind.build(edge540, rules, GUSTY, counting=True).system)
+
+
+def test_what_the_point_mass_declares_as_a_rate_is_one(edge540: Aircraft, rules: Rules) -> None:
+    assert_rates_are_declared(build_point_mass(edge540, rules, GUSTY, counting=True).system)
+
+
+def assert_rates_are_declared(system: System) -> None:
+    """A quantity is declared as the rate of a state exactly where that state's equation reads `x' = u`."""
+    symbols = (("x", system.states), ("u", system.controls), ("p", system.parameters))
+    x, u, p = (ca.SX.sym(name, len(of)) for name, of in symbols)
+    rates, moving = system.rates(x, u, p), ca.vertcat(x, u)
+    declared = (*system.states, *system.controls)
+    found = {
+        declared[column].name: system.states[row].name
+        for row in range(len(system.states))
+        for column in range(len(declared))
+        if ca.is_equal(rates[row], moving[column], 1)
+    }
+    assert found == {one.name: one.rate_of for one in declared if one.rate_of}
+
+
+SPEEDS = (55.0, 75.0, 95.0)
+LONGITUDINAL, LATERAL = ("alpha_K", "q_K"), ("beta_K", "p_s", "r_s")
+
+
+def to_linear(trim: SixDofState[float]) -> StateSpaceState[float]:
+    p_s, r_s = stability_axes(trim.alpha_K, trim.p_K, trim.r_K)
+    values = vars(trim) | {"p_s": p_s, "r_s": r_s}
+    return StateSpaceState(**{name: values[name] for name in StateSpaceState.names()})
+
+
+def to_six_dof(state: StateSpaceState[float]) -> SixDofState[float]:
+    p, r = body_axes(state.alpha_K, state.p_s, state.r_s)
+    values = vars(state) | {"p_K": p, "r_K": r}
+    return SixDofState(**{name: values[name] for name in SixDofState.names()})
+
+
+def linear_answer(aircraft: Aircraft, state: StateSpaceState[float], rows: tuple[str, ...]) -> list[float]:
+    rate, path = fly_state_space(aircraft, Air(), state)
+    return [getattr(rate, one) for one in rows] + [path.n_z, path.n_y]
+
+
+def true_answer(aircraft: Aircraft, state: StateSpaceState[float], rows: tuple[str, ...]) -> list[float]:
+    """What the whole aircraft does, its rates in stability axes."""
+    rate, path = fly_six_dof(aircraft, Air(), to_six_dof(state))
+    p_dot, r_dot = stability_axes(state.alpha_K, rate.p_K, rate.r_K)
+    found = vars(rate) | {"p_s": p_dot, "r_s": r_dot}
+    return [found[one] for one in rows] + [path.n_z, path.n_y]
+
+
+def difference_quotients(answer, aircraft: Aircraft, trim: StateSpaceState[float], rows, columns) -> Array:
+    step = 1e-5
+
+    def moved(name: str, sign: float) -> Array:
+        state = dataclasses.replace(trim, **{name: getattr(trim, name) + sign * step})
+        return np.array(answer(aircraft, state, rows))
+
+    return np.column_stack([(moved(one, 1.0) - moved(one, -1.0)) / (2.0 * step) for one in columns])
+
+
+@pytest.mark.parametrize("V_K", SPEEDS)
+@pytest.mark.parametrize("I_xz", [0.0, 80.0])
+@pytest.mark.parametrize(
+    ("rows", "columns"), [(LONGITUDINAL, (*LONGITUDINAL, "eta")), (LATERAL, (*LATERAL, "xi", "zeta"))]
+)
+def test_linear_motions_are_the_linearisation_of_the_whole_aircraft_in_level_flight(
+    edge540: Aircraft, V_K: float, I_xz: float, rows: tuple[str, ...], columns: tuple[str, ...]
+) -> None:
+    flown = with_airframe(endless_wing(edge540), I_xz=I_xz)
+    trim = to_linear(level_trim(flown, V_K))
+    linear, true = (difference_quotients(one, flown, trim, rows, columns) for one in (linear_answer, true_answer))
+    # thrust pulls along x_B: T cos(alpha) instead of T, all that is left out; in g per rad
+    thrust = trim.delta_T * 6200.0 / (698.0 * 9.8) * (1.0 - math.cos(trim.alpha_K))
+    assert np.abs(linear[-2:] - true[-2:]).max() <= thrust + 1e-6
+    assert linear[:-2] == pytest.approx(true[:-2], rel=2e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("V_K", SPEEDS)
+@pytest.mark.parametrize("rows", [LONGITUDINAL, LATERAL])
+def test_modes_of_the_linear_motions_are_those_of_the_whole_aircraft(
+    edge540: Aircraft, V_K: float, rows: tuple[str, ...]
+) -> None:
+    flown = endless_wing(edge540)
+    trim = to_linear(level_trim(flown, V_K))
+    linear, true = (
+        np.linalg.eigvals(difference_quotients(one, flown, trim, rows, rows)[: len(rows)])
+        for one in (linear_answer, true_answer)
+    )
+    assert np.sort_complex(linear) == pytest.approx(np.sort_complex(true), rel=1e-3)
+
+
+@pytest.mark.parametrize("V_K", SPEEDS)
+def test_neither_linear_motion_moves_the_other(edge540: Aircraft, V_K: float) -> None:
+    trim = to_linear(level_trim(edge540, V_K))
+    for rows, columns in ((LONGITUDINAL, (*LATERAL, "xi", "zeta")), (LATERAL, LONGITUDINAL)):
+        motion = difference_quotients(linear_answer, edge540, trim, rows, columns)[: len(rows)]
+        assert motion == pytest.approx(np.zeros_like(motion), abs=1e-9)
+
+
+def test_roll_about_the_velocity_at_a_large_angle_needs_stability_axes(edge540: Aircraft) -> None:
+    """The linear model's acceleration is the whole aircraft's, products of rates apart, at any angle of attack."""
+    flown = endless_wing(edge540)
+    trim = dataclasses.replace(to_linear(level_trim(flown, 70.0)), alpha_K=0.26)
+    linear, true = (
+        difference_quotients(one, flown, trim, LATERAL, (*LATERAL, "xi", "zeta"))[:3]
+        for one in (linear_answer, true_answer)
+    )
+    # thrust along x_B and the flight path's turn, seen from the body, enter beta_K' only
+    assert linear[1:] == pytest.approx(true[1:], rel=1e-9, abs=1e-7)
+    assert linear[0] == pytest.approx(true[0], abs=0.02)
+
+
+# --- known numbers -----------------------------------------------------------------------------------------------
+
+
+def test_modes_of_the_edge_at_180_knots_are_the_known_ones(edge540: Aircraft) -> None:
+    lag = lags(180.0 * KNOT, RHO_ISA, edge540.drag.C_D0, linear_parameters(edge540))
+    omega_z, omega_y = math.sqrt(lag.stiffness_z), math.sqrt(lag.stiffness_y)
+    assert (omega_z, omega_y) == pytest.approx((6.5, 5.0), abs=0.06)
+    assert lag.damping_z / (2.0 * omega_z) == pytest.approx(0.66, abs=0.005)
+    assert lag.damping_y / (2.0 * omega_y) == pytest.approx(0.16, abs=0.005)
+    assert 1.0 / lag.roll == pytest.approx(0.08, abs=0.005)
+
+
+def test_short_period_of_the_transfer_function_is_that_of_the_state_space(edge540: Aircraft) -> None:
+    # but for the lift that pitch rate and elevator make
+    flown = dataclasses.replace(edge540, lift=dataclasses.replace(edge540.lift, C_Lq=0.0, C_Leta=0.0))
+    trim = to_linear(level_trim(flown, 90.0))
+    modes = np.linalg.eigvals(difference_quotients(linear_answer, flown, trim, LONGITUDINAL, LONGITUDINAL)[:2])
+    lag = lags(90.0, RHO_ISA, 0.0, linear_parameters(flown))
+    assert abs(modes[0]) ** 2 == pytest.approx(lag.stiffness_z, rel=0.05)
+    assert -2.0 * modes[0].real == pytest.approx(lag.damping_z, rel=0.05)
+
+
+# --- transfer functions ------------------------------------------------------------------------------------------
+
+
+@given(bodies, windy_airs)
+def test_a_command_that_is_met_is_held(edge540: Aircraft, some: SixDofState[float], air) -> None:
+    state = as_transfer_functions(some)
+    met = dataclasses.replace(state, n_z_cmd=state.n_z, n_y_cmd=state.n_y, p_cmd=state.p_Kbar, n_z_dot=0.0, n_y_dot=0.0)
+    rate, _ = fly_transfer_functions(edge540, air, met)
+    assert (rate.n_z, rate.n_z_dot, rate.n_y, rate.n_y_dot, rate.p_Kbar) == (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@given(bodies, windy_airs)
+def test_a_mirrored_aircraft_answers_mirrored(edge540: Aircraft, some: SixDofState[float], air: Air) -> None:
+    for fly, state in (
+        (fly_transfer_functions, as_transfer_functions(some)),
+        (fly_state_space, as_state_space(some)),
+    ):
+        rate, path = fly(edge540, air, state)
+        other_rate, other_path = fly(edge540, mirrored_air(air), mirrored(state))
+        assert list(other_rate.join()) == pytest.approx(list(mirrored(rate).join()), rel=1e-9, abs=1e-8)
+        assert list(other_path.join()) == pytest.approx(list(mirrored(path).join()), rel=1e-9, abs=1e-8)
+
+
+def test_lags_grow_shorter_with_the_speed_and_longer_with_the_height(edge540: Aircraft) -> None:
+    number = linear_parameters(edge540)
+    slow, fast, high = lags(60.0, 1.2, 0.03, number), lags(90.0, 1.2, 0.03, number), lags(60.0, 1.0, 0.03, number)
+    for name in vars(slow):
+        assert getattr(high, name) < getattr(slow, name) < getattr(fast, name)
+
+
+GIVEN = LinearLoops(V=90.0, short_period=Mode(8.0, 0.7), dutch_roll=Mode(4.0, 0.3), tau_p=0.12)
+
+
+def test_constants_given_are_flown_at_the_speed_they_are_given_for(edge540: Aircraft) -> None:
+    lag = level_lags(linear_parameters(dataclasses.replace(edge540, linear=GIVEN)), 90.0)
+    assert math.sqrt(lag.stiffness_z) == pytest.approx(8.0, rel=1e-12)
+    assert lag.damping_z == pytest.approx(2.0 * 0.7 * 8.0, rel=1e-12)
+    assert math.sqrt(lag.stiffness_y) == pytest.approx(4.0, rel=1e-12)
+    assert lag.damping_y == pytest.approx(2.0 * 0.3 * 4.0, rel=1e-12)
+    assert 1.0 / lag.roll == pytest.approx(0.12, rel=1e-12)
+
+
+def test_constants_equal_to_the_aircrafts_own_change_nothing(edge540: Aircraft) -> None:
+    own, V = level_lags(inner_loop_parameters(edge540), 80.0), 80.0
+    omega_z, omega_y = math.sqrt(own.stiffness_z), math.sqrt(own.stiffness_y)
+    same = LinearLoops(
+        V,
+        Mode(omega_z, own.damping_z / (2.0 * omega_z)),
+        Mode(omega_y, own.damping_y / (2.0 * omega_y)),
+        1.0 / own.roll,
+    )
+    corrected = linear_parameters(dataclasses.replace(edge540, linear=same))
+    assert list(corrected.join()) == pytest.approx(list(inner_loop_parameters(edge540).join()), rel=1e-10)
+
+
+@pytest.mark.parametrize("part", ["short_period", "dutch_roll", "tau_p"])
+def test_what_is_not_given_stays(edge540: Aircraft, part: str) -> None:
+    alone = dataclasses.replace(LinearLoops(90.0), **{part: getattr(GIVEN, part)})
+    before, after = (vars(linear_parameters(dataclasses.replace(edge540, linear=given))) for given in (None, alone))
+    touched = {name for name in before if before[name] != after[name]}
+    expected = {
+        "short_period": {"C_malpha", "C_mq", "C_malphadot"},
+        "dutch_roll": {"C_nbeta", "C_nr"},
+        "tau_p": {"C_lp"},
+    }
+    assert touched == expected[part]
+
+
+def test_six_degrees_of_freedom_know_no_corrections(edge540: Aircraft) -> None:
+    corrected = dataclasses.replace(edge540, linear=GIVEN)
+    assert inner_loop_parameters(corrected) == inner_loop_parameters(edge540)
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_torque_of_the_propeller_is_the_engines_power_over_its_rate_of_turn(edge540: Aircraft, sense: float) -> None:
+    Omega = sense * 2700.0 * 2.0 * math.pi / 60.0
+    turning = dataclasses.replace(edge540, propeller=Propeller(5.26, Omega))
+    trim = dataclasses.replace(level_trim(edge540, 80.0), z=0.0, delta_T=1.0)
+    alone, driven = (fly_six_dof(flown, Air(), trim)[0] for flown in (edge540, turning))
+    torque = (driven.p_K - alone.p_K) * edge540.airframe.I_x
+    assert pytest.approx(1.225, rel=1e-4) == RHO_ISA
+    assert torque == pytest.approx(-223.7e3 / Omega, rel=1e-9)
+
+
+def test_gyroscopic_moment_couples_pitch_and_yaw_by_the_angular_momentum(edge540: Aircraft) -> None:
+    h = 5.26 * 2700.0 * 2.0 * math.pi / 60.0
+    turning = dataclasses.replace(edge540, propeller=Propeller(5.26, h / 5.26))
+    pitching = dataclasses.replace(level_trim(edge540, 80.0), delta_T=0.0, q_K=1.0, r_K=0.5)
+    alone, driven = (fly_six_dof(flown, Air(), pitching)[0] for flown in (edge540, turning))
+    assert (driven.r_K - alone.r_K) * edge540.airframe.I_z == pytest.approx(h * 1.0, rel=1e-9)
+    assert (driven.q_K - alone.q_K) * edge540.airframe.I_y == pytest.approx(-h * 0.5, rel=1e-9)
+
+
+commands = st.builds(Commands, n_z=st.floats(-4.0, 10.0), n_y=st.floats(-0.5, 0.5), p=st.floats(-6.0, 6.0))
+NAMES = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
+
+
+def inverted(
+    aircraft: Aircraft, air: Air, state: StateSpaceInversionState[float], wanted: Commands, gains: Gains = GAINS
+) -> StateSpaceState[float]:
+    """The state of the inner loop with the deflections that its inverse asks for."""
+    number = linear_parameters(aircraft)
+    here = surrounding(state, aircraft=number, **surroundings(air))
+    values = vars(state) | vars(deflections(state, wanted, here, number, gains))
+    return StateSpaceState(**{name: values[name] for name in StateSpaceState.names()})
+
+
+@settings(max_examples=40)
+@given(bodies, windy_airs, commands)
+def test_inner_loop_answers_its_inverse_with_the_accelerations_asked_for(
+    edge540: Aircraft, some: SixDofState[float], air: Air, wanted: Commands
+) -> None:
+    flown, state = with_airframe(edge540, I_xz=80.0), as_state_space_inversion(some)
+    plant = inverted(flown, air, state, wanted)
+    rate, path = fly_state_space(flown, air, plant)
+    number = linear_parameters(flown)
+    here = surrounding(state, aircraft=number, **surroundings(air))
+    R = rotation(state.q)
+    q_Kbar, r_Kbar = g0 * (path.n_z - R[2][2]) / state.V_K, g0 * (path.n_y + R[2][1]) / state.V_K
+    C_L = normal_load_factor(state, plant.eta, here, number)[1]
+    beta_des = sideslip(wanted.n_y, state, C_L, here, number)
+    alpha_error = angle_of_attack(wanted.n_z, state, here, number) - path.alpha_A
+    q_des = q_Kbar + GAINS.alpha * alpha_error
+    r_des = r_Kbar - GAINS.beta * (beta_des - path.beta_A)
+    assert rate.p_s == pytest.approx(GAINS.p * (wanted.p - state.p_s), rel=1e-9, abs=1e-7)
+    assert rate.q_K == pytest.approx(GAINS.q * (q_des - state.q_K), rel=1e-9, abs=1e-7)
+    assert rate.r_s == pytest.approx(GAINS.r * (r_des - state.r_s), rel=1e-9, abs=1e-7)
+
+
+@settings(max_examples=40)
+@given(bodies, windy_airs)
+def test_controlled_model_is_the_inner_loop_behind_its_inverse(
+    edge540: Aircraft, some: SixDofState[float], air: Air
+) -> None:
+    state = as_state_space_inversion(some)
+    wanted = Commands(state.n_z_cmd, state.n_y_cmd, state.p_cmd)
+    plant = inverted(edge540, air, state, wanted)
+    rate, path = fly_state_space_inversion(edge540, air, state)
+    plant_rate, plant_path = fly_state_space(edge540, air, plant)
+    assert [getattr(rate, one) for one in NAMES] == pytest.approx([getattr(plant_rate, one) for one in NAMES])
+    assert (path.eta, path.xi, path.zeta) == pytest.approx((plant.eta, plant.xi, plant.zeta))
+    assert (path.n_z, path.n_y, path.C_L) == pytest.approx((plant_path.n_z, plant_path.n_y, plant_path.C_L))
+
+
+@pytest.mark.parametrize("mu", [0.0, -0.6, 1.3])
+@pytest.mark.parametrize(("n_z", "n_y"), [(1.0, 0.0), (4.0, 0.1), (-1.5, -0.2)])
+def test_load_factors_commanded_are_those_of_the_steady_flight(
+    edge540: Aircraft, mu: float, n_z: float, n_y: float
+) -> None:
+    q0, q1, q2, q3 = quaternion(0.4, 0.1, mu)
+    values = vars(level_trim(edge540, 85.0)) | {"q0": q0, "q1": q1, "q2": q2, "q3": q3, "p_s": 0.0, "r_s": 0.0}
+    values |= {"n_z_cmd": n_z, "n_y_cmd": n_y, "p_cmd": 0.0}
+    base = StateSpaceInversionState(**{name: values[name] for name in StateSpaceInversionState.names()})
+
+    def residual(unknowns: Array) -> list[float]:
+        rate, _ = fly_state_space_inversion(
+            edge540, Air(), dataclasses.replace(base, **dict(zip(NAMES, unknowns, strict=True)))
+        )
+        return [getattr(rate, one) for one in NAMES]
+
+    found = root(residual, [0.05, 0.0, 0.0, 0.0, 0.0], tol=1e-12).x
+    assert residual(found) == pytest.approx([0.0] * 5, abs=1e-9)
+    steady = dataclasses.replace(base, **dict(zip(NAMES, (float(one) for one in found), strict=True)))
+    _, path = fly_state_space_inversion(edge540, Air(), steady)
+    assert (path.n_z, path.n_y, steady.p_s) == pytest.approx((n_z, n_y, 0.0), abs=1e-9)
+
+
+def test_commands_held_for_two_seconds_are_flown(edge540: Aircraft) -> None:
+    trim = level_trim(edge540, 90.0)
+    values = vars(trim) | {"p_s": 0.0, "r_s": 0.0, "n_z_cmd": 5.0, "n_y_cmd": 0.15, "p_cmd": 0.0, "delta_T": 1.0}
+    start = StateSpaceInversionState(**{name: values[name] for name in StateSpaceInversionState.names()})
+
+    def derivative(_: float, x: Array) -> list[float]:
+        state = StateSpaceInversionState[float].split(x)
+        return list(fly_state_space_inversion(edge540, Air(), state)[0].join())
+
+    x = solve_ivp(derivative, (0.0, 2.0), list(start.join()), rtol=1e-9, atol=1e-9).y[:, -1]
+    _, path = fly_state_space_inversion(edge540, Air(), StateSpaceInversionState[float].split(x))
+    # what is left is the lag behind a trim that moves as the aircraft climbs and slows down
+    assert path.n_z == pytest.approx(5.0, abs=0.25)
+    assert path.n_y == pytest.approx(0.15, abs=0.03)
+
+
+def test_a_roll_rate_commanded_in_flight_is_reached_within_a_third_of_a_second(edge540: Aircraft) -> None:
+    values = vars(level_trim(edge540, 90.0)) | {"p_s": 0.0, "r_s": 0.0, "n_z_cmd": 1.0, "n_y_cmd": 0.0, "p_cmd": 4.0}
+    start = StateSpaceInversionState(**{name: values[name] for name in StateSpaceInversionState.names()})
+
+    def derivative(_: float, x: Array) -> list[float]:
+        state = StateSpaceInversionState[float].split(x)
+        return list(fly_state_space_inversion(edge540, Air(), state)[0].join())
+
+    times = np.linspace(0.0, 0.33, 12)
+    flown = solve_ivp(derivative, (0.0, 0.33), list(start.join()), rtol=1e-9, atol=1e-9, t_eval=times).y
+    rolling = StateSpaceInversionState.split(flown).p_s
+    # the first-order lag of the chain's gain, whatever else the aircraft does
+    assert rolling == pytest.approx(4.0 * (1.0 - np.exp(-GAINS.p * times)), abs=1e-5)
+
+
+@settings(max_examples=40)
+@given(bodies, windy_airs)
+def test_a_mirrored_command_moves_the_surfaces_mirrored(edge540: Aircraft, some: SixDofState[float], air: Air) -> None:
+    state = as_state_space_inversion(some)
+    rate, path = fly_state_space_inversion(edge540, air, state)
+    other_rate, other_path = fly_state_space_inversion(edge540, mirrored_air(air), mirrored(state))
+    assert list(other_rate.join()) == pytest.approx(list(mirrored(rate).join()), rel=1e-8, abs=1e-8)
+    assert list(other_path.join()) == pytest.approx(list(mirrored(path).join()), rel=1e-8, abs=1e-8)
+
+
+RULES = Rules(n_z=Interval(-2.0, 10.0))
+AIR = Air(wind=StaticWind(0.4, 8.0))
+State, Control = PointMassState[float], PointMassControl[float]
+
+
+@pytest.fixture(scope="module")
+def counting(edge540: Aircraft) -> FlightModel:
+    return build_point_mass(edge540, RULES, AIR, counting=True)
+
+
+@pytest.fixture(scope="module")
+def plain(edge540: Aircraft) -> FlightModel:
+    return build_point_mass(edge540, RULES, AIR)
+
+
+def rates(model: FlightModel, state: State, control: Control, counters: list[float], reset: list[float]) -> np.ndarray:
+    x, u = [*state.join(), *counters], [*control.join(), *reset]
+    return np.array(model.system.rates(x, u, model.parameter_values)).ravel()
+
+
+@given(states, controls)
+def test_counters_turn_with_the_roll_rate_and_rise_with_the_flight(
+    counting: FlightModel, state: State, control: Control
+) -> None:
+    found = dict(
+        zip(
+            (one.name for one in counting.system.states),
+            rates(counting, state, control, [1.0, 9.0], [0.0, 0.0]),
+            strict=True,
+        )
+    )
+    assert found["Phi"] == pytest.approx(state.p_Kbar, abs=1e-12)
+    assert found["gain"] == pytest.approx(-found["z"], abs=1e-12)
+
+
+@given(states, controls)
+def test_resets_wind_the_counters_and_nothing_else(counting: FlightModel, state: State, control: Control) -> None:
+    resting = rates(counting, state, control, [0.0, 0.0], [0.0, 0.0])
+    wound = rates(counting, state, control, [2.0, -30.0], [-1.5, 4.0])
+    assert wound[-2:] - resting[-2:] == pytest.approx([-1.5, 4.0], abs=1e-9)
+    assert np.array_equal(wound[:-2], resting[:-2])
+
+
+@given(states, controls)
+def test_flight_is_the_same_with_and_without_counting(
+    counting: FlightModel, plain: FlightModel, state: State, control: Control
+) -> None:
+    with_counters = rates(counting, state, control, [0.3, 5.0], [0.1, 0.1])
+    assert with_counters[:-2] == pytest.approx(rates(plain, state, control, [], []), rel=1e-13, abs=1e-13)

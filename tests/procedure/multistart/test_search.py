@@ -1,0 +1,505 @@
+"""The search over routes, from scratch and around a start, on one thread or several."""
+
+import dataclasses
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from races import SHIPPED, SMALL, blown, prepared
+from search_races import (
+    OFF,
+    PLAN,
+    QUICK,
+    SLALOM,
+    open_session,
+    optimum,
+    planned_coarse_solution,
+    search_point_mass,
+    slalom,
+)
+from transformations import mirrored
+from waiting import PATIENCE
+
+from airrace.errors import SolverCrash
+from airrace.optimal_control.solvers.process.service import SolverEnded, SolverService
+from airrace.optimal_control.solvers.solver import Solution
+from airrace.planning.race import Race
+from airrace.procedure import fidelity_continuation
+from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.multistart.budget import QUICK as QUICK_EFFORT
+from airrace.procedure.multistart.budget import THOROUGH, Radius, SearchBudget
+from airrace.procedure.multistart.coarse_solution import planned_guess, solve_coarse, try_solve
+from airrace.procedure.multistart.local_search import find_faster_route
+from airrace.procedure.multistart.multistart import Exploration, explore
+from airrace.procedure.multistart.search import WORTH
+from airrace.procedure.multistart.solver_pool import SolverPool
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome, Route, Stage, StageResult
+from airrace.procedure.run import optimize
+from airrace.procedure.settings import SearchEffort, Settings
+from airrace.procedure.stage_problem import stage_flight
+from airrace.procedure.start import InitialBarrier
+from airrace.trajectory import Trajectory
+
+SAME = 5e-3  # s
+HALF_CUBAN = SHIPPED["half_cuban_eight"]
+each_small_race = pytest.mark.parametrize(
+    "race",
+    [
+        pytest.param(SMALL, id="four gates", marks=pytest.mark.slow),
+        pytest.param(SLALOM, id="slalom"),
+        pytest.param(HALF_CUBAN, id="half cuban eight"),
+    ],
+)
+
+
+def seconds(result: StageResult) -> float:
+    return result.trajectory.race_time
+
+
+@each_small_race
+def test_explored_race_is_certified_and_no_slower(race: Race) -> None:
+    assert optimum(race).certified
+    assert seconds(optimum(race)) <= seconds(optimum(race, OFF)) + SAME
+
+
+def test_flight_that_rounds_its_pylon_backwards_is_corrected() -> None:
+    assert optimum(SLALOM, OFF).certified  # a certificate says nothing of other routes
+    assert seconds(optimum(SLALOM)) < seconds(optimum(SLALOM, OFF)) - 5.0
+
+
+@pytest.mark.parametrize("limits", [(7.0, 6.0), pytest.param((8.0, 7.0, 6.0), marks=pytest.mark.slow)])
+def test_tighter_limit_makes_no_race_faster(limits: tuple[float, ...]) -> None:
+    times = [seconds(optimum(slalom(n_z))) for n_z in limits]
+    for looser, tighter in itertools.pairwise(times):
+        assert looser <= tighter + SAME
+
+
+def test_mirrored_race_takes_the_same_time_in_the_mirrored_ways() -> None:
+    own, image = optimum(SLALOM), optimum(mirrored(SLALOM))
+    assert seconds(image) == pytest.approx(seconds(own), abs=SAME)
+    other = {"right": "left", "left": "right"}
+    # Names of passages stay as they are: only what follows the colon is seen in the mirror.
+    for way, seen in zip(own.search.routes, image.search.routes, strict=True):
+        legs = [leg.split(": ") for leg in way.text.split("; ")]
+        expected = "; ".join(
+            ": ".join([*leg[:-1], " ".join(_mirrored_word(word, other) for word in leg[-1].split(" "))]) for leg in legs
+        )
+        assert seen.text == expected
+        assert seen.difference == pytest.approx(way.difference, abs=2e-2)
+
+
+def _mirrored_word(word: str, other: dict[str, str]) -> str:
+    bare = word.rstrip(",")
+    return other.get(bare, bare) + word[len(bare) :]
+
+
+def assert_same_flight(one: StageResult, other: StageResult) -> None:
+    assert one.search.routes == other.search.routes
+    assert (one.search.converged_to_best, one.search.converged_elsewhere, one.search.failed) == (
+        other.search.converged_to_best,
+        other.search.converged_elsewhere,
+        other.search.failed,
+    )
+    for name in ("durations", "state", "control"):
+        np.testing.assert_array_equal(getattr(one.trajectory, name), getattr(other.trajectory, name))
+
+
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
+def test_result_is_the_same_in_every_bit_whoever_does_the_work(threads: int) -> None:
+    again = search_point_mass.__wrapped__(SLALOM, QUICK, threads)
+    assert_same_flight(optimum(SLALOM), again)
+
+
+def search_with(effort: SearchBudget, race: Race) -> Exploration:
+    with open_session() as session:
+        return explore(prepared(race), race.course, session, effort)
+
+
+def test_improving_a_wide_start_finds_the_way_of_the_tight_start() -> None:
+    wide = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),))
+    unimproved = search_with(dataclasses.replace(wide, rounds=0), SLALOM).search(0)
+    improved = search_with(wide, SLALOM).search(0)
+    tight = search_with(dataclasses.replace(QUICK_EFFORT, radii=(Radius(0.4),)), SLALOM).search(0)
+    assert unimproved.routes[0].race_time > tight.routes[0].race_time + 5.0
+    assert improved.routes[0].race_time == pytest.approx(tight.routes[0].race_time, abs=2e-2)
+    assert improved.routes[0].text == tight.routes[0].text
+
+
+def test_loop_that_is_left_is_told() -> None:
+    """Without other starts and without improving, the wound flight is the best of those tried."""
+    effort = dataclasses.replace(QUICK_EFFORT, radii=(Radius(1.0),), rounds=0)
+    told = " ".join(search_with(effort, SLALOM).search(0).loops)
+    assert "left -> right" in told
+    assert "where the gates ask for" in told
+
+
+def test_loops_are_warned_of(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    loop = "left -> right: turns 340 degrees on 900 m, where the gates ask for 20 degrees on 160 m"
+
+    def looped(*arguments: object) -> Exploration:
+        found = explore(*arguments)  # type: ignore[arg-type]
+        return dataclasses.replace(found, search=lambda one: dataclasses.replace(found.search(one), loops=(loop,)))
+
+    monkeypatch.setattr(fidelity_continuation, "explore", looped)
+    with open_session(QUICK) as session, caplog.at_level(logging.WARNING):
+        result = FidelityContinuation(SMALL, QUICK, ()).climb(Stage.POINT_MASS, session)
+    assert result.search.loops == (loop,)
+    assert [record.getMessage() for record in caplog.records] == [f"the flight may hold a needless loop: {loop}"]
+
+
+@each_small_race
+def test_race_that_is_flown_well_has_no_needless_loop(race: Race) -> None:
+    assert optimum(race).search.loops == ()
+
+
+def ranked(ways: Sequence[Route]) -> list[float]:
+    return [way.race_time for way in ways]
+
+
+@each_small_race
+def test_best_way_comes_first_and_the_others_follow_by_race_time(race: Race) -> None:
+    explored = optimum(race).search
+    best, *others = explored.routes
+    assert (best.difference, best.evaluated_by) == (0.0, "joint")
+    assert ranked(others) == sorted(ranked(others))
+    for way in explored.routes:
+        assert way.difference == pytest.approx(way.race_time - best.race_time, abs=1e-12)
+        assert way.evaluated_by in ("joint", "window")
+        assert way.difference > -WORTH, "a price that was not tried jointly"
+    texts = [way.text for way in others]
+    assert len(set(texts)) == len(texts)
+    assert explored.led >= 1
+    assert explored.seconds > 0.0
+
+
+@each_small_race
+def test_rough_time_of_the_best_way_is_near_the_certified_one(race: Race) -> None:
+    assert optimum(race).search.routes[0].race_time == pytest.approx(seconds(optimum(race)), abs=0.03)
+
+
+def test_without_exploring_nothing_is_told() -> None:
+    assert optimum(SLALOM, OFF).search.routes == ()
+    assert optimum(SLALOM, OFF).search.seconds == 0.0
+
+
+def test_start_without_exploring_is_never_lost_by_it() -> None:
+    """Were all other plans of no use, exploring would still end where the race ends without it."""
+    others_lead_nowhere = dataclasses.replace(QUICK_EFFORT, radii=(), rounds=0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fidelity_continuation, "EFFORTS", {SearchEffort.QUICK: others_lead_nowhere})
+        (result,) = optimize(SLALOM, QUICK, until=Stage.POINT_MASS, threads=1, progress=Silent())
+    assert result.certified
+    assert (result.search.converged_to_best, result.search.converged_elsewhere, result.search.failed) == (1, 0, 0)
+    assert seconds(result) == pytest.approx(seconds(optimum(SLALOM, OFF)), abs=SAME)
+
+
+def test_thorough_search_tries_all_that_a_quick_one_tries() -> None:
+    assert {radius.factor for radius in QUICK_EFFORT.radii if not radius.slower} <= {
+        radius.factor for radius in THOROUGH.radii if not radius.slower
+    }
+    for name in ("max_plan_penalty", "rounds", "alternatives", "finalists"):
+        assert getattr(THOROUGH, name) >= getattr(QUICK_EFFORT, name)
+
+
+def test_no_race_without_a_flight_has_starts() -> None:
+    """Where every start is lost the homotopy and the plan are what is left."""
+    effort = dataclasses.replace(QUICK_EFFORT, radii=())
+    found = search_with(effort, SMALL)
+    assert found.starts == ()
+    assert found.search(0).routes == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "race",
+    [
+        pytest.param(SMALL, id="four gates"),
+        pytest.param(SLALOM, id="slalom"),
+        pytest.param(HALF_CUBAN, id="half cuban eight"),
+    ],
+)
+def test_thorough_search_is_no_slower_than_a_quick_one(race: Race) -> None:
+    thorough = dataclasses.replace(PLAN, search=SearchEffort.THOROUGH)
+    assert seconds(optimum(race, thorough)) <= seconds(optimum(race)) + SAME
+
+
+WINDY = blown(SLALOM, 200.0, 2.0)
+
+
+def found_around(optimum: StageResult) -> str:
+    source = stage_flight(optimum.stage, SLALOM, QUICK, optimum.trajectory)
+    with open_session() as session, session.pool() as pool:
+        return find_faster_route(prepared(SLALOM), source, optimum, SLALOM.course, pool)
+
+
+def test_wrong_way_round_is_told() -> None:
+    told = found_around(optimum(SLALOM, OFF))
+    assert told.endswith(" s")
+    words, _, seconds = told.removesuffix(" s").partition(" saves about ")
+    assert "->" in words
+    assert float(seconds) > 5.0
+
+
+def test_of_a_good_flight_nothing_is_told() -> None:
+    assert found_around(optimum(SLALOM)) == ""
+
+
+def started(start: StageResult, chosen: Settings, threads: int = 1) -> StageResult:
+    (result,) = optimize(
+        WINDY, chosen, until=Stage.POINT_MASS, threads=threads, start=[start], start_name="calm.h5", progress=Silent()
+    )
+    assert result.certified
+    return result
+
+
+def test_run_started_from_a_flight_the_wrong_way_round_is_flown_from_scratch_and_says_so() -> None:
+    result = started(optimum(SLALOM, OFF), QUICK)
+    assert result.remarks.startswith("calm.h5: from its point-mass an optimum of ")
+    assert result.remarks.endswith("so the start is from scratch")
+    assert result.trajectory.race_time < optimum(SLALOM, OFF).trajectory.race_time - 5.0
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_run_started_from_a_good_flight_keeps_its_way(threads: int) -> None:
+    result = started(optimum(SLALOM), QUICK, threads)
+    assert result.remarks == ""
+    assert result.provenance.source == "point-mass of calm.h5"
+
+
+def test_wrong_way_round_is_told_the_same_while_the_race_is_solved() -> None:
+    one, two = (started(optimum(SLALOM, OFF), QUICK, threads) for threads in (1, 2))
+    assert one.remarks == two.remarks
+    assert np.array_equal(one.trajectory.state, two.trajectory.state)
+
+
+def test_search_beside_is_given_up_with_what_it_stands_beside() -> None:
+    with open_session(threads=2) as session:
+        begun = threading.Event()
+
+        def endless(pool: SolverPool) -> str:
+            begun.set()
+            while True:
+                pool.work([planned_guess(prepared(SLALOM), prepared(SLALOM).plan, InitialBarrier.COLD)], solve_coarse)
+
+        def interrupted() -> None:
+            with session.aside(endless):
+                assert begun.wait(60.0)
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+
+
+def test_error_of_a_search_beside_is_raised_where_it_is_asked_for() -> None:
+    with open_session(threads=2) as session, session.aside(lambda _: 1 / 0) as search, pytest.raises(ZeroDivisionError):
+        search.result()
+
+
+def test_without_exploring_a_start_is_taken_as_it_is() -> None:
+    result = started(optimum(SLALOM, OFF), OFF)
+    assert result.remarks == ""
+    assert result.trajectory.race_time > optimum(SLALOM).trajectory.race_time + 5.0
+
+
+def test_certified_start_is_not_given_up_for_a_promise_that_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another way seems faster when solved coarsely; from scratch it leads to nothing faster, or to nothing at all."""
+    good = started(optimum(SLALOM), QUICK)
+    promise = "left -> right, flat, saves about 0.03 s"
+    monkeypatch.setattr(FidelityContinuation, "find_faster_route", lambda *_: lambda _: promise)
+    for scratch in (slower(good), dataclasses.replace(good, outcome=Outcome.NOT_CERTIFIED)):
+        monkeypatch.setattr(FidelityContinuation, "climb", lambda *_, found=scratch: found)
+        result = started(optimum(SLALOM), QUICK)
+        assert result.trajectory.race_time == good.trajectory.race_time
+        assert result.remarks.endswith("so the start is from scratch, which led to nothing faster")
+
+
+def test_spare_start_is_taken_once_where_a_later_stage_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From scratch the point mass becomes faster, but nothing leads on from it nor from the spare start."""
+    good = started(optimum(SLALOM), QUICK)
+    monkeypatch.setattr(
+        FidelityContinuation, "find_faster_route", lambda *_: lambda _: "a route that saves about 0.03 s"
+    )
+    scratch = {
+        Stage.POINT_MASS: dataclasses.replace(good, trajectory=scaled(good, 0.99)),
+        Stage.TRANSFER_FUNCTION: dataclasses.replace(
+            good, stage=Stage.TRANSFER_FUNCTION, outcome=Outcome.NOT_CERTIFIED, message="no"
+        ),
+    }
+    monkeypatch.setattr(FidelityContinuation, "climb", lambda _, stage, session: scratch[stage])
+    run = optimize(
+        *(WINDY, QUICK),
+        until=Stage.TRANSFER_FUNCTION,
+        threads=1,
+        start=[optimum(SLALOM)],
+        start_name="calm.h5",
+        progress=Silent(),
+    )
+    faster, spare, failed = itertools.islice(run, 4)
+    assert faster.remarks.endswith("so the start is from scratch")
+    assert spare.remarks == f"{faster.remarks}, which led to nothing faster"
+    assert spare.trajectory.race_time == good.trajectory.race_time
+    assert (failed.stage, failed.remarks) == (Stage.TRANSFER_FUNCTION, "no")
+
+
+def slower(result: StageResult) -> StageResult:
+    return dataclasses.replace(result, trajectory=scaled(result, 1.01))
+
+
+def scaled(result: StageResult, factor: float) -> Trajectory:
+    return dataclasses.replace(result.trajectory, durations=factor * result.trajectory.durations)
+
+
+class Idle(SolverService):
+    """A solver process that is none."""
+
+    def __init__(self) -> None:
+        self.ended = False
+        self.working = False
+
+    def end(self) -> None:
+        self.ended = True
+
+    def stop_unless_started_here(self) -> None:
+        assert not self.working
+
+
+def crew_of(size: int) -> tuple[SolverPool, Idle, list[Idle]]:
+    own, added = Idle(), list[Idle]()
+
+    def make() -> Idle:
+        added.append(Idle())
+        return added[-1]
+
+    return SolverPool(own, size, make), own, added
+
+
+@pytest.mark.parametrize("size", [1, 2, 4])
+def test_results_come_in_the_order_of_the_jobs_whoever_is_first(size: int) -> None:
+    pool, _, added = crew_of(size)
+    assert len(added) == size - 1
+
+    def do(_: SolverService, job: int) -> int:
+        time.sleep(0.02 / (1 + job))
+        return job * job
+
+    with pool:
+        assert pool.work(range(12), do) == [job * job for job in range(12)]
+        assert pool.work([], do) == []
+
+
+def test_nobody_works_on_two_jobs_at_once() -> None:
+    pool, own, added = crew_of(3)
+    all_at_work = threading.Barrier(3, timeout=PATIENCE)
+
+    def do(service: SolverService, job: int) -> None:
+        assert isinstance(service, Idle)
+        assert not service.working
+        service.working = True
+        if job < 3:
+            all_at_work.wait()
+            assert all(one.working for one in (own, *added))
+            all_at_work.wait()
+        time.sleep(0.001)
+        service.working = False
+
+    with pool:
+        pool.work(range(20), do)
+
+
+def test_those_that_were_added_are_ended_and_the_first_one_works_on() -> None:
+    pool, own, added = crew_of(3)
+    with pool:
+        pass
+    assert [one.ended for one in added] == [True, True]
+    assert not own.ended
+
+
+def test_error_reaches_the_caller_and_ends_all_for_any_may_be_in_mid_solve() -> None:
+    pool, own, added = crew_of(2)
+
+    def do(_: SolverService, job: int) -> int:
+        if job == 1:
+            raise SolverCrash("the solver process died")
+        return job
+
+    with pytest.raises(SolverCrash, match="died"), pool:
+        pool.work(range(4), do)
+    assert own.ended
+    assert all(one.ended for one in added)
+
+
+def test_what_is_left_of_the_jobs_after_an_error_is_not_begun_on_a_process_that_was_ended() -> None:
+    pool, own, added = crew_of(2)
+    begun: list[int] = []
+
+    def do(service: SolverService, job: int) -> None:
+        begun.append(job)
+        assert isinstance(service, Idle)
+        if job == 0:
+            raise SolverCrash("the solver process died")
+        while not service.ended:
+            time.sleep(0.001)
+
+    with pytest.raises(SolverCrash), pool:
+        pool.work(range(10), do)
+    assert len(begun) <= 3
+    assert own.ended
+    assert added[0].ended
+
+
+def test_no_process_is_left_where_one_cannot_be_started() -> None:
+    made: list[Idle] = []
+
+    def make() -> Idle:
+        if made:
+            raise OSError("no memory")
+        made.append(Idle())
+        return made[-1]
+
+    with pytest.raises(OSError, match="no memory"):
+        SolverPool(Idle(), 3, make)
+    assert made[0].ended
+
+
+def test_process_that_was_started_anew_in_the_crew_does_not_die_with_it() -> None:
+    """On Linux a process ends with the thread that has started it."""
+    coarse = planned_coarse_solution(SMALL)
+
+    def solve(service: SolverService, _: object = None) -> Solution | None:
+        return try_solve(service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
+
+    def solve_anew(service: SolverService, _: object) -> Solution | None:
+        service.stop()
+        return solve(service)
+
+    with open_session() as session:
+        with session.pool() as pool:
+            (inside,) = pool.work([None], solve_anew)
+        time.sleep(0.2)  # its thread has ended by now
+        outside = solve(session.service)
+    assert inside is not None
+    assert outside is not None
+    assert outside.objective == inside.objective
+
+
+def test_service_that_was_ended_starts_no_other_process() -> None:
+    coarse = planned_coarse_solution(SMALL)
+    with open_session() as session:
+        session.service.end()
+        with pytest.raises(SolverEnded):
+            try_solve(session.service, coarse.problem, coarse.iterate, InitialBarrier.COARSE)
+
+
+def test_flight_that_kills_its_solver_is_left_out_and_the_next_one_is_flown(caplog: pytest.LogCaptureFixture) -> None:
+    coarse = planned_coarse_solution(SMALL)
+    broken = dataclasses.replace(coarse.iterate, state=coarse.iterate.state[:-1])
+    with open_session() as session, caplog.at_level(logging.WARNING):
+        assert try_solve(session.service, coarse.problem, broken, InitialBarrier.COARSE) is None
+        assert try_solve(session.service, coarse.problem, coarse.iterate, InitialBarrier.COARSE) is not None
+    (record,) = caplog.records
+    assert "left out" in record.getMessage()

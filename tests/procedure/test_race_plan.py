@@ -1,0 +1,381 @@
+"""The plan of a race and its speed."""
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+from races import (
+    BESIDE,
+    COURSES,
+    DEGREE,
+    EDGE_540,
+    PLAN,
+    RACES,
+    ROOT,
+    RULES,
+    SHIPPED,
+    SMALL,
+    WINDOW,
+    blown,
+    course,
+    knife_edge,
+    level,
+    optimum,
+)
+from races import planned as plan_of
+from races import pylon as pylon_at
+from transformations import mirrored, rotated
+
+from airrace.environment.air import Air
+from airrace.environment.atmosphere import g0
+from airrace.frames import angle_between
+from airrace.inputs import load_inputs
+from airrace.planning import plan as planning
+from airrace.planning.plan import ONE_PLACE, Plan, plan
+from airrace.planning.planning_model import AIR_DENSITY, cruise, top_speed
+from airrace.planning.race import Race
+from airrace.planning.route_decisions import ANY, TWIN
+from airrace.procedure.fidelity_continuation import FidelityContinuation
+from airrace.procedure.progress import Silent
+from airrace.procedure.result import Outcome
+from airrace.procedure.results_api import derived_quantities, sampler
+from airrace.procedure.run import optimize
+from airrace.procedure.split_comparison import compared, last_common
+from airrace.procedure.stage import STAGES, Stage
+from airrace.quantities import Interval
+from airrace.track.course import Direction
+from airrace.track.gates import Gate, Manoeuvre, Pylon
+
+every_race = pytest.mark.parametrize("name", RACES)
+OFFICIAL_SECONDS = 59.012  # of the winner at Rovinj in 2014, see the track file
+
+
+def race_of(*elements: Gate | Pylon) -> Race:
+    return Race(course("built", *elements), EDGE_540, Air())
+
+
+@every_race
+def test_all_passages_are_planned_in_the_order_flown(name: str) -> None:
+    planned = plan_of(RACES[name])
+    assert [waypoint.passage for waypoint in planned.waypoints] == list(RACES[name].course.passages)
+    assert len(planned.legs) == len(planned.waypoints) - 1
+
+
+@every_race
+def test_gates_are_crossed_at_their_centre_and_within_their_crossing_angle(name: str) -> None:
+    for waypoint in plan_of(RACES[name]).waypoints:
+        gate = waypoint.passage.element
+        if isinstance(gate, Gate):
+            assert waypoint.position == (gate.north, gate.east, gate.height)
+            forward = math.cos(waypoint.axis - gate.heading)
+            expected = {Direction.FORWARD: 1.0, Direction.REVERSE: -1.0}[waypoint.passage.direction]
+            assert forward == pytest.approx(expected)
+            assert abs(angle_between(waypoint.heading, waypoint.axis)) <= gate.tolerances.crossing + 1e-9
+            assert waypoint.bank == gate.bank
+
+
+@every_race
+def test_pylons_are_passed_on_their_side_beyond_clearance_and_wing(name: str) -> None:
+    for waypoint in plan_of(RACES[name]).waypoints:
+        element = waypoint.passage.element
+        if isinstance(element, Pylon):
+            assert waypoint.position is not None
+            offset = (waypoint.position[0] - element.north, waypoint.position[1] - element.east)
+            beside = offset[0] * math.cos(element.side) + offset[1] * math.sin(element.side)
+            along = offset[0] * math.sin(element.side) - offset[1] * math.cos(element.side)
+            assert element.tolerances.clearance + EDGE_540.airframe.b / 2 < beside < element.reach
+            assert along == pytest.approx(0.0, abs=1e-9)
+            assert math.cos(waypoint.axis - element.side) == pytest.approx(0.0, abs=1e-9)
+            assert abs(angle_between(waypoint.heading, waypoint.axis)) <= element.tolerances.crossing + 1e-9
+
+
+@every_race
+def test_manoeuvres_keep_what_they_prescribe(name: str) -> None:
+    for waypoint in plan_of(RACES[name]).waypoints:
+        element = waypoint.passage.element
+        if isinstance(element, Manoeuvre):
+            assert waypoint.position == element.position
+            assert waypoint.climb == (element.climb or 0.0)
+            assert waypoint.bank == element.bank
+            assert element.heading is None or waypoint.heading == element.heading
+
+
+@every_race
+def test_legs_lead_from_waypoint_to_waypoint_in_the_planned_direction(name: str) -> None:
+    planned = plan_of(RACES[name])
+    for leg, (a, b) in zip(planned.legs, itertools.pairwise(planned.waypoints), strict=True):
+        if leg.path is None:
+            assert a.position is None or b.position is None or a.climb or b.climb
+            continue
+        north, east, heading = (values.tolist() for values in leg.path.points(np.array([0.0, leg.path.length])))
+        assert a.position is not None
+        assert b.position is not None
+        assert north == pytest.approx([a.position[0], b.position[0]], abs=1e-6)
+        assert east == pytest.approx([a.position[1], b.position[1]], abs=1e-6)
+        assert abs(angle_between(heading[0], a.heading)) < 1e-9
+        assert abs(angle_between(heading[1], b.heading)) < 1e-6
+        assert max(abs(one) for one in leg.path.curvatures) <= 1.0 / planned.cruise.radius + 1e-12
+
+
+@every_race
+def test_planned_time_is_that_of_its_legs_and_no_shorter_than_straight_lines(name: str) -> None:
+    planned = plan_of(RACES[name])
+    level_legs = sum(leg.path.length for leg in planned.legs if leg.path is not None) / planned.cruise.V
+    assert level_legs <= planned.seconds + 1e-9
+    if all(leg.path is not None for leg in planned.legs):
+        assert planned.seconds == pytest.approx(level_legs)
+        at = [waypoint.position for waypoint in planned.waypoints if waypoint.position is not None]
+        straight = sum(math.dist(a[:2], b[:2]) for a, b in itertools.pairwise(at))
+        assert straight / planned.cruise.V <= planned.seconds
+
+
+def test_planned_time_of_rovinj_is_near_the_official_one() -> None:
+    assert plan_of(SHIPPED["rovinj_2014"]).seconds == pytest.approx(OFFICIAL_SECONDS, rel=0.1)
+
+
+@every_race
+def test_mirrored_course_has_the_mirrored_plan(name: str) -> None:
+    planned, image = plan_of(RACES[name]), plan_of(mirrored(RACES[name]))
+    assert image.seconds == pytest.approx(planned.seconds, rel=1e-12)
+    for a, b in zip(planned.waypoints, image.waypoints, strict=True):
+        assert abs(angle_between(a.heading, -b.heading)) < 1e-9
+        assert b.climb == a.climb
+        assert (b.bank or 0.0) == -(a.bank or 0.0)
+        if a.position is not None:
+            north, east, height = a.position
+            assert b.position == pytest.approx((north, -east, height), abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1.0, 37.0, 170.0, 260.0])
+@pytest.mark.parametrize("name", [*RACES, "air_race_x_2024"])
+def test_plan_does_not_depend_on_the_direction_of_north(name: str, angle: float) -> None:
+    race = RACES[name] if name in RACES else load_inputs(ROOT / "tracks" / f"{name}.yaml").race
+    assert plan_of(rotated(race, angle * DEGREE)).seconds == pytest.approx(plan_of(race).seconds, rel=1e-6)
+    assert plan_of(mirrored(race)).seconds == pytest.approx(plan_of(race).seconds, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", [*RACES, "air_race_x_2024"])
+def test_twin_of_a_plan_is_the_mirror_image_of_the_plan_of_the_mirrored_course(name: str) -> None:
+    """So whatever is planned of a course is planned of its image, too, though not in the same order."""
+    race = RACES[name] if name in RACES else load_inputs(ROOT / "tracks" / f"{name}.yaml").race
+    image = mirrored(race)
+    twin, other = (
+        plan(one.course, cruise(one.aircraft, one.course.rules), how) for one, how in ((race, TWIN), (image, ANY))
+    )
+    assert twin.seconds == pytest.approx(plan_of(race).seconds, rel=1e-9)
+    for a, b in zip(twin.waypoints, other.waypoints, strict=True):
+        assert angle_between(a.heading, -b.heading) == pytest.approx(0.0, abs=1e-9)
+        assert a.rolled == pytest.approx(-b.rolled, abs=1e-9)
+
+
+def exhaustive_seconds(race: Race) -> float:
+    """The shortest of all plans in which every gate is crossed at one of its allowed multiples of 10 degrees."""
+    shortest = math.inf
+    gates = [passage.element for passage in race.course.passages]
+    choices = [[10.0 * step for step in range(-2, 3)] for _ in gates]
+    for offsets in itertools.product(*choices):
+        aimed = [
+            dataclasses.replace(
+                gate,
+                heading=gate.heading + offset * DEGREE,
+                tolerances=dataclasses.replace(gate.tolerances, crossing=1e-6),
+            )
+            for gate, offset in zip(gates, offsets, strict=True)
+            if isinstance(gate, Gate)
+        ]
+        shortest = min(shortest, plan_of(race_of(*aimed)).seconds)
+    return shortest
+
+
+def test_no_choice_of_headings_is_shorter_than_the_plan() -> None:
+    narrow = dataclasses.replace(WINDOW, crossing=20 * DEGREE)
+    gates = [
+        dataclasses.replace(gate, tolerances=narrow)
+        for gate in (level("a", 0, 0, 10), level("b", 300, 90, 80), level("c", 200, 420, 200))
+    ]
+    assert plan_of(race_of(*gates)).seconds == pytest.approx(exhaustive_seconds(race_of(*gates)), rel=1e-12)
+
+
+def directed(direction: Direction) -> Plan:
+    """Three gates, the middle one flown in a direction."""
+    race = race_of(level("a", 0, 0, 0), level("b", 400, 50, 175), level("c", 800, 0, 0))
+    a, b, c = race.course.passages
+    passages = (a, dataclasses.replace(b, direction=direction), c)
+    return plan_of(dataclasses.replace(race, course=dataclasses.replace(race.course, passages=passages)))
+
+
+def test_direction_left_to_the_plan_is_the_shorter_one() -> None:
+    forward, reverse = directed(Direction.FORWARD), directed(Direction.REVERSE)
+    assert reverse.seconds < forward.seconds
+    assert directed(Direction.PLANNED).waypoints[1].heading == reverse.waypoints[1].heading
+    assert directed(Direction.PLANNED).seconds == reverse.seconds
+
+
+def test_wider_crossing_angle_never_makes_the_plan_longer() -> None:
+    seconds = []
+    for crossing in (0.1, 15.0, 30.0, 60.0):
+        tolerances = dataclasses.replace(WINDOW, crossing=crossing * DEGREE)
+        gates = [
+            dataclasses.replace(gate, tolerances=tolerances)
+            for gate in (level("a", 0, 0, 0), level("b", 250, 200, 20), level("c", 0, 420, 150))
+        ]
+        seconds.append(plan_of(race_of(*gates)).seconds)
+    assert seconds == sorted(seconds, reverse=True)
+    assert seconds[-1] < seconds[0]
+
+
+@pytest.mark.parametrize(("side", "bank"), [(1.0, math.pi / 2), (-1.0, -math.pi / 2)])
+def test_knife_edge_gate_for_either_wing_is_flown_on_the_wing_of_its_turn(side: float, bank: float) -> None:
+    race = race_of(
+        level("a", 0, 0, 0),
+        knife_edge("edge", 350, side * 160, side * 70, right=True, either=True),
+        level("c", 200, side * 500, side * 160),
+    )
+    assert plan_of(race).waypoints[1].bank == bank
+
+
+def test_pylon_between_two_gates_is_passed_on_whichever_side_is_asked_for() -> None:
+    for side in (90.0, 270.0):
+        post = dataclasses.replace(pylon_at("post", 300, 0, side), tolerances=BESIDE)
+        waypoint = plan_of(race_of(level("a", 0, 0, 0), post, level("c", 600, 0, 0))).waypoints[1]
+        assert waypoint.position is not None
+        assert math.copysign(1.0, waypoint.position[1]) == math.copysign(1.0, 180.0 - side)
+        assert angle_between(waypoint.heading, 0.0) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", COURSES)
+def test_plan_is_the_same_every_time(name: str) -> None:
+    assert plan_of(SHIPPED[name]) == plan_of(SHIPPED[name])
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.9 * ONE_PLACE, 1.1 * ONE_PLACE])
+def test_a_gate_in_the_place_of_the_one_before_is_reached_round_a_circle(apart: float) -> None:
+    race = race_of(level("a", 0.0, 0.0, 0.0), level("b", 400.0, 0.0, 0.0), level("c", 400.0 + apart, 0.0, 0.0))
+    planned, twin = (plan(race.course, race.pace, ties) for ties in (ANY, TWIN))
+    way = planned.legs[1].path
+    assert way is not None
+    is_circle = apart < ONE_PLACE
+    assert way.length == pytest.approx(math.tau * race.pace.radius if is_circle else apart)
+    assert planned.seconds == pytest.approx((400.0 + way.length) / race.pace.V)
+    north, east, heading = (float(values[0]) for values in way.points(np.array([way.length])))
+    assert (north, east, math.cos(heading)) == pytest.approx((400.0 + (0.0 if is_circle else apart), 0.0, 1.0))
+    other = twin.legs[1].path
+    assert other is not None
+    if is_circle:
+        assert other.curvatures[0] == -way.curvatures[0]
+
+
+def test_at_top_speed_thrust_power_balances_drag() -> None:
+    V, S, drag, propulsion = top_speed(EDGE_540), EDGE_540.airframe.S, EDGE_540.drag, EDGE_540.propulsion
+    lift = EDGE_540.airframe.m * g0 / (0.5 * AIR_DENSITY * V**2 * S)
+    D = 0.5 * AIR_DENSITY * V**2 * S * (drag.C_D0 + drag.k * (lift - drag.C_L_minD) ** 2)
+    power_needed = D * V
+    assert power_needed == pytest.approx(propulsion.eta_p * propulsion.P_max, rel=1e-9)
+
+
+def test_pace_lies_within_the_envelope_and_lift_and_limits_carry_its_turns() -> None:
+    pace = cruise(EDGE_540, RULES)
+    assert EDGE_540.envelope.V.lower < pace.V < top_speed(EDGE_540)
+    lift = 0.5 * AIR_DENSITY * pace.V**2 * EDGE_540.airframe.S * EDGE_540.lift.C_L_max
+    assert 1.0 < pace.n < min(RULES.n_z.upper, lift / (EDGE_540.airframe.m * g0))
+    assert 0.0 < pace.p < EDGE_540.point_mass.p
+
+
+@pytest.mark.parametrize("n_z_max", [4.5, 7.0, 10.0, 12.0])
+def test_pace_never_pulls_more_than_the_rules_allow(n_z_max: float) -> None:
+    pace = cruise(EDGE_540, dataclasses.replace(RULES, n_z=Interval(0.0, n_z_max)))
+    assert 1.0 < pace.n < n_z_max
+
+
+@pytest.mark.parametrize("n_z_max", [1.1, 1.5, 2.5])
+def test_turns_stay_narrow_enough_to_plan_with_however_tight_the_limits(n_z_max: float) -> None:
+    pace = cruise(EDGE_540, dataclasses.replace(RULES, n_z=Interval(0.0, n_z_max)))
+    assert pace.n > 1.0
+    assert pace.radius < 1500.0
+
+
+def test_slow_envelope_holds_the_pace_back() -> None:
+    slow = dataclasses.replace(EDGE_540, envelope=dataclasses.replace(EDGE_540.envelope, V=Interval(35.0, 60.0)))
+    assert cruise(slow, RULES).V <= 60.0
+
+
+def test_radius_is_that_of_a_level_turn() -> None:
+    pace = cruise(EDGE_540, RULES)
+    bank = math.acos(1.0 / pace.n)
+    chi_dot = g0 * math.tan(bank) / pace.V
+    assert pace.radius == pytest.approx(pace.V / chi_dot, rel=1e-12)
+
+
+@pytest.fixture
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many ways each search for a plan had to choose from at its stops, search by search."""
+    found: list[int] = []
+    search = planning._shortest
+
+    def counted(stops, pace, *, last):  # as the function that it stands in for
+        found.append(max(len(stop.ways) for stop in stops))
+        return search(stops, pace, last=last)
+
+    monkeypatch.setattr(planning, "_shortest", counted)
+    return found
+
+
+def fresh() -> Race:
+    """A race of which nothing is known yet."""
+    return dataclasses.replace(SMALL)
+
+
+def test_all_stages_fly_one_plan(searches: list[int]) -> None:
+    race = fresh()
+    ladder = FidelityContinuation(race, PLAN, ())
+    plans = {id(ladder.flight(stage).plan) for stage in STAGES}
+    assert plans == {id(race.plan)}
+    assert len(searches) == 1
+
+
+def test_looking_at_a_flight_plans_nothing(searches: list[int]) -> None:
+    race = fresh()
+    (result,) = optimize(race, PLAN, until=Stage.POINT_MASS, threads=1, progress=Silent())
+    searches.clear()
+    sampler(race, result)(np.array([0.0, 1.0]))
+    derived_quantities(race, result)
+    assert searches == []
+
+
+def test_a_race_that_differs_has_a_plan_of_its_own() -> None:
+    race = fresh()
+    slower = dataclasses.replace(race, course=dataclasses.replace(race.course, passages=race.course.passages[:3]))
+    assert len(race.plan.waypoints) == 4
+    assert len(slower.plan.waypoints) == 3
+
+
+def test_losses_of_the_legs_add_up_to_that_of_the_race() -> None:
+    found = compared(optimum(SMALL, PLAN), optimum(blown(SMALL, 200.0, 3.0), PLAN))
+    assert found.difference != 0.0
+    assert sum(leg.difference for leg in found.legs) == pytest.approx(found.difference, abs=1e-9)
+    assert found.legs[-1].cumulative == pytest.approx(found.difference, abs=1e-9)
+    assert sum(leg.before for leg in found.legs) == pytest.approx(found.before, abs=1e-9)
+    assert [leg.name for leg in found.legs] == ["pylon", "edge", "last"]
+
+
+def test_comparison_the_other_way_round_changes_all_signs() -> None:
+    calm, windy = optimum(SMALL, PLAN), optimum(blown(SMALL, 200.0, 3.0), PLAN)
+    there, back = compared(calm, windy), compared(windy, calm)
+    assert [leg.difference for leg in there.legs] == [-leg.difference for leg in back.legs]
+    assert there.difference == -back.difference
+
+
+def test_flights_of_other_passings_are_not_compared() -> None:
+    with pytest.raises(ValueError, match="same passings"):
+        compared(optimum(SMALL, PLAN), optimum(SHIPPED["half_cuban_eight"], PLAN))
+
+
+def test_only_stages_certified_in_both_runs_are_compared() -> None:
+    flown = optimum(SMALL, PLAN)
+    higher = dataclasses.replace(flown, stage=Stage.TRANSFER_FUNCTION)
+    failed = dataclasses.replace(higher, outcome=Outcome.NOT_CERTIFIED)
+    assert last_common([flown, higher], [flown]) == (flown, flown)
+    assert last_common([flown, failed], [flown, higher]) == (flown, flown)
+    assert last_common([failed], [higher]) is None
