@@ -13,7 +13,7 @@ from airrace.environment.air import Air
 from airrace.errors import UsageError
 from airrace.inputs import Document, load_inputs
 from airrace.inputs.batch import set_texts
-from airrace.inputs.objects import Scene, document_of_objects
+from airrace.inputs.objects import CourseAndAir, document_of_objects
 from airrace.planning.race import Race
 from airrace.procedure.progress import Progress, Silent
 from airrace.procedure.result import Stage
@@ -50,9 +50,10 @@ def document_or_path(given: TrackGiven | AircraftGiven | None) -> str | Path | D
     """Return a name or a path as it is, and an object as the document that holds it."""
     match given:
         case Race(course, _, air):
-            return document_of_objects(Scene(course, air), _file_name(course.name))
+            return document_of_objects(CourseAndAir(course, air), _file_name(course.name))
         case Course():
-            return document_of_objects(Scene(given, Air(elevation=given.origin.elevation)), _file_name(given.name))
+            still = Air(elevation=given.origin.elevation)
+            return document_of_objects(CourseAndAir(given, still), _file_name(given.name))
         case Aircraft():
             return document_of_objects(given, _file_name(given.name))
         case _:

@@ -58,6 +58,17 @@ class Interval:
     def exactly(cls, value: float) -> "Interval":
         return cls(value, value)
 
+    @classmethod
+    def between(cls, lower: float | None, upper: float | None) -> "Interval":
+        """Return a range whose absent ends are unbounded."""
+        return cls(-math.inf if lower is None else lower, math.inf if upper is None else upper)
+
+    @classmethod
+    def degrees(cls, lower: float | None, upper: float | None) -> "Interval":
+        """Return a range in radians from ends in degrees; absent ends are unbounded."""
+        ends = cls.between(lower, upper)
+        return cls(math.radians(ends.lower), math.radians(ends.upper))
+
     def intersect(self, other: "Interval") -> "Interval":
         return Interval(max(self.lower, other.lower), min(self.upper, other.upper))
 

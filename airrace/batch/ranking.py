@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from airrace.batch.plan import BatchPlan, JobResult, PlannedJob
-from airrace.inputs.units import KNOT
+from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.results.comparison import TIE
 from airrace.runs.command_result import ExitCode

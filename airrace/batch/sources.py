@@ -10,9 +10,8 @@ from pathlib import Path
 from airrace.batch.sweep import Sweep, parse_sweep, sweep_of
 from airrace.errors import Finding, InputError
 from airrace.inputs.batch import BatchEntry, is_batch, read_batch, set_texts, value_text
-from airrace.inputs.document import Document, read_document
+from airrace.inputs.document import AIRCRAFT, TRACKS, Document, read_document
 from airrace.inputs.nodes import MappingNode, Place, Reporter
-from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.records import record
 from airrace.standard_streams import STANDARD, name_of
 

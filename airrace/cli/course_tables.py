@@ -9,10 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.cli.tables import number, plain_table
-from airrace.inputs.units import KNOT
 from airrace.planning.lint import Remark
 from airrace.planning.race import Race
-from airrace.quantities import Interval
+from airrace.quantities import KNOT, Interval
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.legs import passings_around

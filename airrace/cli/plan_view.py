@@ -8,8 +8,8 @@ from rich.console import Group
 from rich.text import Text
 
 from airrace.environment.air import StaticWind
-from airrace.inputs.units import KNOT
 from airrace.planning.clearances import ground_distance
+from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges

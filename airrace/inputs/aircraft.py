@@ -1,6 +1,14 @@
-"""The builder of the aircraft of an aircraft file, and the check whether it could fly."""
+"""The aircraft language `airrace/aircraft/1`, its builder, and the check whether such an aircraft could fly.
+
+Derivatives carry their symbol and no unit: they are per radian, rates are made dimensionless with `b/(2 V_A)` and
+`cbar/(2 V_A)`. Ranges only bound what could belong to an aeroplane; what makes one fly is checked when it is built.
+"""
 
 import math
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import Field
 
 from airrace.aircraft.aircraft import (
     Aircraft,
@@ -20,55 +28,223 @@ from airrace.aircraft.aircraft import (
     YawMoment,
 )
 from airrace.dynamics.handling import faults
-from airrace.inputs.aircraft_schema import (
-    AircraftEntry,
-    AirframeEntry,
-    LinearEntry,
-    PointMassEntry,
-    PropellerEntry,
-    SurfacesEntry,
-)
 from airrace.inputs.nodes import Reporter
+from airrace.inputs.schema import Schema
 from airrace.quantities import Interval
 
+AIRCRAFT_SCHEMA = "airrace/aircraft/1"
 g0 = 9.80665
 """The standard acceleration of gravity, m/s2."""
 rho_0 = 1.225
 """The density at sea level in the standard atmosphere, kg/m3: close enough to tell a wing from a brick."""
 
+Derivative = Annotated[float, Ge(-100), Le(100)]
+Damping = Annotated[float, Ge(-100), Lt(0)]
+Effectiveness = Annotated[float, Ge(-10), Lt(0)]
+"""The effectiveness of a control about its own axis: a positive deflection makes a negative moment (LN 9300)."""
+Inertia = Annotated[float, Gt(0), Le(1e6)]
+Travel = Annotated[float, Gt(0), Le(60)]
+
+
+class AirframeEntry(Schema):
+    what: ClassVar[str] = "an airframe"
+    m: Annotated[float, Gt(0), Le(1e5)] = Field(alias="mass_kg", description="with pilot and fuel")
+    S: Annotated[float, Le(1000)] = Field(alias="wing_area_m2", description="the reference area")
+    b: Annotated[float, Gt(0), Le(100)] = Field(alias="wing_span_m", description="the reference span b")
+    cbar: Annotated[float, Gt(0), Le(20)] = Field(alias="mean_chord_m", description="the reference chord cbar")
+    I_x: Inertia = Field(alias="I_x_kg_m2", description="moment of inertia in roll")
+    I_y: Inertia = Field(alias="I_y_kg_m2", description="moment of inertia in pitch")
+    I_z: Inertia = Field(alias="I_z_kg_m2", description="moment of inertia in yaw")
+    I_xz: Annotated[float, Ge(-1e6), Le(1e6)] = Field(
+        alias="I_xz_kg_m2", default=0.0, description="product of inertia of roll and yaw"
+    )
+
+
+class LiftEntry(Schema):
+    what: ClassVar[str] = "the lift"
+    C_L0: Annotated[float, Ge(-2), Le(2)] = Field(description="at zero angle of attack")
+    C_Lalpha: Derivative = Field(description="lift curve slope per rad")
+    C_Lq: Derivative = Field(description="due to the pitch rate")
+    C_Leta: Derivative = Field(description="due to the elevator")
+    C_L_max: Annotated[float, Le(5)] = Field(description="at the stall")
+    C_L_min: Annotated[float, Ge(-5)] = Field(description="at the stall with negative lift")
+
+
+class DragEntry(Schema):
+    what: ClassVar[str] = "the drag"
+    C_D0: Annotated[float, Gt(0), Le(1)] = Field(description="at the lift of least drag")
+    k: Annotated[float, Gt(0), Le(1)] = Field(description="induced drag factor")
+    C_L_minD: Annotated[float, Ge(-1), Le(1)] = Field(default=0.0, description="lift coefficient of least drag")
+    C_Dbeta2: Annotated[float, Ge(0), Le(20)] = Field(description="due to the squared sideslip, per rad2")
+    beta_A_max: Annotated[float, Gt(0), Le(45)] = Field(
+        alias="sideslip_max_deg", description="where this drag model ends"
+    )
+
+
+class SideForceEntry(Schema):
+    what: ClassVar[str] = "the side force"
+    beta: Damping = Field(alias="C_Ybeta", description="due to sideslip")
+    p: Derivative = Field(alias="C_Yp", description="due to the roll rate")
+    r: Derivative = Field(alias="C_Yr", description="due to the yaw rate")
+    xi: Derivative = Field(alias="C_Yxi", description="due to the ailerons")
+    zeta: Derivative = Field(alias="C_Yzeta", description="due to the rudder")
+
+
+class RollEntry(Schema):
+    what: ClassVar[str] = "the rolling moment"
+    beta: Derivative = Field(alias="C_lbeta", description="due to sideslip")
+    p: Damping = Field(alias="C_lp", description="roll damping")
+    r: Derivative = Field(alias="C_lr", description="due to the yaw rate")
+    r_per_C_L: Derivative = Field(
+        alias="C_lr_per_C_L", default=0.0, description="added to C_lr in proportion to the lift coefficient"
+    )
+    xi: Effectiveness = Field(alias="C_lxi", description="due to the ailerons")
+    zeta: Derivative = Field(alias="C_lzeta", description="due to the rudder")
+
+
+class PitchEntry(Schema):
+    what: ClassVar[str] = "the pitching moment"
+    zero: Annotated[float, Ge(-1), Le(1)] = Field(alias="C_m0", description="at zero angle of attack")
+    alpha: Derivative = Field(alias="C_malpha", description="due to the angle of attack")
+    q: Damping = Field(alias="C_mq", description="pitch damping")
+    alphadot: Annotated[float, Ge(-100), Le(0)] = Field(
+        alias="C_malphadot", description="due to the change of the angle of attack"
+    )
+    eta: Effectiveness = Field(alias="C_meta", description="due to the elevator")
+
+
+class YawEntry(Schema):
+    what: ClassVar[str] = "the yawing moment"
+    beta: Derivative = Field(alias="C_nbeta", description="due to sideslip")
+    p: Derivative = Field(alias="C_np", description="due to the roll rate")
+    p_per_C_L: Derivative = Field(
+        alias="C_np_per_C_L", default=0.0, description="added to C_np in proportion to the lift coefficient"
+    )
+    r: Damping = Field(alias="C_nr", description="yaw damping")
+    xi: Derivative = Field(alias="C_nxi", description="due to the ailerons")
+    zeta: Effectiveness = Field(alias="C_nzeta", description="due to the rudder")
+
+
+class PropulsionEntry(Schema):
+    what: ClassVar[str] = "the propulsion"
+    P_max: Annotated[float, Gt(0), Le(10_000)] = Field(alias="power_max_kW", description="of the engine at sea level")
+    eta_p: Annotated[float, Gt(0), Lt(1)] = Field(alias="propeller_efficiency", description="eta_p")
+    T_static: Annotated[float, Gt(0), Le(1e6)] = Field(alias="static_thrust_N", description="at rest; a fit parameter")
+    tau_T: Annotated[float, Gt(0), Le(10)] = Field(alias="lever_lag_s", description="tau_T, from lever to thrust")
+
+
+class PropellerEntry(Schema):
+    """The numbers of a propeller; they act on the aircraft only where `effects` asks for it."""
+
+    what: ClassVar[str] = "the propeller"
+    inertia_kg_m2: Annotated[float, Gt(0), Le(1e4)] = Field(description="moment of inertia about its shaft")
+    rpm: Annotated[float, Gt(0), Le(20_000)] = Field(description="how fast it turns")
+    turns: Literal["right", "left"] = Field(
+        default="right", description="which way, as the pilot sees it: right is clockwise"
+    )
+    effects: bool = Field(
+        default=False, description="whether its torque and its gyroscopic moment act on the six-dof model"
+    )
+
+
+class LinearEntry(Schema):
+    """The constants of the linear models, where better ones are known than the derivatives give."""
+
+    what: ClassVar[str] = "the group of linear loops"
+    speed_m_s: Annotated[float, Gt(0), Le(300)] = Field(
+        description="where the constants hold, in level flight at sea level; elsewhere they follow the derivatives"
+    )
+    omega_z_rad_s: Annotated[float, Gt(0), Le(100)] | None = Field(
+        default=None, description="natural frequency of the short period, of n_z; with damping_z"
+    )
+    damping_z: Annotated[float, Gt(0), Le(10)] | None = Field(
+        default=None, description="damping ratio of the short period"
+    )
+    omega_y_rad_s: Annotated[float, Gt(0), Le(100)] | None = Field(
+        default=None, description="natural frequency of the Dutch roll, of n_y; with damping_y"
+    )
+    damping_y: Annotated[float, Gt(0), Le(10)] | None = Field(
+        default=None, description="damping ratio of the Dutch roll"
+    )
+    tau_p_s: Annotated[float, Gt(0), Le(10)] | None = Field(default=None, description="lag of the roll rate")
+
+
+class SurfacesEntry(Schema):
+    """The travels of the control surfaces, alike to both sides."""
+
+    what: ClassVar[str] = "the group of control surfaces"
+    elevator_travel_deg: Travel = Field(description="largest deflection to either side")
+    aileron_travel_deg: Travel = Field(description="largest deflection to either side")
+    rudder_travel_deg: Travel = Field(description="largest deflection to either side")
+    deflection_rate_max_deg_s: Annotated[float, Gt(0), Le(2000)] = Field(description="as fast as the stick moves")
+
+
+class PointMassEntry(Schema):
+    what: ClassVar[str] = "the point mass"
+    n_z_dot: Annotated[float, Gt(0), Le(1000)] = Field(alias="n_z_rate_max_per_s", description="of the load factor n_z")
+    n_y_dot: Annotated[float, Gt(0), Le(1000)] = Field(
+        alias="n_y_rate_max_per_s", description="of the lateral load factor n_y"
+    )
+    n_y: Annotated[float, Gt(0), Le(10)] = Field(alias="n_y_max", description="largest lateral load factor")
+    p: Annotated[float, Gt(0), Le(1000)] = Field(alias="roll_rate_max_deg_s", description="of p_Kbar")
+    p_dot: Annotated[float, Gt(0), Le(1000)] = Field(alias="roll_acceleration_max_rad_s2", description="of p_Kbar")
+
+
+class EnvelopeEntry(Schema):
+    what: ClassVar[str] = "the envelope"
+    speed_min_m_s: Annotated[float, Gt(0), Le(300)] = Field(description="least kinematic speed")
+    speed_max_m_s: Annotated[float, Gt(0), Le(300)] = Field(description="largest kinematic speed")
+    n_z_min: Annotated[float, Ge(-25), Lt(1)] = Field(description="least load factor")
+    n_z_max: Annotated[float, Gt(1), Le(25)] = Field(description="largest load factor")
+
+
+class AircraftEntry(Schema):
+    """A whole aircraft file."""
+
+    what: ClassVar[str] = "an aircraft"
+    schema_: Literal["airrace/aircraft/1"] = Field(
+        alias="schema", description="the language of this file and its version"
+    )
+    name: Annotated[str, Field(min_length=1)] = Field(description="what the aircraft is called")
+    source: str = Field(default="", description="where the numbers come from")
+    notes: str = Field(default="", description="whatever else a reader should know")
+    airframe: AirframeEntry = Field(description="mass, size, moments of inertia")
+    lift: LiftEntry = Field(description="the lift coefficient")
+    drag: DragEntry = Field(description="the drag coefficient")
+    side_force: SideForceEntry = Field(description="the side-force coefficient")
+    roll: RollEntry = Field(description="the rolling-moment coefficient")
+    pitch: PitchEntry = Field(description="the pitching-moment coefficient")
+    yaw: YawEntry = Field(description="the yawing-moment coefficient")
+    propulsion: PropulsionEntry = Field(description="engine and propeller")
+    surfaces: SurfacesEntry = Field(description="travels of the control surfaces")
+    point_mass: PointMassEntry = Field(description="rates that stand in for the rotational dynamics")
+    envelope: EnvelopeEntry = Field(description="limits of speed and load factor")
+    propeller: PropellerEntry | None = Field(default=None, description="what the propeller does besides pulling")
+    linear: LinearEntry | None = Field(
+        default=None, description="constants of the linear models that replace those of the derivatives"
+    )
+
 
 def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
     """Return the aircraft of a file; it is only of use if nothing was reported."""
-    lift, drag, envelope = entry.lift, entry.drag, entry.envelope
-    side, roll, pitch, yaw = entry.side_force, entry.roll, entry.pitch, entry.yaw
-    built = Aircraft(
+    surfaces, envelope = entry.surfaces, entry.envelope
+    aircraft = Aircraft(
         name=entry.name,
-        airframe=_airframe(entry.airframe),
-        lift=Lift(lift.C_L0, lift.C_Lalpha, lift.C_Lq, lift.C_Leta, C_L_max=lift.C_L_max, C_L_min=lift.C_L_min),
-        drag=Drag(drag.C_D0, drag.k, drag.C_L_minD, drag.C_Dbeta2, beta_A_max=math.radians(drag.sideslip_max_deg)),
-        side_force=SideForce(beta=side.C_Ybeta, p=side.C_Yp, r=side.C_Yr, xi=side.C_Yxi, zeta=side.C_Yzeta),
-        roll=RollMoment(
-            beta=roll.C_lbeta,
-            p=roll.C_lp,
-            r=roll.C_lr,
-            r_per_C_L=roll.C_lr_per_C_L,
-            xi=roll.C_lxi,
-            zeta=roll.C_lzeta,
+        airframe=Airframe(**entry.airframe.arguments()),
+        lift=Lift(**entry.lift.arguments()),
+        drag=Drag(**entry.drag.arguments()),
+        side_force=SideForce(**entry.side_force.arguments()),
+        roll=RollMoment(**entry.roll.arguments()),
+        pitch=PitchMoment(**entry.pitch.arguments()),
+        yaw=YawMoment(**entry.yaw.arguments()),
+        propulsion=Propulsion(**entry.propulsion.arguments()),
+        surfaces=Surfaces(
+            eta=Interval.degrees(-surfaces.elevator_travel_deg, surfaces.elevator_travel_deg),
+            xi=Interval.degrees(-surfaces.aileron_travel_deg, surfaces.aileron_travel_deg),
+            zeta=Interval.degrees(-surfaces.rudder_travel_deg, surfaces.rudder_travel_deg),
+            rate=math.radians(surfaces.deflection_rate_max_deg_s),
         ),
-        pitch=PitchMoment(
-            zero=pitch.C_m0, alpha=pitch.C_malpha, q=pitch.C_mq, alphadot=pitch.C_malphadot, eta=pitch.C_meta
-        ),
-        yaw=YawMoment(
-            beta=yaw.C_nbeta, p=yaw.C_np, p_per_C_L=yaw.C_np_per_C_L, r=yaw.C_nr, xi=yaw.C_nxi, zeta=yaw.C_nzeta
-        ),
-        propulsion=Propulsion(
-            P_max=entry.propulsion.power_max_kW * 1000.0,
-            eta_p=entry.propulsion.propeller_efficiency,
-            T_static=entry.propulsion.static_thrust_N,
-            tau_T=entry.propulsion.lever_lag_s,
-        ),
-        surfaces=_surfaces(entry.surfaces),
-        point_mass=_point_mass(entry.point_mass),
+        point_mass=PointMassLimits(**entry.point_mass.arguments()),
         envelope=Envelope(
             V=Interval(envelope.speed_min_m_s, envelope.speed_max_m_s),
             n_z=Interval(envelope.n_z_min, envelope.n_z_max),
@@ -77,47 +253,12 @@ def build_aircraft(entry: AircraftEntry, reporter: Reporter) -> Aircraft:
         linear=_linear(entry.linear, reporter) if entry.linear else None,
     )
     found = len(reporter.findings)
-    _check_inertia(built.airframe, reporter)
-    _check_lift(built, reporter)
+    _check_inertia(aircraft.airframe, reporter)
+    _check_lift(aircraft, reporter)
     if len(reporter.findings) == found:
-        for group, key, message in faults(built):
+        for group, key, message in faults(aircraft):
             reporter.value((group, key), message)
-    return built
-
-
-def _airframe(entry: AirframeEntry) -> Airframe:
-    return Airframe(
-        m=entry.mass_kg,
-        S=entry.wing_area_m2,
-        b=entry.wing_span_m,
-        cbar=entry.mean_chord_m,
-        I_x=entry.I_x_kg_m2,
-        I_y=entry.I_y_kg_m2,
-        I_z=entry.I_z_kg_m2,
-        I_xz=entry.I_xz_kg_m2,
-    )
-
-
-def _surfaces(entry: SurfacesEntry) -> Surfaces:
-    def travel(degrees: float) -> Interval:
-        return Interval(-math.radians(degrees), math.radians(degrees))
-
-    return Surfaces(
-        eta=travel(entry.elevator_travel_deg),
-        xi=travel(entry.aileron_travel_deg),
-        zeta=travel(entry.rudder_travel_deg),
-        rate=math.radians(entry.deflection_rate_max_deg_s),
-    )
-
-
-def _point_mass(entry: PointMassEntry) -> PointMassLimits:
-    return PointMassLimits(
-        n_z_dot=entry.n_z_rate_max_per_s,
-        n_y_dot=entry.n_y_rate_max_per_s,
-        n_y=entry.n_y_max,
-        p=math.radians(entry.roll_rate_max_deg_s),
-        p_dot=entry.roll_acceleration_max_rad_s2,
-    )
+    return aircraft
 
 
 def _propeller(entry: PropellerEntry) -> Propeller:
@@ -169,12 +310,12 @@ def _check_inertia(airframe: Airframe, reporter: Reporter) -> None:
         reporter.value(("airframe", "I_xz_kg_m2"), f"must be smaller than sqrt(I_x I_z) = {math.sqrt(I_x * I_z):g}")
 
 
-def _check_lift(built: Aircraft, reporter: Reporter) -> None:
+def _check_lift(aircraft: Aircraft, reporter: Reporter) -> None:
     """Report what keeps an aircraft from flying.
 
     Its wing must have an area, gain lift with the angle of attack, and be able to carry the weight.
     """
-    lift, airframe, V = built.lift, built.airframe, built.envelope.V
+    lift, airframe, V = aircraft.lift, aircraft.airframe, aircraft.envelope.V
     faults = (
         ("airframe", "wing_area_m2", airframe.S <= 0.0, "an aircraft without a wing has no lift; must be above 0"),
         ("lift", "C_Lalpha", lift.C_Lalpha <= 0.0, "lift must grow with the angle of attack; must be above 0 per rad"),
@@ -191,14 +332,14 @@ def _check_lift(built: Aircraft, reporter: Reporter) -> None:
         return
     if not lift.C_L_min < lift.C_L0 < lift.C_L_max:
         reporter.value(("lift", "C_L0"), f"must lie between C_L_min and C_L_max, {lift.C_L_min:g} and {lift.C_L_max:g}")
-    shortfall = weight_not_carried(built, lift.C_L_max)
+    shortfall = weight_not_carried(aircraft, lift.C_L_max)
     if shortfall:
         reporter.value(("lift", "C_L_max"), shortfall)
 
 
-def weight_not_carried(built: Aircraft, C_L_max: float) -> str:
+def weight_not_carried(aircraft: Aircraft, C_L_max: float) -> str:
     """Return why the aircraft cannot hold 1 g at sea level at any speed of its envelope; empty if it can."""
-    airframe, V_max = built.airframe, built.envelope.V.upper
+    airframe, V_max = aircraft.airframe, aircraft.envelope.V.upper
     weight = airframe.m * g0
     lift = 0.5 * rho_0 * V_max**2 * airframe.S * C_L_max
     if lift >= weight:

@@ -6,12 +6,11 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from airrace.errors import Finding, InputError
 from airrace.inputs.document import Document
-from airrace.inputs.nodes import MappingNode, Reporter
+from airrace.inputs.nodes import Reporter
 from airrace.inputs.schema import Schema
-from airrace.inputs.validation import validate
-from airrace.inputs.yaml_reader import plain_scalar, read_yaml
+from airrace.inputs.validation import read_entry
+from airrace.inputs.yaml_reader import plain_scalar
 
 BATCH_SCHEMA = "airrace/batch/1"
 
@@ -51,16 +50,7 @@ def read_batch(document: Document) -> tuple[BatchEntry, Reporter]:
     Raises:
         InputError: the inputs are not valid; it carries all findings.
     """
-    root = read_yaml(document.path, document.text)
-    if not isinstance(root, MappingNode):
-        place = root.place
-        message = f"must be a mapping that begins with `schema: {BATCH_SCHEMA}`"
-        raise InputError([Finding(document.path, place.line, place.column, "", message)])
-    reporter = Reporter(root, [])
-    entry = validate(BatchEntry, reporter)
-    if entry is None:
-        raise InputError(reporter.findings)
-    return entry, reporter
+    return read_entry(BatchEntry, document, BATCH_SCHEMA)
 
 
 def value_text(value: Value) -> str:

@@ -5,31 +5,24 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.errors import Finding, InputError
-from airrace.inputs.aircraft import build_aircraft, weight_not_carried
-from airrace.inputs.aircraft_schema import AIRCRAFT_SCHEMA, AircraftEntry
-from airrace.inputs.course import build_course
-from airrace.inputs.document import Document, read_document
-from airrace.inputs.features import base_name
-from airrace.inputs.nodes import JSON, Entry, MappingNode, Place, Reporter, ScalarNode, dotted
-from airrace.inputs.objects import Scene, aircraft_of, is_of_objects, resolved_inputs, scene_of
+from airrace.inputs.aircraft import AIRCRAFT_SCHEMA, AircraftEntry, build_aircraft, weight_not_carried
+from airrace.inputs.course_order import check_references
+from airrace.inputs.document import AIRCRAFT, TRACKS, Collection, Document, read_document
+from airrace.inputs.kinds.kind import base_name
+from airrace.inputs.nodes import JSON, MappingNode, Place, Reporter, ScalarNode, dotted
+from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, is_of_objects, resolved_inputs
 from airrace.inputs.overrides import PLACE, PREFIXED, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
-from airrace.inputs.presets import preset_names, read_preset
-from airrace.inputs.references import check_references
-from airrace.inputs.rules_schema import PenaltiesEntry, RulesEntry
+from airrace.inputs.rules import penalties_of
 from airrace.inputs.schema import Schema
 from airrace.inputs.settings import SETTINGS_SCHEMA, SettingsEntry, build_settings
-from airrace.inputs.shipped import AIRCRAFT, TRACKS, Collection
-from airrace.inputs.shorthands import expanded
-from airrace.inputs.surroundings import build_air
-from airrace.inputs.track_schema import TRACK_SCHEMA, track_language
-from airrace.inputs.validation import validate
-from airrace.inputs.yaml_reader import read_yaml
-from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.inputs.track import TRACK_SCHEMA, build_course, track_language
+from airrace.inputs.validation import read_mapping, validate
+from airrace.logs.violations import NONE_KNOWN, Penalties
 from airrace.planning.race import Race
 from airrace.procedure.settings import Settings
 from airrace.quantities import KNOT
@@ -59,6 +52,7 @@ class Inputs:
         resolved: everything as understood, plain and JSON-able, SI and radians, defaults filled in; an absent limit
             (an infinity) is null.
         penalties: of the season whose rules the course names; no optimum depends on them.
+        unused_gates: gates that stand in the track file and in no lap, in its order.
     """
 
     race: Race
@@ -69,6 +63,7 @@ class Inputs:
     overrides: tuple[str, ...]
     resolved: Mapping[str, JSON]
     penalties: Penalties = NONE_KNOWN
+    unused_gates: tuple[str, ...] = ()
 
 
 def load_inputs(
@@ -175,6 +170,7 @@ class _Run:
         self.findings: list[Finding] = []
         self._texts = tuple(overrides)
         self._penalties = NONE_KNOWN
+        self._gates: tuple[str, ...] = ()
         self._overrides = parse_overrides(overrides, self.findings)
 
     def open(self, document: Document | None, language: _Language) -> _Opened | None:
@@ -187,16 +183,11 @@ class _Run:
             self.findings.extend(Finding(PLACE.file, 0, 0, key, BUILT_IN_PYTHON) for key in keys)
             return _Opened(document, Reporter(MappingNode(Place(document.path, 0, 0), {}), self.findings))
         try:
-            root = read_yaml(document.path, document.text)
+            root = read_mapping(document, language.schema)
         except InputError as error:
             self.findings.extend(error.findings)
             return None
-        if not isinstance(root, MappingNode):
-            place = root.place
-            message = f"must be a mapping that begins with `schema: {language.schema}`"
-            self.findings.append(Finding(document.path, place.line, place.column, "", message))
-            return None
-        changed = apply_overrides(root, mine, self.findings, lambda node: expanded(node, language.model()))
+        changed = apply_overrides(root, mine, self.findings, language.model())
         own = language.kind in PREFIXED
         reporter = Reporter(
             changed,
@@ -213,18 +204,19 @@ class _Run:
             InputError: the inputs are not valid; it carries all findings.
         """
         opened_settings = self.open(settings_file or NO_SETTINGS, _SETTINGS)
-        scene = self._scene(track) if track else None
+        scene = self._course_and_air(track) if track else None
         flown = self._aircraft(aircraft) if aircraft else None
         settings_entry = validate(SettingsEntry, opened_settings.reporter) if opened_settings else None
         settings = (
             build_settings(settings_entry, opened_settings.reporter) if opened_settings and settings_entry else None
         )
         if self.findings or not (track and aircraft and scene and flown and settings):
-            raise InputError(told(self.findings), len(self.findings))
+            raise InputError(shorten(self.findings), len(self.findings))
         race = Race(scene.course, flown, scene.air)
         check_together(race, track.reporter)
+        passed = {base_name(passage.element.name) for passage in race.course.passages}
         if self.findings:
-            raise InputError(told(self.findings), len(self.findings))
+            raise InputError(shorten(self.findings), len(self.findings))
         return Inputs(
             race=race,
             settings=settings,
@@ -234,27 +226,28 @@ class _Run:
             overrides=self._texts,
             resolved=resolved_inputs(race, settings),
             penalties=self._penalties,
+            unused_gates=tuple(name for name in self._gates if name not in passed),
         )
 
-    def _scene(self, track: _Opened) -> Scene | None:
+    def _course_and_air(self, track: _Opened) -> CourseAndAir | None:
         """Return the course and the air of a track."""
         if is_of_objects(track.document):
-            return self._built(scene_of, track.document)
+            return self._read(course_and_air_of, track.document)
         entry = validate(track_language(), track.reporter)
         check_references(track.reporter)
         if entry is None:
             return None
         course = build_course(entry, track.reporter)
-        self._penalties = penalties_of(entry.rules)
-        return Scene(course, build_air(entry.environment, Places(entry.origin, track.reporter)))
+        self._penalties, self._gates = penalties_of(entry.rules), tuple(entry.gates)
+        return CourseAndAir(course, entry.environment.build(Places(entry.origin, track.reporter)))
 
     def _aircraft(self, aircraft: _Opened) -> Aircraft | None:
         if is_of_objects(aircraft.document):
-            return self._built(aircraft_of, aircraft.document)
+            return self._read(aircraft_of, aircraft.document)
         entry = validate(AircraftEntry, aircraft.reporter)
         return build_aircraft(entry, aircraft.reporter) if entry else None
 
-    def _built(self, read: Callable[[Document], T], document: Document) -> T | None:
+    def _read(self, read: Callable[[Document], T], document: Document) -> T | None:
         """Return the objects of a document, and add what is wrong to the findings."""
         try:
             return read(document)
@@ -263,7 +256,7 @@ class _Run:
             return None
 
 
-def told(findings: Sequence[Finding]) -> list[Finding]:
+def shorten(findings: Sequence[Finding]) -> list[Finding]:
     """Return at most `FINDINGS_MAX` findings per document, in its order.
 
     Where there are more, one more finding says how many.
@@ -307,13 +300,13 @@ def _referenced_aircraft(folder: Path, opened: _Opened | None, findings: list[Fi
     if is_of_objects(opened.document):
         findings.append(Finding(opened.document.path, 0, 0, "", "a course that was built in Python names no aircraft"))
         return None
-    entry: Entry | None = opened.reporter.root.entries.get("aircraft")
-    if entry is None:
+    node = opened.reporter.root.get("aircraft")
+    if node is None:
         opened.reporter.key(("aircraft",), "missing; name the aircraft file here, or give --aircraft FILE")
         return None
-    if not isinstance(entry.value, ScalarNode) or not isinstance(entry.value.value, str):
+    if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
         return None  # the schema reports it
-    named = Path(entry.value.value)
+    named = Path(node.value)
     if not AIRCRAFT.finds(named, folder):
         opened.reporter.value(("aircraft",), AIRCRAFT.missing(named, folder))
         return None
@@ -340,34 +333,3 @@ def check_together(race: Race, track: Reporter) -> None:
             key, text = misfit
             track.value(("gates", name, key), text)
             remarked.add(name)
-
-
-def penalties_of(rules: RulesEntry) -> Penalties:
-    """Return the penalties of the preset that the rules of a course name; none are known where they name none."""
-    if rules.preset is None or rules.preset not in preset_names():
-        return NONE_KNOWN
-    preset = read_preset(rules.preset)
-    return _penalties(preset.penalties, preset.source)
-
-
-def _penalties(entry: PenaltiesEntry, source: str) -> Penalties:
-    return Penalties(
-        pylon=_seconds(entry.pylon_s),
-        missed=_seconds(entry.missed_s),
-        too_high=_seconds(entry.too_high_s),
-        too_low=_seconds(entry.too_low_s),
-        bank=_seconds(entry.bank_s),
-        climb=_seconds(entry.climb_s),
-        manoeuvre=_seconds(entry.manoeuvre_s),
-        start_speed=_seconds(entry.start_speed_s),
-        start_speed_end=None if entry.start_speed_dnf_kt is None else entry.start_speed_dnf_kt * KNOT,
-        load_factor=_seconds(entry.load_factor_s),
-        load_factor_from=entry.load_factor_g,
-        load_factor_time=entry.load_factor_time_s,
-        load_factor_end=entry.load_factor_dnf_g,
-        source=source,
-    )
-
-
-def _seconds(value: float | Literal["dnf"] | None) -> float | None:
-    return ENDS_RACE if value == "dnf" else value

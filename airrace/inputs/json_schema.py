@@ -11,14 +11,13 @@ from typing import Any, cast
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from airrace.inputs.aircraft_schema import AircraftEntry
+from airrace.inputs.aircraft import AircraftEntry
 from airrace.inputs.batch import BatchEntry
 from airrace.inputs.log_layout import LogEntry
-from airrace.inputs.presets import preset_names
-from airrace.inputs.rules_schema import RulesEntry
+from airrace.inputs.rules import RulesEntry, preset_names
 from airrace.inputs.schema import Schema
 from airrace.inputs.settings import SettingsEntry
-from airrace.inputs.track_schema import track_language
+from airrace.inputs.track import track_language
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
 LANGUAGES: dict[str, Callable[[], type[Schema]]] = {

@@ -12,14 +12,14 @@ from pydantic import Field
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs.document import read_document
-from airrace.inputs.nodes import MappingNode, Reporter
 from airrace.inputs.schema import Schema
-from airrace.inputs.validation import validate
-from airrace.inputs.yaml_reader import read_yaml
+from airrace.inputs.validation import read_entry
 from airrace.logs.recording import FIELDS, ColumnLayout, split_unit, unit_named
 
 LOG_SCHEMA = "airrace/log/1"
 _OFFSET = re.compile(r"([+-])(\d{2}):?(\d{2})")
+UNIT_MAX = 10
+"""The length up to which brackets are taken for a unit; longer ones belong to the header."""
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "bar": "|"}
 
 
@@ -55,22 +55,15 @@ def read_layout(path: Path) -> tuple[ColumnLayout, float | None]:
     document = read_document(path, findings)
     if document is None:
         raise InputError(findings)
-    root = read_yaml(document.path, document.text)
-    if not isinstance(root, MappingNode):
-        message = f"must be a mapping that begins with `schema: {LOG_SCHEMA}`"
-        raise InputError([Finding(document.path, root.place.line, root.place.column, "", message)])
-    reporter = Reporter(root, findings)
-    entry = validate(LogEntry, reporter)
-    if entry is None:
-        raise InputError(findings)
+    entry, reporter = read_entry(LogEntry, document, LOG_SCHEMA)
     zone = None
     if entry.time_zone is not None and (zone := _zone(entry.time_zone)) is None:
         reporter.value(("time_zone",), f"`{entry.time_zone}` is no time zone; expected +02:00 or Europe/Zagreb")
     for name, text in entry.columns.items():
         if problem := _problem(name, text):
             reporter.value(("columns", name), problem)
-    if findings:
-        raise InputError(findings)
+    if reporter.findings:
+        raise InputError(reporter.findings)
     columns = {name: _header(name, text) for name, text in entry.columns.items()}
     delimiter = "" if entry.delimiter is None else _DELIMITERS[entry.delimiter]
     return ColumnLayout(columns, zone, delimiter, entry.decimal == "comma"), entry.position_noise_m
@@ -111,13 +104,9 @@ def _problem(name: str, text: str) -> str:
     header, unit = split_unit(text)
     if not header:
         return "names no header"
-    if unit and unit_named(FIELDS[name], unit) is None and _looks_like_unit(unit):
+    if unit and unit_named(FIELDS[name], unit) is None and len(unit) <= UNIT_MAX:
         return f"`{unit}` is no unit of {name}; known are {', '.join(FIELDS[name].units)}"
     return ""
-
-
-def _looks_like_unit(text: str) -> bool:
-    return len(text) <= 10
 
 
 def _header(name: str, text: str) -> tuple[str, str]:

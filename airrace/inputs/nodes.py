@@ -61,10 +61,15 @@ class MappingNode:
     def plain(self) -> JSON:
         return {key: entry.value.plain() for key, entry in self.entries.items()}
 
+    def get(self, key: str) -> "Node | None":
+        """Return what stands at a key; None if it is absent."""
+        entry = self.entries.get(key)
+        return entry.value if entry else None
+
     def scalar(self, key: str) -> ScalarValue:
         """Return the value of a key; None if it is absent or no single value."""
-        entry = self.entries.get(key)
-        return entry.value.value if entry and isinstance(entry.value, ScalarNode) else None
+        node = self.get(key)
+        return node.value if isinstance(node, ScalarNode) else None
 
 
 Node = ScalarNode | SequenceNode | MappingNode
@@ -155,11 +160,12 @@ class Reporter:
         self.findings.append(Finding(place.file, place.line, place.column, prefix + dotted(path), message))
 
     def _place(self, path: KeyPath, *, at_key: bool) -> Place:
-        place, node = self.root.place, self.root
+        place: Place = self.root.place
+        node: Node = self.root
         for index, part in enumerate(path):
             step = child(node, part)
-            if step is None:
-                return place
+            if step is None:  # or it is what a shorthand stands for
+                return node.place if isinstance(node, ScalarNode) else place
             is_last = index == len(path) - 1
             # What an element lacks is reported at its key.
             place = step.value.place if is_last and not at_key else step.key_place

@@ -1,9 +1,10 @@
 """Overrides: `--set key=value` replaces, adds or (with `null`) takes out single values of the documents."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from airrace.errors import Finding, InputError
 from airrace.inputs.nodes import Entry, KeyPath, MappingNode, Node, Place, ScalarNode, SequenceNode, dotted
+from airrace.inputs.schema import Annotation, Schema, inner, schema_of, tags_of
 from airrace.inputs.yaml_reader import plain_scalar, read_yaml
 from airrace.records import record
 
@@ -43,26 +44,21 @@ def parse_overrides(texts: Sequence[str], findings: list[Finding]) -> list[Overr
 
 
 def apply_overrides(
-    root: MappingNode,
-    overrides: Sequence[Override],
-    findings: list[Finding],
-    written_out: Callable[[MappingNode], MappingNode],
+    root: MappingNode, overrides: Sequence[Override], findings: list[Finding], schema: type[Schema]
 ) -> MappingNode:
     """Return the document with the replacements made, in order; mappings on the way are made where absent.
 
-    `written_out` writes the shorthands of a document out: overrides reach into what those stand for, and may be
-    shorthands themselves.
+    Where a shorthand stands, which the `schema` tells, replacements reach into what it stands for.
     """
-    root = written_out(root)
     for override in overrides:
         try:
-            replaced = _replaced(root, override.path, override.value)
+            replaced = _replace(root, override.path, override.value, schema)
         except ValueError as error:
             prefix = (override.document,) if override.document in PREFIXED else ()
             _report(findings, dotted((*prefix, *override.path)), str(error))
             continue
         if isinstance(replaced, MappingNode):
-            root = written_out(replaced)
+            root = replaced
     return root
 
 
@@ -81,7 +77,7 @@ def _scalar(text: str) -> str | int | float | bool | None:
     return plain_scalar(text)
 
 
-def _replaced(node: Node | None, path: KeyPath, value: ScalarNode) -> Node:
+def _replace(node: Node | None, path: KeyPath, value: ScalarNode, expected: Annotation) -> Node:
     """Return a copy of `node` with the entry at `path` replaced.
 
     Raises:
@@ -90,22 +86,25 @@ def _replaced(node: Node | None, path: KeyPath, value: ScalarNode) -> Node:
     if not path:
         return value
     name, rest = str(path[0]), path[1:]
+    schema = schema_of(expected)
     if node is None:
         node = MappingNode(PLACE)
+    elif isinstance(node, ScalarNode) and isinstance(node.value, str) and schema and schema.shorthand:
+        node = MappingNode(node.place, {schema.shorthand: Entry(node.place, node)})
     if isinstance(node, MappingNode):
         entries = dict(node.entries)
-        known = entries.get(name)
+        known, within = entries.get(name), inner(tags_of(expected).get(str(node.scalar("type")), expected), name)
         if value.value is None and not rest:
             entries.pop(name, None)
         else:
             place = known.key_place if known and rest else PLACE
-            entries[name] = Entry(place, _replaced(known.value if known else None, rest, value))
+            entries[name] = Entry(place, _replace(known.value if known else None, rest, value, within))
         return MappingNode(node.place, entries)
     if isinstance(node, SequenceNode):
         if not (name.isascii() and name.isdigit() and int(name) < len(node.items)):
             raise ValueError(f"the list has items 0 to {len(node.items) - 1}, none named `{name}`")
         items = list(node.items)
-        items[int(name)] = _replaced(items[int(name)], rest, value)
+        items[int(name)] = _replace(items[int(name)], rest, value, inner(expected, 0))
         return SequenceNode(node.place, tuple(items))
     raise ValueError(f"`{name}` cannot be set inside the single value {node.value!r}")
 

@@ -1,19 +1,27 @@
 """The base of all schemas, and what their fields declare."""
 
+import math
 from collections.abc import Iterator
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 from pydantic.fields import FieldInfo
+
+from airrace.quantities import KNOT
 
 # Any: annotations of arbitrary type, inspected at run time.
 Annotation = Any
+
+DEGREE = math.radians(1.0)
+SI = {"_deg": DEGREE, "_deg_s": DEGREE, "_kt": KNOT, "_kW": 1000.0, "_hPa": 100.0}
+"""The SI value of units, by the ending of the key; all other units are SI."""
 
 
 class Schema(BaseModel):
     """A mapping of a document: unknown keys are errors, nothing is converted, numbers are finite.
 
+    A field is named as in the object that is built of it; its alias, if it has one, is its key in the document.
     `what` names the element in messages ("a level gate"), `form` says how it is written. Where a bare text may stand
     for the mapping, `shorthand` is the key whose value it is.
     """
@@ -22,6 +30,26 @@ class Schema(BaseModel):
     what: ClassVar[str] = "this element"
     form: ClassVar[str] = "a mapping (`key: value` lines)"
     shorthand: ClassVar[str | None] = None
+
+    def arguments(self) -> dict[str, Any]:  # Any: values of any type, checked already
+        """Return the values that are given, by field: numbers in SI."""
+        arguments: dict[str, Any] = {}
+        for name, info in type(self).model_fields.items():
+            value, key = getattr(self, name), info.alias or name
+            if isinstance(value, float):
+                value *= next((factor for ending, factor in SI.items() if key.endswith(ending)), 1.0)
+            if value is not None:
+                arguments[name] = value
+        return arguments
+
+
+class ShorthandSchema(Schema):
+    """A mapping for which a bare text may stand."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _write_out(cls, value: object) -> object:
+        return {cls.shorthand: value} if isinstance(value, str) else value
 
 
 def schema_of(annotation: Annotation) -> type[Schema] | None:
@@ -32,12 +60,8 @@ def schema_of(annotation: Annotation) -> type[Schema] | None:
 
 def field_of(owner: type[Schema] | None, name: str) -> FieldInfo | None:
     """Return what a schema declares of one of its keys; None if it has no such key."""
-    if owner is None:
-        return None
-    for key, info in owner.model_fields.items():
-        if name == (info.alias or key):
-            return info
-    return None
+    fields = owner.model_fields.items() if owner else ()
+    return next((info for key, info in fields if name == (info.alias or key)), None)
 
 
 def keys_of(owner: type[Schema]) -> list[str]:
@@ -87,19 +111,11 @@ def members(annotation: Annotation) -> list[Annotation]:
     return [member for member in get_args(annotation) if member is not NoneType]
 
 
-def member_of(annotation: Annotation, tag: str | int) -> Annotation:
-    """Return the member of a tagged union that carries this tag; None if there is none."""
+def tags_of(annotation: Annotation) -> dict[str, Annotation]:
+    """Return the members of a tagged union by their tags."""
+    tags: dict[str, Annotation] = {}
     for member in members(bare(annotation)):
-        if tag in _tags_of_member(member):
-            return member
-    return None
-
-
-def tags_of(annotation: Annotation) -> list[str]:
-    """Return all tags of a tagged union."""
-    return [tag for member in members(bare(annotation)) for tag in _tags_of_member(member)]
-
-
-def _tags_of_member(member: Annotation) -> list[str]:
-    found = field_of(schema_of(member), "type")
-    return list(get_args(found.annotation)) if found and get_origin(found.annotation) is Literal else []
+        found = field_of(schema_of(member), "type")
+        if found and get_origin(found.annotation) is Literal:
+            tags |= dict.fromkeys(get_args(found.annotation), member)
+    return tags

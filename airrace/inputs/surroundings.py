@@ -1,92 +1,106 @@
-"""The builders of the air of the day and of a course's surroundings, with the check whether these leave room."""
+"""The surroundings of a course in a track file: safety lines, crowds and the airspace, and whether they leave room."""
 
 import math
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from typing import Annotated, ClassVar, Literal
 
-from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.inputs.features import Feature
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from airrace.inputs.kinds.kind import CompositeElement
 from airrace.inputs.nodes import KeyPath, Reporter
-from airrace.inputs.place_schema import CrowdEntry, PlaceEntry, SafetyLineEntry
-from airrace.inputs.places import NOWHERE, Places
-from airrace.inputs.track_schema import EnvironmentEntry, ThermalEntry, WindEntry
-from airrace.inputs.units import KNOT
-from airrace.quantities import Interval
-from airrace.records import record
+from airrace.inputs.places import NOWHERE, PlaceEntry, Places
+from airrace.inputs.rules import Distance
+from airrace.inputs.schema import Schema
 from airrace.track import polygons
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
+CORNERS_MAX = 50
+"""The largest number of corners of a crowd's place, or of the airspace."""
+LINES_MAX = 100
+"""The largest number of safety lines of a course."""
 SAME_PLACE_M = 0.01
 """The distance below which two corners are one, m."""
 ROUNDING_M = 1e-6
 """The excess over a distance that is put down to rounding and not reported, m."""
 SHAPES = {"point": CrowdShape.POINT, "line": CrowdShape.LINE, "polygon": CrowdShape.AREA}
 
-
-def build_safety_lines(entries: dict[str, SafetyLineEntry], places: Places) -> dict[str, SafetyLine]:
-    """Return all safety lines by name."""
-    return {name: _safety_line(name, entry, places) for name, entry in entries.items()}
+Corners = Annotated[list[PlaceEntry], Field(max_length=CORNERS_MAX)]
 
 
-def _safety_line(name: str, entry: SafetyLineEntry, places: Places) -> SafetyLine:
-    path: KeyPath = ("safety_lines", name)
-    line = SafetyLine(
-        name=name,
-        start=places.point(entry.from_, (*path, "from")),
-        end=places.point(entry.to, (*path, "to")),
-        keep_right=entry.keep == "right",
-        margin=entry.margin_m,
+class SafetyLineEntry(Schema):
+    what: ClassVar[str] = "a safety line"
+    from_: PlaceEntry = Field(alias="from", description="a point of the line")
+    to: PlaceEntry = Field(description="another point of it; the line has no ends and runs from `from` to here")
+    keep: Literal["left", "right"] = Field(description="the side of the line, seen along it, on which the flight stays")
+    margin_m: Annotated[float, Ge(0), Le(1000)] = Field(default=0.0, description="distance to be kept from the line")
+
+    def build(self, name: str, places: Places) -> SafetyLine:
+        """Return the line; it is only of use if nothing was reported."""
+        path: KeyPath = ("safety_lines", name)
+        start, end = places.point(self.from_, (*path, "from")), places.point(self.to, (*path, "to"))
+        if _same(start, end):
+            places.reporter.value((*path, "to"), "is the same place as `from`; a line needs two different points")
+        return SafetyLine(name, start, end, keep_right=self.keep == "right", margin=self.margin_m)
+
+
+class CrowdEntry(Schema):
+    """A group of people on the ground, given by exactly one of `point`, `line` and `polygon`."""
+
+    what: ClassVar[str] = "a crowd"
+    point: PlaceEntry | None = Field(default=None, description="where people are: a single place")
+    line: Corners | None = Field(default=None, description="where people are: along a line from corner to corner")
+    polygon: Corners | None = Field(
+        default=None, description="where people are: within an area; its corners in order, the first not repeated"
     )
-    if _same(line.start, line.end):
-        places.reporter.value((*path, "to"), "is the same place as `from`; a line needs two different points")
-    return line
+    distance_m: Distance | None = Field(
+        default=None, description="least distance to be kept; without it that of `rules.crowd_distance_m`"
+    )
+    height_m: Annotated[float, Ge(-500), Le(5000)] = Field(
+        default=0.0, description="height of the people above the origin"
+    )
+    measured: Literal["slant", "over-ground"] = Field(
+        default="slant", description="whether the distance is measured in space or over ground alone"
+    )
+
+    def build(self, name: str, distance: float | None, places: Places) -> Crowd:
+        """Return the crowd; `distance` (m) holds if it does not say its own."""
+        path: KeyPath = ("crowd", name)
+        given = [key for key in SHAPES if getattr(self, key) is not None]
+        if not given:
+            places.reporter.key(path, "a crowd needs one of `point`, `line` and `polygon`")
+        if len(given) > 1:
+            places.reporter.key((*path, given[1]), f"not together with `{given[0]}`; a crowd has one shape")
+        if self.distance_m is None and distance is None:
+            message = "missing; say it here, or for every crowd as `crowd_distance_m` of the rules"
+            places.reporter.key((*path, "distance_m"), message)
+        return Crowd(
+            name=name,
+            shape=SHAPES[given[0] if given else "point"],
+            corners=self._corners(path, places),
+            distance=self.distance_m or distance or 0.0,
+            height=self.height_m,
+            slant=self.measured == "slant",
+        )
+
+    def _corners(self, path: KeyPath, places: Places) -> tuple[Point, ...]:
+        if self.point is not None:
+            return (places.point(self.point, (*path, "point")),)
+        if self.line is not None:
+            corners = _points(self.line, (*path, "line"), places)
+            if len(self.line) < 2:
+                message = "a line needs at least two corners; a single place is a `point`"
+                places.reporter.value((*path, "line"), message)
+            return corners or (NOWHERE,)
+        return (NOWHERE,) if self.polygon is None else _polygon(self.polygon, (*path, "polygon"), places)
 
 
 def room_beside(line: SafetyLine, place: Point) -> float:
     """Return the distance of a place from a line on the allowed side, m; negative on the other."""
     to_right = polygons.to_right(line.start, line.end, place)
     return to_right if line.keep_right else -to_right
-
-
-def build_crowd(entries: dict[str, CrowdEntry], distance: float | None, places: Places) -> tuple[Crowd, ...]:
-    """Return all crowds; `distance` (m) holds for those that do not say their own."""
-    return tuple(_crowd(name, entry, distance, places) for name, entry in entries.items())
-
-
-def _crowd(name: str, entry: CrowdEntry, distance: float | None, places: Places) -> Crowd:
-    path: KeyPath = ("crowd", name)
-    given = [key for key in SHAPES if getattr(entry, key) is not None]
-    if not given:
-        places.reporter.key(path, "a crowd needs one of `point`, `line` and `polygon`")
-    if len(given) > 1:
-        places.reporter.key((*path, given[1]), f"not together with `{given[0]}`; a crowd has one shape")
-    key = given[0] if given else "point"
-    if entry.distance_m is None and distance is None:
-        places.reporter.key(
-            (*path, "distance_m"), "missing; say it here, or for every crowd as `crowd_distance_m` of the rules"
-        )
-    return Crowd(
-        name=name,
-        shape=SHAPES[key],
-        corners=_corners(key, entry, (*path, key), places),
-        distance=entry.distance_m or distance or 0.0,
-        height=entry.height_m,
-        slant=entry.measured == "slant",
-    )
-
-
-def _corners(key: str, entry: CrowdEntry, path: KeyPath, places: Places) -> tuple[Point, ...]:
-    if entry.point is not None and key == "point":
-        return (places.point(entry.point, path),)
-    if entry.line is not None and key == "line":
-        corners = _points(entry.line, path, places)
-        if len(entry.line) < 2:
-            places.reporter.value(path, "a line needs at least two corners; a single place is a `point`")
-        return corners or (NOWHERE,)
-    if entry.polygon is not None and key == "polygon":
-        return _polygon(entry.polygon, path, places)
-    return (NOWHERE,)
 
 
 def build_airspace(entries: Sequence[PlaceEntry] | None, places: Places) -> tuple[Point, ...]:
@@ -116,17 +130,18 @@ def _polygon(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tu
         places.reporter.value(path, f"an area needs at least three corners, not {len(entries)}")
         return corners
     if _same(corners[0], corners[-1]):
-        places.reporter.value(
-            (*path, len(corners) - 1), "is the first corner again; leave it out, an area closes by itself"
-        )
+        message = "is the first corner again; leave it out, an area closes by itself"
+        places.reporter.value((*path, len(corners) - 1), message)
     if len(places.reporter.findings) > known:
         return corners
-    farthest = max(corners, key=lambda one: _between(one, corners[0]))
+    farthest = max(corners, key=lambda one: polygons.distance(one, corners[:1], closed=False))
     if all(abs(polygons.to_right(corners[0], farthest, one)) < SAME_PLACE_M for one in corners):
         places.reporter.value(path, "all corners lie on one line; an area needs three that do not")
         return corners
     for index, corner in enumerate(corners):
-        if _turns_back(corners[index - 1], corner, corners[(index + 1) % len(corners)]):
+        before, after = corners[index - 1], corners[(index + 1) % len(corners)]
+        to_edges = [(after, (before, corner)), (before, (corner, after))]
+        if min(polygons.distance(place, edge, closed=False) for place, edge in to_edges) < SAME_PLACE_M:
             places.reporter.value((*path, index), "the border turns back on itself at this corner; leave it out")
             return corners
     crossing = polygons.crossing_edges(corners)
@@ -148,113 +163,26 @@ def _points(entries: Sequence[PlaceEntry], path: KeyPath, places: Places) -> tup
 
 
 def _same(a: Point, b: Point) -> bool:
-    return _between(a, b) < SAME_PLACE_M
-
-
-def _between(a: Point, b: Point) -> float:
-    return math.hypot(a.north - b.north, a.east - b.east)
-
-
-def _turns_back(before: Point, corner: Point, after: Point) -> bool:
-    """Return whether one of the two edges at a corner lies on the other."""
-    nearest = min(
-        polygons.distance(after, (before, corner), closed=False),
-        polygons.distance(before, (corner, after), closed=False),
-    )
-    return nearest < SAME_PLACE_M
-
-
-@record
-class _Box:
-    """The extent of some corners, which tells at once that most gates are far from most people."""
-
-    north: Interval
-    east: Interval
-
-    @classmethod
-    def around(cls, corners: Sequence[Point]) -> "_Box":
-        north, east = [corner.north for corner in corners], [corner.east for corner in corners]
-        return cls(Interval(min(north), max(north)), Interval(min(east), max(east)))
-
-    def lies_beyond(self, place: Point, distance: float) -> bool:
-        """Return whether the place is surely farther away than `distance` (m)."""
-        return (
-            max(self.north.lower - place.north, place.north - self.north.upper) > distance
-            or max(self.east.lower - place.east, place.east - self.east.upper) > distance
-        )
+    return polygons.distance(a, (b,), closed=False) < SAME_PLACE_M
 
 
 def check_room(
-    features: Iterable[Feature], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
+    elements: Iterable[CompositeElement], crowds: Sequence[Crowd], airspace: tuple[Point, ...], reporter: Reporter
 ) -> None:
     """Report every element that stands outside of the airspace or closer to people than is allowed."""
-    boxes = [_Box.around(crowd.corners) for crowd in crowds]
-    for feature in features:
-        if feature.position is None:
+    for element in elements:
+        if element.position is None:
             continue
-        place, height = feature.position
+        place, height = element.position
         away = polygons.distance(place, airspace, closed=True) if airspace else 0.0
         if away > ROUNDING_M:
-            reporter.key(feature.path, f"stands {away:.4g} m outside of the `airspace`")
-        for crowd, box in zip(crowds, boxes, strict=True):
-            away = math.inf if box.lies_beyond(place, crowd.distance) else _distance(place, height, crowd)
+            reporter.key(element.path, f"stands {away:.4g} m outside of the `airspace`")
+        for crowd in crowds:
+            away = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
+            away = math.hypot(away, height - crowd.height) if crowd.slant else away
             if away < crowd.distance - ROUNDING_M:
                 how = "in space" if crowd.slant else "over ground"
                 reporter.key(
-                    feature.path,
+                    element.path,
                     f"is {away:.4g} m from the crowd `{crowd.name}`, measured {how}; at least {crowd.distance:g} m",
                 )
-
-
-def _distance(place: Point, height: float, crowd: Crowd) -> float:
-    over_ground = polygons.distance(place, crowd.corners, closed=crowd.shape is CrowdShape.AREA)
-    return math.hypot(over_ground, height - crowd.height) if crowd.slant else over_ground
-
-
-WIND: KeyPath = ("environment", "wind")
-HECTOPASCAL = 100.0
-
-
-def build_air(entry: EnvironmentEntry, places: Places) -> Air:
-    """Return the air above a track."""
-    return Air(
-        temperature_offset=entry.temperature_offset_K,
-        pressure_offset=entry.pressure_offset_hPa * HECTOPASCAL,
-        elevation=places.origin.elevation_m,
-        wind=_wind(entry.wind, places.reporter) if entry.wind else None,
-        thermals=tuple(_thermal(thermal, index, places) for index, thermal in enumerate(entry.thermals)),
-    )
-
-
-def _wind(entry: WindEntry, reporter: Reporter) -> StaticWind:
-    if entry.speed_kt is None and entry.speed_m_s is None:
-        reporter.key(WIND, "missing; a wind needs `speed_kt` or `speed_m_s`")
-    if entry.speed_kt is not None and entry.speed_m_s is not None:
-        reporter.key((*WIND, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
-    # A key that the profile does not use would have no effect, silently.
-    for key, value, profile in (("exponent", entry.exponent, "power"), ("roughness_m", entry.roughness_m, "log")):
-        if value is not None and entry.profile != profile:
-            reporter.key((*WIND, key), f"belongs to `profile: {profile}`; the profile is {entry.profile}")
-    silent = StaticWind(origin=0.0, speed=0.0)
-    wind = StaticWind(
-        origin=math.radians(entry.from_deg),
-        speed=entry.speed_m_s if entry.speed_m_s is not None else (entry.speed_kt or 0.0) * KNOT,
-        profile=Profile(entry.profile),
-        reference_height=_given(entry.reference_height_m, silent.reference_height),
-        exponent=_given(entry.exponent, silent.exponent),
-        roughness=_given(entry.roughness_m, silent.roughness),
-    )
-    if wind.profile is Profile.LOG and wind.reference_height <= wind.roughness:
-        reporter.value(
-            (*WIND, "reference_height_m"), f"must be above the roughness of {wind.roughness:g} m in a log profile"
-        )
-    return wind
-
-
-def _given(value: float | None, silent: float) -> float:
-    return silent if value is None else value
-
-
-def _thermal(entry: ThermalEntry, index: int, places: Places) -> Thermal:
-    place = places.point(entry, ("environment", "thermals", index))
-    return Thermal(north=place.north, east=place.east, w_star=entry.w_star_m_s, mixing_height=entry.mixing_height_m)

@@ -9,6 +9,8 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from airrace.errors import Finding, InputError
+from airrace.inputs.document import Document
 from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
 from airrace.inputs.schema import (
     Annotation,
@@ -18,14 +20,40 @@ from airrace.inputs.schema import (
     field_of,
     inner,
     keys_of,
-    member_of,
     schema_of,
     tags_of,
 )
+from airrace.inputs.yaml_reader import read_yaml
 
 Model = TypeVar("Model", bound=Schema)
 DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 """A number as it is written in many countries, but not in YAML."""
+
+
+def read_mapping(document: Document, schema: str) -> MappingNode:
+    """Return the tree of a document.
+
+    Raises:
+        InputError: it is no YAML, or no mapping.
+    """
+    root = read_yaml(document.path, document.text)
+    if isinstance(root, MappingNode):
+        return root
+    message = f"must be a mapping that begins with `schema: {schema}`"
+    raise InputError([Finding(document.path, root.place.line, root.place.column, "", message)])
+
+
+def read_entry(model: type[Model], document: Document, schema: str) -> tuple[Model, Reporter]:
+    """Return the content of a document, and the reporter for what else is found to be wrong with it.
+
+    Raises:
+        InputError: the document is not valid; it carries all findings.
+    """
+    reporter = Reporter(read_mapping(document, schema), [])
+    entry = validate(model, reporter)
+    if entry is None:
+        raise InputError(reporter.findings)
+    return entry, reporter
 
 
 def validate(model: type[Model], reporter: Reporter) -> Model | None:
@@ -61,46 +89,51 @@ def _report(model: type[Schema], error: ErrorDetails, reporter: Reporter, valuel
     path, owner, annotation = _resolve(model, error["loc"])
     if path in valueless:
         return
-    name = path[-1] if path else ""
+    name = str(path[-1]) if path else ""
     match error["type"]:
         case "missing":
-            text = _description(owner, str(name))
+            found = field_of(owner, name)
+            text = f": {found.description}" if found and found.description else ""
             reporter.key(path, f"missing; {owner.what if owner else 'it'} needs `{name}`{text}")
         case "extra_forbidden":
-            fields = keys_of(owner) if owner else []
-            others = reporter.other_documents(path)
-            belongs = _belongs(owner, str(name)) if owner else ""
-            told = belongs or reporter.suggestion(str(name), [*fields, *others])
-            reporter.key(path, f"unknown key `{name}`{told}")
+            known = keys_of(owner) if owner else []
+            nested = [(key, schema_of(inner(owner, key))) for key in known]
+            places = [f"; it belongs in `{key}`" for key, schema in nested if schema and name in keys_of(schema)]
+            meant = places[0] if places else reporter.suggestion(name, [*known, *reporter.other_documents(path)])
+            reporter.key(path, f"unknown key `{name}`{meant}")
         case "union_tag_not_found":
-            choices = ", ".join(tags_of(annotation))
-            reporter.key((*path, "type"), f"missing; `type` is one of: {choices}")
+            reporter.key((*path, "type"), f"missing; `type` is one of: {', '.join(tags_of(annotation))}")
         case "union_tag_invalid":
             tag = str(error.get("ctx", {}).get("tag", ""))
             reporter.value((*path, "type"), f"unknown type `{tag}`{reporter.suggestion(tag, tags_of(annotation))}")
         case _:
-            reporter.value(path, _mismatch(error, annotation, owner, str(name)))
+            reporter.value(path, _mismatch(error, annotation, _limits(owner, name)))
 
 
-def _mismatch(error: ErrorDetails, annotation: Annotation, owner: type[Schema] | None, name: str) -> str:
+def _mismatch(error: ErrorDetails, annotation: Annotation, limits: str) -> str:
     """Return what should stand here, and what does."""
-    found = _described(error["input"])
+    value = error["input"]
+    found = _description(value)
     match error["type"]:
         case "float_type" | "int_type" | "int_from_float":
             whole = "a whole number" if error["type"].startswith("int") else "a number"
-            return f"must be {whole}{_limits(owner, name)}, not {found}{_with_point(error['input'])}"
+            comma = isinstance(value, str) and DECIMAL_COMMA.fullmatch(value)
+            point = f"; write it with a decimal point, {value.replace(',', '.')}" if comma else ""
+            return f"must be {whole}{limits}, not {found}{point}"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
-            return f"must be{_limits(owner, name)}, not {found}"
+            return f"must be{limits}, not {found}"
         case "string_type":
-            quote = "; quote it if it is meant as text" if isinstance(error["input"], (int, float)) else ""
+            quote = "; quote it if it is meant as text" if isinstance(value, (int, float)) else ""
             return f"must be text, not {found}{quote}"
         case "bool_type":
             return f"must be true or false, not {found}"
         case "literal_error":
             choices = [str(choice) for choice in get_args(bare(annotation))]
-            return f"must be one of {', '.join(choices)}, not {found}{_near(error['input'], choices)}"
+            similar = difflib.get_close_matches(str(value), choices, n=1)
+            meant = f"; did you mean `{similar[0]}`?" if similar else ""
+            return f"must be one of {', '.join(choices)}, not {found}{meant}"
         case "model_type" | "dict_type" | "model_attributes_type":
-            return f"must be {_form(annotation)}, not {found}"
+            return f"must be {(schema_of(annotation) or Schema).form}, not {found}"
         case "list_type":
             return f"must be a list (`[a, b]` or `- a` lines), not {found}"
         case "string_too_short" | "too_short":
@@ -111,37 +144,14 @@ def _mismatch(error: ErrorDetails, annotation: Annotation, owner: type[Schema] |
             return error["msg"]
 
 
-def _with_point(value: object) -> str:
-    """Return how a number with a decimal comma is written; empty for whatever else."""
-    if not isinstance(value, str) or not DECIMAL_COMMA.fullmatch(value):
-        return ""
-    return f"; write it with a decimal point, {value.replace(',', '.')}"
-
-
-def _belongs(owner: type[Schema], name: str) -> str:
-    """Return in which of the mappings beside it a key belongs; empty if in none."""
-    for key in keys_of(owner):
-        nested = schema_of(inner(owner, key))
-        if nested is not None and name in keys_of(nested):
-            return f"; it belongs in `{key}`"
-    return ""
-
-
-def _form(annotation: Annotation) -> str:
-    return (schema_of(annotation) or Schema).form
-
-
-def _near(value: object, choices: list[str]) -> str:
-    similar = difflib.get_close_matches(str(value), choices, n=1)
-    return f"; did you mean `{similar[0]}`?" if similar else ""
-
-
-def _described(value: object) -> str:
+def _description(value: object) -> str:
     match value:
         case bool():
             return f"`{str(value).lower()}`"
-        case int() | float():
-            return f"{value:g}" if isinstance(value, float) else str(value)
+        case int():
+            return str(value)
+        case float():
+            return f"{value:g}"
         case str():
             return f"the text `{value[:40]}`"
         case dict():
@@ -170,11 +180,6 @@ def _limits(owner: type[Schema] | None, name: str) -> str:
     return " " + " and ".join(texts) if texts else ""
 
 
-def _description(owner: type[Schema] | None, name: str) -> str:
-    found = field_of(owner, name)
-    return f": {found.description}" if found and found.description else ""
-
-
 def _resolve(model: type[Schema], location: KeyPath) -> tuple[KeyPath, type[Schema] | None, Annotation]:
     """Return the path in the document, the mapping that owns its last key, and what is expected there.
 
@@ -184,7 +189,7 @@ def _resolve(model: type[Schema], location: KeyPath) -> tuple[KeyPath, type[Sche
     owner: type[Schema] | None = None
     annotation: Annotation = model
     for part in location:
-        member = member_of(annotation, part)
+        member = tags_of(annotation).get(str(part))
         if member is not None:
             annotation = member
             continue

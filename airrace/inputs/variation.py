@@ -1,28 +1,28 @@
 """The inputs of a run with one number changed: what `--set` would make of it, without reading the files again."""
 
+from collections.abc import Iterator, Mapping
 from functools import cached_property
+from typing import TypeVar, cast
 
 from airrace.errors import Finding, InputError, UsageError
-from airrace.inputs.aircraft import build_aircraft
-from airrace.inputs.aircraft_schema import AircraftEntry
-from airrace.inputs.course import build_course
+from airrace.inputs.aircraft import AircraftEntry, build_aircraft
 from airrace.inputs.document import Document
 from airrace.inputs.inputs import Inputs, check_together
-from airrace.inputs.nodes import MappingNode, Reporter, ScalarNode
-from airrace.inputs.numbers import filled_in, numbers
+from airrace.inputs.kinds.kind import HEIGHT_BAND_M, GateDefaultsEntry, KindEntry, PassingEntry
+from airrace.inputs.nodes import KeyPath, MappingNode, Reporter, ScalarNode, dotted
 from airrace.inputs.objects import is_of_objects
 from airrace.inputs.overrides import PLACE, PREFIXED, Override, apply_overrides, parse_overrides
 from airrace.inputs.places import Places
+from airrace.inputs.rules import LimitsEntry, with_preset
 from airrace.inputs.schema import Schema
-from airrace.inputs.shorthands import expanded
-from airrace.inputs.surroundings import build_air
-from airrace.inputs.track_schema import track_language
-from airrace.inputs.validation import validate
-from airrace.inputs.yaml_reader import read_yaml
+from airrace.inputs.track import TRACK_SCHEMA, TrackEntry, build_course, track_language
+from airrace.inputs.validation import read_mapping, validate
 from airrace.planning.race import Race
 
 AIRCRAFT = "aircraft"
 TRACK = "track"
+
+Entry = TypeVar("Entry", bound=Schema)
 
 
 class Variation:
@@ -44,17 +44,16 @@ class Variation:
     def numbers(self) -> dict[str, float]:
         """The number behind every key that `--set` reaches in track and aircraft, with its present value.
 
-        Numbers that the files leave to a preset or to the language are among them; limits that nobody sets are not.
+        Numbers that the files leave to a preset or to the language are among them; limits that nobody sets, and whole
+        numbers that count, are not.
         """
-        findings: list[Finding] = []
-        reporter = Reporter(self._track, findings)
-        track, aircraft = (
-            validate(track_language(), reporter),
-            validate(AircraftEntry, Reporter(self._aircraft, findings)),
-        )
+        reporter = Reporter(self._track, [])
+        track = validate(track_language(), reporter)
+        aircraft = validate(AircraftEntry, Reporter(self._aircraft, reporter.findings))
         if track is None or aircraft is None:
-            raise InputError(findings)
-        return numbers(filled_in(track, reporter)) | numbers(aircraft, (AIRCRAFT,))
+            raise InputError(reporter.findings)
+        found = [*_numbers(_complete(track, reporter), ()), *_numbers(aircraft, (AIRCRAFT,))]
+        return {dotted(key): value for key, value in found}
 
     def race(self, key: str, value: float) -> Race:
         """Return the race with one number set to another value.
@@ -71,14 +70,16 @@ class Variation:
         track = Reporter(self._track, findings)
         course, flown, air = self._race.course, self._race.aircraft, self._race.air
         if first in PREFIXED:
-            reporter = Reporter(_with(self._aircraft, AIRCRAFT, rest, value), findings, prefix=f"{AIRCRAFT}.")
+            changed = _override(self._aircraft, [_number(AIRCRAFT, rest, value)], AircraftEntry)
+            reporter = Reporter(changed, findings, prefix=f"{AIRCRAFT}.")
             entry = validate(AircraftEntry, reporter)
             flown = build_aircraft(entry, reporter) if entry else flown
         else:
-            track = Reporter(_with(self._track, TRACK, [first, *rest], value), findings)
+            changed = _override(self._track, [_number(TRACK, [first, *rest], value)], track_language())
+            track = Reporter(changed, findings)
             entry = validate(track_language(), track)
             course = build_course(entry, track) if entry else course
-            air = build_air(entry.environment, Places(entry.origin, track)) if entry else air
+            air = entry.environment.build(Places(entry.origin, track)) if entry else air
         if findings:
             raise InputError(findings)
         race = Race(course, flown, air)
@@ -89,24 +90,66 @@ class Variation:
 
 
 def _root(document: Document, kind: str, model: type[Schema], texts: tuple[str, ...]) -> MappingNode:
-    """Return a document as a tree with the overrides of the run made and all shorthands written out."""
+    """Return a document as a tree with the overrides of the run made."""
     findings: list[Finding] = []
     mine = [override for override in parse_overrides(texts, findings) if override.document == kind]
-    root = read_yaml(document.path, document.text)
-    if not isinstance(root, MappingNode):
-        raise InputError([Finding(document.path, 0, 0, "", "must be a mapping")])
-    changed = apply_overrides(root, mine, findings, lambda node: expanded(node, model))
-    if findings:
-        raise InputError(findings)
-    return changed
+    return _override(read_mapping(document, TRACK_SCHEMA), mine, model)
 
 
-def _with(root: MappingNode, kind: str, path: list[str], value: float) -> MappingNode:
-    """Return the tree with one number changed or added; nothing of it is a shorthand any more."""
+def _number(document: str, path: list[str], value: float) -> Override:
+    return Override(document, tuple(path), ScalarNode(PLACE, value))
+
+
+def _override(root: MappingNode, overrides: list[Override], model: type[Schema]) -> MappingNode:
     findings: list[Finding] = []
-    changed = apply_overrides(
-        root, [Override(kind, tuple(path), ScalarNode(PLACE, value))], findings, lambda node: node
-    )
+    changed = apply_overrides(root, overrides, findings, model)
     if findings:
         raise InputError(findings)
     return changed
+
+
+def _complete(entry: TrackEntry, reporter: Reporter) -> TrackEntry:
+    """Return a track without fault as if its file gave every number that its preset and the language give it."""
+    limits, defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
+    environment, wind = entry.environment, entry.environment.wind
+    distance = {"distance_m": limits.crowd_distance_m}
+    update = {
+        "rules": entry.rules.model_copy(update={key: getattr(limits, key) for key in LimitsEntry.model_fields}),
+        "gate_defaults": _with_heights(defaults, entry.gates),
+        "gates": {name: _fill(gate, gate.numbers(defaults)) for name, gate in entry.gates.items()},
+        "crowd": {name: _fill(crowd, distance) for name, crowd in entry.crowd.items()},
+        "environment": environment.model_copy(update={"wind": wind and _fill(wind, wind.numbers())}),
+    }
+    return entry.model_copy(update=update)
+
+
+def _with_heights(defaults: GateDefaultsEntry, gates: Mapping[str, KindEntry]) -> GateDefaultsEntry:
+    """Return the defaults with the legal heights of windows, where they follow from one nominal height."""
+    height = defaults.height_m
+    if height is None or any(isinstance(gate, PassingEntry) and gate.height_m is not None for gate in gates.values()):
+        return defaults
+    band = {"height_min_m": max(0.0, height - HEIGHT_BAND_M), "height_max_m": height + HEIGHT_BAND_M}
+    return _fill(defaults, band)
+
+
+def _fill(entry: Entry, numbers: Mapping[str, float | None]) -> Entry:
+    """Return an entry with the numbers that it does not give."""
+    return entry.model_copy(update={key: value for key, value in numbers.items() if getattr(entry, key) is None})
+
+
+def _numbers(value: object, path: KeyPath) -> Iterator[tuple[KeyPath, float]]:
+    """Yield all numbers by their keys; whole numbers that count (laps) and absent ones are left out."""
+    match value:
+        case float():
+            yield path, value
+        case Schema():
+            for key, info in type(value).model_fields.items():
+                yield from _numbers(getattr(value, key), (*path, info.alias or key))
+        case dict():
+            for key, one in cast(dict[str, object], value).items():
+                yield from _numbers(one, (*path, key))
+        case list():
+            for index, one in enumerate(cast(list[object], value)):
+                yield from _numbers(one, (*path, index))
+        case _:
+            return

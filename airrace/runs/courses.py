@@ -8,12 +8,10 @@ from pathlib import Path
 
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, load_inputs
-from airrace.inputs.course_import import sketched_course
+from airrace.inputs.course_import import read_placemarks, sketch_course
+from airrace.inputs.document import AIRCRAFT, SUFFIX, TRACKS, Collection
 from airrace.inputs.json_schema import schema_text
-from airrace.inputs.placemarks import read_placemarks
-from airrace.inputs.presets import preset_names
-from airrace.inputs.shipped import AIRCRAFT, SUFFIX, TRACKS, Collection
-from airrace.inputs.unused import unused_gates
+from airrace.inputs.rules import preset_names
 from airrace.planning.lint import Kind, Remark, in_order, review
 from airrace.planning.race import Race
 from airrace.records import record
@@ -139,7 +137,7 @@ def init(
     if not written:
         ensure_free(schema_file, force=force, hint="it is not the schema of this version; ", sources=[like, from_])
     if from_ is not None:
-        text = sketched_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
+        text = sketch_course(name_of(Path(from_)), _title(path), read_placemarks(Path(from_)))
     else:
         text = _copied(Path(like)) if like is not None else _begun(path)
     if EDITORS_LINE not in text and path != STANDARD:
@@ -258,7 +256,7 @@ def check_course(
     inputs = load_inputs(track, aircraft=aircraft, settings=settings, overrides=overrides)
     unused = (
         Remark("", Kind.ELEMENT, f"no lap passes the gate `{name}`: is its name missing in `course`?")
-        for name in unused_gates(inputs)
+        for name in inputs.unused_gates
     )
     planned = planned_flight(inputs.race)
     remarks = in_order([*review(inputs.race), *remarks_on_line(planned)], inputs.race.course)

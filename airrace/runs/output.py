@@ -11,7 +11,7 @@ from airrace.checkpoint.atomic import replace_file, replacing
 from airrace.errors import StorageError, UsageError
 from airrace.extensions import extensions
 from airrace.inputs import Document, Inputs
-from airrace.inputs.shipped import AIRCRAFT, TRACKS
+from airrace.inputs.document import AIRCRAFT, TRACKS
 from airrace.records import record
 from airrace.standard_streams import STANDARD
 

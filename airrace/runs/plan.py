@@ -11,9 +11,8 @@ from typing import Self
 from airrace.checkpoint import Sign, inputs_hash, read_checkpoint, stale_stages
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
-from airrace.inputs.document import read_document
+from airrace.inputs.document import AIRCRAFT, TRACKS, read_document
 from airrace.inputs.inputs import read_named
-from airrace.inputs.shipped import AIRCRAFT, TRACKS
 from airrace.procedure import run as procedure
 from airrace.procedure.fidelity_continuation import proves
 from airrace.procedure.passings import ensure_same_passings, passings_of

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from airrace.inputs.units import KNOT
+from airrace.quantities import KNOT
 from airrace.records import record
 from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point

@@ -11,7 +11,7 @@ MODULES = {
     "Fidelities and kinds of gates": (
         "airrace.procedure.fidelity",
         "airrace.track.element",
-        "airrace.inputs.kinds.entry",
+        "airrace.inputs.kinds.kind",
     ),
     "Problems of one's own": (
         "airrace.system",

@@ -10,7 +10,7 @@ import pytest
 from airrace.cli.options import complete_aircraft as aircraft
 from airrace.cli.options import complete_stage as stages
 from airrace.cli.options import complete_track as tracks
-from airrace.inputs.shipped import AIRCRAFT, TRACKS
+from airrace.inputs.document import AIRCRAFT, TRACKS
 from airrace.procedure.stage import STAGES
 
 

@@ -19,7 +19,7 @@ from airrace.cli.run_tables import certificate_table, mesh_table, result_tables,
 from airrace.cli.tables import rendered
 from airrace.errors import CheckpointError, Finding, InputError, StorageError
 from airrace.inputs import load_inputs
-from airrace.inputs.shipped import TRACKS
+from airrace.inputs.document import TRACKS
 from airrace.optimal_control.certificate import Certificate, Item
 from airrace.procedure.result import MeshRecord, Outcome, RefinementReason, Stage, StageProvenance
 from airrace.procedure.stage import STAGES

@@ -14,7 +14,7 @@ from airrace.checkpoint.log_layout import LOG_SCHEMA
 from airrace.checkpoint.run_layout import SCHEMA
 from airrace.inputs import load_inputs
 from airrace.inputs.json_schema import LANGUAGES, json_schema
-from airrace.inputs.rules_schema import PresetEntry
+from airrace.inputs.rules import PresetEntry
 
 TRACK = ROOT / "tracks" / "half_cuban_eight.yaml"
 CHECKPOINT = (DOCS / "reference" / "checkpoint.md").read_text(encoding="utf-8")

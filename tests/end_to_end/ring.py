@@ -13,12 +13,8 @@ from annotated_types import Ge, Gt, Le
 from pydantic import Field
 
 from airrace.environment.elementary import sqrt
-from airrace.inputs.features import Feature, Step
-from airrace.inputs.kinds.all_kinds import register
-from airrace.inputs.kinds.defaults import GateDefaultsEntry
-from airrace.inputs.kinds.entry import KindEntry
-from airrace.inputs.place_schema import Azimuth, Height, PlacedEntry
-from airrace.inputs.places import Places
+from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, Part, register
+from airrace.inputs.places import Azimuth, Height, PlacedEntry, Places
 from airrace.quantities import Interval, Quantity
 from airrace.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
 from airrace.track.passing import NOT_POSITIVE, ZERO, offsets
@@ -116,8 +112,8 @@ class RingEntry(PlacedEntry, KindEntry):
     diameter_m: Annotated[float, Gt(0), Le(100)] = Field(default=16.0, description="the diameter of its opening")
     clearance_m: Annotated[float, Ge(0), Le(20)] = Field(default=0.5, description="least distance of a wing tip")
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         place = places.point(self, ("gates", name))
         heading = math.radians(self.heading_deg)
         ring = Ring(name, place.north, place.east, self.height_m, heading, self.diameter_m, self.clearance_m)
-        return Feature(name, (Step(ring),))
+        return CompositeElement(name, (Part(ring),))

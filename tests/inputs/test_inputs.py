@@ -13,9 +13,9 @@ from airrace.aircraft.aircraft import Aircraft
 from airrace.environment.air import Air, Profile
 from airrace.errors import Finding, InputError, UsageError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
-from airrace.inputs.inputs import FINDINGS_MAX, told
-from airrace.inputs.objects import Scene, aircraft_of, document_of_objects, is_of_objects, scene_of
-from airrace.inputs.shipped import TRACKS
+from airrace.inputs.document import TRACKS
+from airrace.inputs.inputs import FINDINGS_MAX, shorten
+from airrace.inputs.objects import CourseAndAir, aircraft_of, course_and_air_of, document_of_objects, is_of_objects
 from airrace.inputs.variation import Variation
 from airrace.procedure.settings import GuessKind, MeshCheck, Settings
 from airrace.quantities import Interval
@@ -337,20 +337,20 @@ def test_at_most_a_hundred_findings_are_told_of_a_document() -> None:
 
 def test_few_findings_are_told_as_they_are() -> None:
     some = [Finding("t.yaml", line, 1, "", f"{line}") for line in range(FINDINGS_MAX, 0, -1)]
-    assert told(some) == sorted(some)
+    assert shorten(some) == sorted(some)
 
 
 def test_a_finding_quotes_no_more_of_a_file_than_can_be_read() -> None:
     (finding,) = findings_of(edited(TRACK, "schema: airrace/track/1", f"schema: {'x' * 5000}"))
     assert finding.message == f"expected `schema: airrace/track/1`, found `{'x' * 100}...`"
     wordy = Finding("t.yaml", 1, 1, "a", f"`b` {'is not what it was and ' * 20} `c`")
-    assert told([wordy]) == [wordy]
+    assert shorten([wordy]) == [wordy]
 
 
 ROVINJ = load_inputs("rovinj_2014").race
 
 
-def read_back(scene: Scene, aircraft: Aircraft = ROVINJ.aircraft) -> Inputs:
+def read_back(scene: CourseAndAir, aircraft: Aircraft = ROVINJ.aircraft) -> Inputs:
     return inputs_from_documents(
         document_of_objects(scene, "mine"), document_of_objects(aircraft, "my aircraft"), None, ()
     )
@@ -360,7 +360,7 @@ def read_back(scene: Scene, aircraft: Aircraft = ROVINJ.aircraft) -> Inputs:
 def test_every_shipped_race_survives_the_round_trip(name: str) -> None:
     by_file = load_inputs(name)
     race = by_file.race
-    inputs = read_back(Scene(race.course, race.air), race.aircraft)
+    inputs = read_back(CourseAndAir(race.course, race.air), race.aircraft)
     assert inputs.race == race
     assert inputs.resolved == by_file.resolved
 
@@ -369,7 +369,7 @@ def test_infinities_numbers_of_numpy_and_whole_numbers_survive() -> None:
     passages = [dataclasses.replace(one, lap=np.int64(one.lap)) for one in ROVINJ.course.passages]
     course = dataclasses.replace(ROVINJ.course, passages=tuple(passages))
     air = Air(elevation=np.float32(12.5), pressure_offset=3)
-    scene = read_back(Scene(course, air)).race
+    scene = read_back(CourseAndAir(course, air)).race
     assert scene.course == ROVINJ.course
     assert scene.air == Air(elevation=12.5, pressure_offset=3.0)
     assert isinstance(scene.air.pressure_offset, float)
@@ -389,22 +389,22 @@ FIRST, SECOND, *_ = ROVINJ.course.passages
 )
 def test_a_course_that_is_none_is_refused(course: Course, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        read_back(Scene(course, Air()))
+        read_back(CourseAndAir(course, Air()))
 
 
 def test_what_a_course_cannot_hold_is_refused_when_it_is_written() -> None:
     with pytest.raises(InputError, match="cannot hold a list"):
-        document_of_objects(Scene(dataclasses.replace(ROVINJ.course, passages=[FIRST, SECOND]), Air()), "mine")  # type: ignore[arg-type]
+        document_of_objects(CourseAndAir(dataclasses.replace(ROVINJ.course, passages=[FIRST, SECOND]), Air()), "mine")  # type: ignore[arg-type]
 
 
 def test_course_and_aircraft_must_fit_together_as_those_of_files_must() -> None:
     slow = dataclasses.replace(ROVINJ.aircraft, airframe=dataclasses.replace(ROVINJ.aircraft.airframe, b=30.0))
     with pytest.raises(InputError, match="wing"):
-        read_back(Scene(ROVINJ.course, ROVINJ.air), slow)
+        read_back(CourseAndAir(ROVINJ.course, ROVINJ.air), slow)
 
 
 def test_the_keys_of_files_reach_no_objects() -> None:
-    track = document_of_objects(Scene(ROVINJ.course, ROVINJ.air), "mine")
+    track = document_of_objects(CourseAndAir(ROVINJ.course, ROVINJ.air), "mine")
     with pytest.raises(InputError, match=r"rules\.n_z_max: cannot be set here"):
         load_inputs(track, aircraft="edge540", overrides=["rules.n_z_max=9"])
     inputs = load_inputs(track, aircraft="edge540", overrides=["aircraft.airframe.mass_kg=650"])
@@ -415,18 +415,18 @@ def test_the_keys_of_files_reach_no_objects() -> None:
 
 def test_a_course_built_in_python_needs_an_aircraft() -> None:
     with pytest.raises(InputError, match="names no aircraft"):
-        load_inputs(document_of_objects(Scene(ROVINJ.course, ROVINJ.air), "mine"))
+        load_inputs(document_of_objects(CourseAndAir(ROVINJ.course, ROVINJ.air), "mine"))
 
 
 FORGED = [
     {"Course": {}},
-    {"Scene": {"course": None}},
-    {"Scene": []},
+    {"CourseAndAir": {"course": None}},
+    {"CourseAndAir": []},
     {"Path": {"a": 1}},
     [],
-    {"Scene": {"course": {"Air": {}}, "air": {"Air": {}}}},
-    {"Scene": {"course": {"Course": {"name": 3}}, "air": {"Air": {}}}},
-    {"Scene": {"course": {"Course": {"unknown": 3}}, "air": {"Air": {}}}},
+    {"CourseAndAir": {"course": {"Air": {}}, "air": {"Air": {}}}},
+    {"CourseAndAir": {"course": {"Course": {"name": 3}}, "air": {"Air": {}}}},
+    {"CourseAndAir": {"course": {"Course": {"unknown": 3}}, "air": {"Air": {}}}},
 ]
 
 
@@ -435,6 +435,6 @@ def test_forged_objects_are_refused_with_a_sentence(objects: object) -> None:
     text = document_of_objects(ROVINJ.aircraft, "mine").text
     forged = Document("mine", json.dumps({**json.loads(text), "objects": objects}))
     assert is_of_objects(forged)
-    for read in (scene_of, aircraft_of):
+    for read in (course_and_air_of, aircraft_of):
         with pytest.raises(InputError, match="does not hold"):
             read(forged)

@@ -10,7 +10,7 @@ import pytest
 from jsonschema import Draft7Validator
 
 from airrace.inputs.json_schema import LANGUAGES, json_schema
-from airrace.inputs.presets import preset_names
+from airrace.inputs.rules import preset_names
 from airrace.inputs.yaml_reader import read_yaml
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import pytest
 
 from airrace.errors import InputError
 from airrace.inputs import load_inputs
-from airrace.inputs.shipped import AIRCRAFT, TRACKS
+from airrace.inputs.document import AIRCRAFT, TRACKS
 
 ROOT = Path(__file__).parents[2]
 

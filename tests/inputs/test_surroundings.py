@@ -6,7 +6,7 @@ from importlib import resources
 import pytest
 from language_texts import RICH, TRACK, edited, findings_of, understood
 
-from airrace.inputs.presets import preset_names, read_preset
+from airrace.inputs.rules import preset_names, read_preset
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, Rules
 from airrace.track.gates import KNIFE_EDGE_LEFT, LEVEL, Gate, Pylon

@@ -8,13 +8,11 @@ from language_texts import RICH, TRACK, edited, findings_of, understood
 
 from airrace.errors import InputError
 from airrace.inputs import Document, inputs_from_documents, load_inputs
-from airrace.inputs.features import Feature
-from airrace.inputs.kinds.all_kinds import kinds, register
-from airrace.inputs.kinds.defaults import GateDefaultsEntry
-from airrace.inputs.kinds.entry import KindEntry
+from airrace.inputs.course_order import PASSAGES_MAX
+from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds, register
 from airrace.inputs.places import Places
 from airrace.inputs.schema import tags_of
-from airrace.inputs.track_schema import PASSAGES_MAX, track_language
+from airrace.inputs.track import track_language
 from airrace.quantities import Interval
 from airrace.track.course import Course, Direction, EndState, Passage
 from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Manoeuvre
@@ -370,14 +368,14 @@ TYPES = ["level", "knife-edge", "quad", "pylon", "manoeuvre", "high-turn", "vert
 
 
 class Nothing(KindEntry):
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        return Feature(name, ())
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
+        return CompositeElement(name, ())
 
 
 def test_the_track_language_knows_every_kind() -> None:
     element = track_language().model_fields["gates"].annotation
     assert element is not None
-    assert tags_of(element.__args__[1]) == TYPES
+    assert list(tags_of(element.__args__[1])) == TYPES
     assert len(kinds()) == len(TYPES)
 
 

@@ -12,7 +12,6 @@ from language_texts import AIRCRAFT, RICH, ROOT, TRACK, edited, findings_of
 from airrace.errors import Finding, InputError
 from airrace.inputs import Document, Inputs, inputs_from_documents, load_inputs
 from airrace.inputs.inputs import FINDINGS_MAX
-from airrace.inputs.unused import unused_gates
 
 Mutation = Callable[[str, random.Random], str]
 
@@ -401,16 +400,16 @@ def test_wing_span_whose_square_is_no_number_is_refused() -> None:
 
 
 def test_gate_that_no_lap_passes_is_named() -> None:
-    assert unused_gates(load_inputs(ROVINJ)) == []
+    assert load_inputs(ROVINJ).unused_gates == ()
     text = ROVINJ.read_text().replace(
         "gates:\n", "gates:\n  spare: {type: level, north_m: 9, east_m: 9, heading_deg: 0}\n"
     )
-    assert unused_gates(load_inputs(Document(str(ROVINJ), text))) == ["spare"]
+    assert load_inputs(Document(str(ROVINJ), text)).unused_gates == ("spare",)
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "tracks").glob("*.yaml")), ids=lambda path: path.stem)
 def test_shipped_courses_pass_all_their_gates(path) -> None:
-    assert unused_gates(load_inputs(path)) == []
+    assert load_inputs(path).unused_gates == ()
 
 
 SETTINGS = """\

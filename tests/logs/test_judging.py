@@ -10,7 +10,7 @@ from synthetic import Fixes, csv_text, fixes, known
 from test_reading import flown, imported
 
 from airrace.inputs import load_inputs
-from airrace.inputs.presets import preset_names
+from airrace.inputs.rules import preset_names
 from airrace.logs.recording import Recording
 from airrace.logs.smoothing import between_samples
 from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties

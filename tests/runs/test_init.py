@@ -6,8 +6,8 @@ import pytest
 
 from airrace.errors import InputError, UsageError
 from airrace.inputs import load_inputs
+from airrace.inputs.document import TRACKS
 from airrace.inputs.json_schema import schema_text
-from airrace.inputs.shipped import TRACKS
 from airrace.runs.courses import EDITORS_LINE, catalogue, init
 
 

@@ -92,7 +92,7 @@ def run(installed: Path, folder: Path, *arguments: str) -> str:
 def test_what_comes_along_is_found_in_the_installed_package(installed: Path, tmp_path: Path) -> None:
     listed = json.loads(run(installed, tmp_path, "-m", "airrace", "tracks", "--json"))
     assert [one["name"] for one in listed["tracks"]] == sorted(path.stem for path in (ROOT / "tracks").glob("*.yaml"))
-    where = run(installed, tmp_path, "-c", "from airrace.inputs.shipped import TRACKS; print(TRACKS.path)")
+    where = run(installed, tmp_path, "-c", "from airrace.inputs.document import TRACKS; print(TRACKS.path)")
     assert Path(where.strip()) == installed / "airrace" / "shipped" / "tracks"
 
 

@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from airrace.inputs import load_inputs
-from airrace.inputs.shipped import TRACKS
+from airrace.inputs.document import TRACKS
 from airrace.planning.race import Race
 from airrace.quantities import Quantity
 from airrace.track.gates import Gate

@@ -8,36 +8,36 @@ from typing import Annotated, ClassVar, Literal
 from annotated_types import Gt, Le
 from pydantic import Field
 
-from airrace.inputs.features import Feature, Step
-from airrace.inputs.kinds.defaults import GateDefaultsEntry, GatePassingEntry, PassingEntry, Reach
-from airrace.inputs.kinds.entry import KindEntry, chosen
-from airrace.inputs.kinds.passing import (
-    GATE_CLEARANCE_M,
-    HEIGHT_M,
-    PYLON_CLEARANCE_M,
-    REACH_M,
-    WIDTH_M,
-    check_passing,
-    passing_of,
-    rounded,
-    silent_passing,
-    tolerances_of,
+from airrace.inputs.kinds.kind import (
+    CompositeElement,
+    GateDefaultsEntry,
+    GatePassingEntry,
+    KindEntry,
+    Part,
+    PassingEntry,
+    Reach,
+    passing_numbers,
+    register,
 )
-from airrace.inputs.nodes import KeyPath
-from airrace.inputs.place_schema import Azimuth, PlacedEntry, PlaceEntry
-from airrace.inputs.places import GEODETIC, METRIC, NOWHERE, Places
-from airrace.records import record
+from airrace.inputs.nodes import KeyPath, Reporter
+from airrace.inputs.places import GEODETIC, METRIC, NOWHERE, Azimuth, PlacedEntry, PlaceEntry, Places
+from airrace.quantities import Interval
 from airrace.track.course import Direction
-from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing, Pylon
+from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Passing, Pylon, Tolerances
 from airrace.track.polygons import Point
 
-KnifeEdgeName = Literal["right", "left", "either"]
-BankName = Literal["level", "right", "left", "either"]
+PYLON_CLEARANCE_M = 3.5
+"""The clearance of a single pylon that says none, m."""
 QUAD_CROSSING_MAX_DEG = 40
 """The largest crossing angle at a quad, degrees.
 
 From 45 on one straight flight through the middle would count as both passings of a quad.
 """
+
+KnifeEdgeName = Literal["right", "left", "either"]
+BankName = Literal["level", "right", "left", "either"]
+BANKS = {"level": LEVEL, "left": KNIFE_EDGE_LEFT, "right": KNIFE_EDGE_RIGHT, "either": KNIFE_EDGE_RIGHT}
+"""The bank by the name of the wing that points down, rad."""
 
 
 class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
@@ -52,34 +52,86 @@ class TwoPylonEntry(GatePassingEntry, PlacedEntry, KindEntry):
         description="its two pylons, the left one first as flown forward, instead of position, `heading_deg` and "
         "`width_m`",
     )
+    heading_deg: Azimuth | None = Field(default=None, description="its axis when flown forward")
 
-    def silent_numbers(self, feature: Feature) -> Mapping[str, float | None]:
-        gate = feature.steps[0].element
-        if not isinstance(gate, Gate):
-            return {}
-        width = {} if self.pylons is not None else {"width_m": gate.width}
-        return silent_passing(gate) | width | {"bank_tolerance_deg": rounded(gate.tolerances.bank)}
+    def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
+        numbers = passing_numbers(self, defaults)
+        if self.pylons is not None:
+            del numbers["width_m"]
+        return numbers
+
+    def gate(self, name: str, defaults: GateDefaultsEntry, places: Places, bank: BankName) -> Gate:
+        """Return the gate; what leaves nothing of it is reported."""
+        path, numbers = ("gates", name), self.numbers(defaults)
+        if self.pylons is None:
+            centre, width = self._stand(path, places), numbers["width_m"]
+            heading = math.radians(self.heading_deg or 0.0)
+        else:
+            centre, heading, width = self._between(self.pylons, path, places)
+        gate = Gate(
+            name=name,
+            north=centre.north,
+            east=centre.east,
+            height=numbers["height_m"],
+            heading=heading,
+            width=width,
+            bank=BANKS[bank],
+            either_bank=bank == "either",
+            passing=Passing(self.passing or defaults.passing),
+            tolerances=_tolerances(numbers),
+        )
+        _check_passing(gate, places.reporter)
+        clearance = numbers["clearance_m"]
+        if gate.passing is Passing.WINDOW and width <= 2.0 * clearance:
+            places.reporter.value(
+                (*path, "width_m" if self.pylons is None else "pylons"),
+                f"a width of {width:g} m leaves nothing between two clearances of {clearance:g} m",
+            )
+        return gate
+
+    def _stand(self, path: KeyPath, places: Places) -> Point:
+        """Return the centre by the gate's own numbers."""
+        centre = places.point(self, path)
+        if self.heading_deg is not None:
+            return centre
+        message = f"missing; {self.what} needs `heading_deg`: its axis when flown forward; or its two `pylons`"
+        places.reporter.key((*path, "heading_deg"), message)
+        return NOWHERE
+
+    def _between(self, pylons: list[PlaceEntry], path: KeyPath, places: Places) -> tuple[Point, float, float]:
+        """Return the centre, the axis (rad) and the width (m) of a gate whose two pylons are known."""
+        for key in ("heading_deg", "width_m", *METRIC, *GEODETIC):
+            if getattr(self, key) is not None:
+                places.reporter.key((*path, key), "the gate's place is given twice; keep it, or `pylons`")
+        left, right = (places.point(one, (*path, "pylons", index)) for index, one in enumerate(pylons))
+        north, east = right.north - left.north, right.east - left.east
+        width = math.hypot(north, east)
+        if width == 0.0:
+            places.reporter.value((*path, "pylons"), "both pylons stand in the same place")
+        centre = Point(0.5 * (left.north + right.north), 0.5 * (left.east + right.east))
+        return centre, math.atan2(east, north) - 0.5 * math.pi, width
 
 
+@register
 class LevelGateEntry(TwoPylonEntry):
     what: ClassVar[str] = "a level gate"
     type: Literal["level"] = Field(description="two pylons, flown between with the wings level")
-    heading_deg: Azimuth | None = Field(default=None, description="its axis when flown forward")
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        return Feature(name, (Step(_gate(name, self, self.heading_deg, defaults, places)),))
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
+        return CompositeElement(name, (Part(self.gate(name, defaults, places, "level")),))
 
 
+@register
 class KnifeEdgeGateEntry(TwoPylonEntry):
     what: ClassVar[str] = "a knife-edge gate"
     type: Literal["knife-edge"] = Field(description="two pylons, flown between with a right angle of bank")
-    heading_deg: Azimuth | None = Field(default=None, description="its axis when flown forward")
     bank: KnifeEdgeName = Field(default="either", description="the wing that points down")
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        return Feature(name, (Step(_banked(_gate(name, self, self.heading_deg, defaults, places), self.bank)),))
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
+        return CompositeElement(name, (Part(self.gate(name, defaults, places, self.bank)),))
 
 
+@register
 class QuadEntry(TwoPylonEntry):
     """Two pairs of pylons about one centre; one mention in the course is both passings, one after the other."""
 
@@ -101,132 +153,90 @@ class QuadEntry(TwoPylonEntry):
         f"gate_defaults, but {QUAD_CROSSING_MAX_DEG} at most",
     )
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+    def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
+        numbers = super().numbers(defaults)
+        return {**numbers, "crossing_max_deg": min(numbers["crossing_max_deg"], QUAD_CROSSING_MAX_DEG)}
+
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return two crossed gates.
 
         The second one's heading is counted from the first one's, so that both turn when the quad is flown in reverse.
         """
-        first = _gate(name, self, self.heading_deg, defaults, places)
-        crossing = min(first.tolerances.crossing, math.radians(QUAD_CROSSING_MAX_DEG))
-        first = dataclasses.replace(first, tolerances=dataclasses.replace(first.tolerances, crossing=crossing))
-        turn_deg = -90.0 if self.then == "left" else 90.0
+        first = self.gate(name, defaults, places, self.bank)
         axis_deg = math.degrees(first.heading) if self.heading_deg is None else self.heading_deg
-        second = dataclasses.replace(first, heading=math.radians(axis_deg + turn_deg))
+        second = dataclasses.replace(
+            first,
+            name=f"{name}/2",
+            heading=math.radians(axis_deg + (-90.0 if self.then == "left" else 90.0)),
+            bank=BANKS[self.second_bank],
+            either_bank=self.second_bank == "either",
+        )
         either = self.then == "either"
-        return Feature(
-            name,
-            (
-                Step(dataclasses.replace(_banked(first, self.bank), name=f"{name}/1")),
-                Step(
-                    dataclasses.replace(_banked(second, self.second_bank), name=f"{name}/2"),
-                    direction=Direction.PLANNED if either else None,
-                ),
-            ),
-            free_directions=either,
+        parts = (
+            Part(dataclasses.replace(first, name=f"{name}/1")),
+            Part(second, direction=Direction.PLANNED if either else None),
         )
+        return CompositeElement(name, parts, free_directions=either)
 
 
-@record
-class _Stand:
-    """The place of a gate: its centre, its axis (rad) and its width (m)."""
-
-    centre: Point
-    heading: float
-    width: float
-
-
-def _stand(
-    name: str, entry: TwoPylonEntry, heading_deg: float | None, defaults: GateDefaultsEntry, places: Places
-) -> _Stand:
-    """Return where a gate stands, by its own numbers or by its pylons; `NOWHERE` if that was refused."""
-    path: KeyPath = ("gates", name)
-    width = chosen(entry.width_m, defaults.width_m, WIDTH_M)
-    if entry.pylons is not None:
-        return _between(entry, heading_deg, path, places)
-    centre = places.point(entry, path)
-    if heading_deg is None:
-        message = f"missing; {entry.what} needs `heading_deg`: its axis when flown forward; or its two `pylons`"
-        places.reporter.key((*path, "heading_deg"), message)
-        return _Stand(NOWHERE, 0.0, width)
-    return _Stand(centre, math.radians(heading_deg), width)
-
-
-def _between(entry: TwoPylonEntry, heading_deg: float | None, path: KeyPath, places: Places) -> _Stand:
-    """Return where a gate stands whose two pylons are known, the left one first."""
-    assert entry.pylons is not None  # asked for by the caller
-    given = {"heading_deg": heading_deg, "width_m": entry.width_m}
-    given |= {key: getattr(entry, key) for key in (*METRIC, *GEODETIC)}
-    for key, value in given.items():
-        if value is not None:
-            places.reporter.key((*path, key), "the gate's place is given twice; keep it, or `pylons`")
-    left, right = (places.point(one, (*path, "pylons", index)) for index, one in enumerate(entry.pylons))
-    north, east = right.north - left.north, right.east - left.east
-    width = math.hypot(north, east)
-    if width == 0.0:
-        places.reporter.value((*path, "pylons"), "both pylons stand in the same place")
-    centre = Point(0.5 * (left.north + right.north), 0.5 * (left.east + right.east))
-    return _Stand(centre, math.atan2(east, north) - 0.5 * math.pi, width)
-
-
-def _gate(
-    name: str, entry: TwoPylonEntry, heading_deg: float | None, defaults: GateDefaultsEntry, places: Places
-) -> Gate:
-    """Return a gate of two pylons that is flown with the wings level."""
-    reporter, stand = places.reporter, _stand(name, entry, heading_deg, defaults, places)
-    clearance = chosen(entry.clearance_m, defaults.clearance_m, GATE_CLEARANCE_M)
-    gate = Gate(
-        name=name,
-        north=stand.centre.north,
-        east=stand.centre.east,
-        height=chosen(entry.height_m, defaults.height_m, HEIGHT_M),
-        heading=stand.heading,
-        width=stand.width,
-        passing=passing_of(entry, defaults),
-        tolerances=tolerances_of(entry, defaults, clearance=clearance),
-    )
-    check_passing(gate, reporter)
-    if gate.passing is Passing.WINDOW and gate.width <= 2.0 * clearance:
-        reporter.value(
-            ("gates", name, "width_m" if entry.pylons is None else "pylons"),
-            f"a width of {gate.width:g} m leaves nothing between two clearances of {clearance:g} m",
-        )
-    return gate
-
-
-def _banked(gate: Gate, name: str) -> Gate:
-    """Return the gate flown at a bank that is named after the wing that points down."""
-    bank = {"level": LEVEL, "left": KNIFE_EDGE_LEFT}.get(name, KNIFE_EDGE_RIGHT)
-    return dataclasses.replace(gate, bank=bank, either_bank=name == "either")
-
-
+@register
 class PylonEntry(PassingEntry, PlacedEntry, KindEntry):
     what: ClassVar[str] = "a pylon"
     type: Literal["pylon"] = Field(description="a single pylon, passed on one side")
     pass_side_deg: Azimuth = Field(description="the azimuth from the pylon to the side on which it is passed")
     reach_m: Reach | None = Field(default=None, description="farthest distance at which the passing counts")
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
-        reporter, place = places.reporter, places.point(self, ("gates", name))
+    def numbers(self, defaults: GateDefaultsEntry) -> Mapping[str, float]:
+        clearance = PYLON_CLEARANCE_M if self.clearance_m is None else self.clearance_m
+        return {**passing_numbers(self, defaults), "clearance_m": clearance}
+
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
+        reporter, place, numbers = places.reporter, places.point(self, ("gates", name)), self.numbers(defaults)
         pylon = Pylon(
             name=name,
             north=place.north,
             east=place.east,
-            height=chosen(self.height_m, defaults.height_m, HEIGHT_M),
+            height=numbers["height_m"],
             side=math.radians(self.pass_side_deg),
-            reach=chosen(self.reach_m, defaults.reach_m, REACH_M),
-            passing=passing_of(self, defaults),
-            tolerances=tolerances_of(
-                self, defaults, clearance=PYLON_CLEARANCE_M if self.clearance_m is None else self.clearance_m
-            ),
+            reach=numbers["reach_m"],
+            passing=Passing(self.passing or defaults.passing),
+            tolerances=_tolerances(numbers),
         )
-        check_passing(pylon, reporter)
+        _check_passing(pylon, reporter)
         if pylon.reach <= pylon.tolerances.clearance:
             reporter.value(
                 ("gates", name, "reach_m"),
                 f"a reach of {pylon.reach:g} m lies within the clearance of {pylon.tolerances.clearance:g} m",
             )
-        return Feature(name, (Step(pylon),))
+        return CompositeElement(name, (Part(pylon),))
 
-    def silent_numbers(self, feature: Feature) -> Mapping[str, float | None]:
-        pylon = feature.steps[0].element
-        return silent_passing(pylon) | {"reach_m": pylon.reach} if isinstance(pylon, Pylon) else {}
+
+def _tolerances(numbers: Mapping[str, float]) -> Tolerances:
+    """Return what a passing allows; the bank at a single pylon is free."""
+    return Tolerances(
+        clearance=numbers["clearance_m"],
+        height=Interval(numbers["height_min_m"], numbers["height_max_m"]),
+        bank=math.radians(numbers.get("bank_tolerance_deg", 180.0)),
+        climb=Interval(math.radians(numbers["climb_min_deg"]), math.radians(numbers["climb_max_deg"])),
+        crossing=math.radians(numbers["crossing_max_deg"]),
+    )
+
+
+def _check_passing(element: Gate | Pylon, reporter: Reporter) -> None:
+    """Report heights and climb angles that leave nothing."""
+    band, climb = element.tolerances.height, element.tolerances.climb
+    if element.passing is Passing.WINDOW and band.empty:
+        reporter.value(
+            ("gates", element.name, "height_min_m"),
+            f"the height band is empty: from {band.lower:g} m up to {band.upper:g} m",
+        )
+    elif element.passing is Passing.WINDOW and not band.lower <= element.height <= band.upper:
+        reporter.value(
+            ("gates", element.name, "height_m"),
+            f"must lie within the window's heights, {band.lower:g} to {band.upper:g} m, not {element.height:g}",
+        )
+    if climb.empty:
+        reporter.value(
+            ("gates", element.name, "climb_min_deg"),
+            f"must not exceed the largest climb angle: {math.degrees(climb.lower):g} to {math.degrees(climb.upper):g}",
+        )

@@ -1,19 +1,16 @@
 """Manoeuvres in the track language, flown at a free position: attitudes, high turns, vertical rolls."""
 
+import dataclasses
 import math
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from airrace.inputs.features import Feature, Step
-from airrace.inputs.kinds.defaults import GateDefaultsEntry
-from airrace.inputs.kinds.entry import KindEntry
 from airrace.inputs.kinds.gates import KnifeEdgeName
+from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, Part, register
 from airrace.inputs.nodes import KeyPath, Reporter
-from airrace.inputs.place_schema import Azimuth, ClimbAngle, Coordinate, Height, PlacedEntry
-from airrace.inputs.places import Places
-from airrace.inputs.units import interval, interval_deg, radians_or_none
+from airrace.inputs.places import Azimuth, ClimbAngle, Coordinate, Height, PlacedEntry, Places, radians_or_none
 from airrace.quantities import Interval
 from airrace.track.gates import INVERTED, Manoeuvre
 from airrace.track.limits import Roll, Turning
@@ -24,6 +21,7 @@ STEEP_DEG = 45.0
 """The least climb angle, degrees, of a line for a vertical roll."""
 
 
+@register
 class ManoeuvreEntry(PlacedEntry, KindEntry):
     """An attitude at a position that is free within bounds; at least one condition."""
 
@@ -43,10 +41,11 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
     height_min_m: Height | None = Field(default=None, description="least height above the origin")
     height_max_m: Height | None = Field(default=None, description="largest height above the origin")
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return an attitude at a position that is free within bounds."""
         reporter, path = places.reporter, ("gates", name)
         north, east = _over_ground(self, path, places)
+        heights = Interval.between(self.height_min_m, self.height_max_m)
         manoeuvre = Manoeuvre(
             name=name,
             bank=INVERTED if self.inverted else radians_or_none(self.bank_deg),
@@ -54,7 +53,7 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
             heading=radians_or_none(self.heading_deg),
             north=north,
             east=east,
-            height=_range("height", self.height_m, interval(self.height_min_m, self.height_max_m), path, reporter),
+            height=_range("height", self.height_m, heights, path, reporter),
         )
         if self.inverted is False:
             reporter.value((*path, "inverted"), "can only be true; for upright flight give `bank_deg: 0`")
@@ -68,23 +67,24 @@ class ManoeuvreEntry(PlacedEntry, KindEntry):
             for key in ("bank_deg", "inverted", "heading_deg"):
                 if reporter.find((*path, key)) is not None:
                     reporter.value((*path, key), "has no meaning on a vertical line; leave it out")
-        return Feature(name, (Step(manoeuvre),))
+        return CompositeElement(name, (Part(manoeuvre),))
 
 
+@register
 class HighTurnEntry(KindEntry):
     what: ClassVar[str] = "a high turn"
     type: Literal["high-turn"] = Field(description="a height to be reached between two gates")
     height_min_m: Height = Field(description="the height above the origin that must be reached")
     height_max_m: Height | None = Field(default=None, description="largest height at its top")
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return a height to be reached between two gates."""
-        height = _range(
-            "height", None, interval(self.height_min_m, self.height_max_m), ("gates", name), places.reporter
-        )
-        return Feature(name, (Step(Manoeuvre(name=name, height=height, kind="high-turn")),))
+        bounds = Interval.between(self.height_min_m, self.height_max_m)
+        height = _range("height", None, bounds, ("gates", name), places.reporter)
+        return CompositeElement(name, (Part(Manoeuvre(name=name, height=height, kind="high-turn")),))
 
 
+@register
 class VerticalRollEntry(KindEntry):
     """A roll on a steep line; one mention of it is two passages: the roll's begin and its end."""
 
@@ -103,7 +103,7 @@ class VerticalRollEntry(KindEntry):
         default=None, description="least height gained while rolling"
     )
 
-    def feature(self, name: str, defaults: GateDefaultsEntry, places: Places) -> Feature:
+    def build(self, name: str, defaults: GateDefaultsEntry, places: Places) -> CompositeElement:
         """Return two passages on a steep line: where the roll begins, and where it ends."""
         reporter = places.reporter
         downward = self.climb_deg < 0.0
@@ -113,19 +113,11 @@ class VerticalRollEntry(KindEntry):
             climb_tolerance=math.radians(self.climb_tolerance_deg),
             kind="vertical-roll",
         )
-        end = Manoeuvre(
-            name=name,
-            climb=begin.climb,
-            climb_tolerance=begin.climb_tolerance,
-            height=interval(self.height_min_m, None),
-            kind="vertical-roll",
-        )
+        end = dataclasses.replace(begin, name=name, height=Interval.between(self.height_min_m, None))
+        climb_deg, tolerance_deg = self.climb_deg, self.climb_tolerance_deg
         roll = Roll(
             angle=math.radians(self.roll_deg),
-            climb=interval_deg(
-                max(self.climb_deg - self.climb_tolerance_deg, -90.0),
-                min(self.climb_deg + self.climb_tolerance_deg, 90.0),
-            ),
+            climb=Interval.degrees(max(climb_deg - tolerance_deg, -90.0), min(climb_deg + tolerance_deg, 90.0)),
             # On the way down no height is gained.
             gain=-math.inf if downward else self.height_gain_m or 0.0,
             turning=Turning(self.turning),
@@ -138,22 +130,22 @@ class VerticalRollEntry(KindEntry):
             )
         if downward and self.height_gain_m is not None:
             reporter.value(("gates", name, "height_gain_m"), "a roll downward gains no height; leave it out")
-        return Feature(name, (Step(begin), Step(end, roll=roll)))
+        return CompositeElement(name, (Part(begin), Part(end, roll=roll)))
 
 
 def _over_ground(entry: ManoeuvreEntry, path: KeyPath, places: Places) -> tuple[Interval, Interval]:
     """Return the ranges of north and east, m."""
     point = places.geodetic(entry, path)
-    north, east = (entry.north_m, entry.east_m) if point is None else (point.north, point.east)
-    ranges = (interval(entry.north_min_m, entry.north_max_m), interval(entry.east_min_m, entry.east_max_m))
-    if point is not None and any(one.bounded for one in ranges):
-        places.reporter.value(
-            (*path, "latitude_deg"), "is exact; not together with bounds of north or east, such as `north_min_m`"
-        )
-        ranges = (Interval(), Interval())
+    exact = (entry.north_m, entry.east_m) if point is None else (point.north, point.east)
+    north = Interval.between(entry.north_min_m, entry.north_max_m)
+    east = Interval.between(entry.east_min_m, entry.east_max_m)
+    if point is not None and (north.bounded or east.bounded):
+        message = "is exact; not together with bounds of north or east, such as `north_min_m`"
+        places.reporter.value((*path, "latitude_deg"), message)
+        north = east = Interval()
     return (
-        _range("north", north, ranges[0], path, places.reporter),
-        _range("east", east, ranges[1], path, places.reporter),
+        _range("north", exact[0], north, path, places.reporter),
+        _range("east", exact[1], east, path, places.reporter),
     )
 
 

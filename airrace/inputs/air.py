@@ -1,0 +1,107 @@
+"""The air of the day in a track file: deviations from the standard atmosphere, wind, thermals."""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge, Gt, Le
+from pydantic import Field
+
+from airrace.environment.air import Air, Profile, StaticWind, Thermal
+from airrace.inputs.nodes import KeyPath, Reporter
+from airrace.inputs.places import Azimuth, PlacedEntry, Places
+from airrace.inputs.schema import Schema
+from airrace.quantities import KNOT
+
+WIND: KeyPath = ("environment", "wind")
+THERMALS_MAX = 100
+"""The largest number of thermals of a course."""
+
+
+class WindEntry(Schema):
+    """A static wind, with exactly one of `speed_kt` and `speed_m_s`."""
+
+    what: ClassVar[str] = "a wind"
+    from_deg: Azimuth = Field(description="the direction it blows from")
+    speed_kt: Annotated[float, Ge(0), Le(100)] | None = Field(
+        default=None, description="its speed at the reference height; or give `speed_m_s`"
+    )
+    speed_m_s: Annotated[float, Ge(0), Le(51)] | None = Field(
+        default=None, description="its speed at the reference height; or give `speed_kt`"
+    )
+    profile: Literal["constant", "power", "log"] = Field(default="constant", description="how it changes with height")
+    reference_height_m: Annotated[float, Gt(0), Le(1000)] | None = Field(
+        default=None, description="the height above the ground at which it was measured"
+    )
+    exponent: Annotated[float, Ge(0), Le(1)] | None = Field(
+        default=None, description="of the power law, with `profile: power`"
+    )
+    roughness_m: Annotated[float, Gt(0), Le(5)] | None = Field(
+        default=None, description="roughness length of the ground, with `profile: log`"
+    )
+
+    def numbers(self) -> Mapping[str, float]:
+        """Return the numbers that hold where the file gives none, by their keys."""
+        defaults = StaticWind(origin=0.0, speed=0.0)
+        numbers = {"reference_height_m": defaults.reference_height}
+        if self.profile == Profile.POWER.value:
+            numbers["exponent"] = defaults.exponent
+        if self.profile == Profile.LOG.value:
+            numbers["roughness_m"] = defaults.roughness
+        return numbers
+
+    def build(self, reporter: Reporter) -> StaticWind:
+        """Return the wind; it is only of use if nothing was reported."""
+        if self.speed_kt is None and self.speed_m_s is None:
+            reporter.key(WIND, "missing; a wind needs `speed_kt` or `speed_m_s`")
+        if self.speed_kt is not None and self.speed_m_s is not None:
+            reporter.key((*WIND, "speed_m_s"), "the speed is given twice; keep one of `speed_kt` and `speed_m_s`")
+        # A key that the profile does not use would have no effect, silently.
+        for key, value, profile in (("exponent", self.exponent, "power"), ("roughness_m", self.roughness_m, "log")):
+            if value is not None and self.profile != profile:
+                reporter.key((*WIND, key), f"belongs to `profile: {profile}`; the profile is {self.profile}")
+        given = {"reference_height": self.reference_height_m, "exponent": self.exponent, "roughness": self.roughness_m}
+        wind = StaticWind(
+            origin=math.radians(self.from_deg),
+            speed=self.speed_m_s if self.speed_m_s is not None else (self.speed_kt or 0.0) * KNOT,
+            profile=Profile(self.profile),
+            **{name: value for name, value in given.items() if value is not None},
+        )
+        if wind.profile is Profile.LOG and wind.reference_height <= wind.roughness:
+            message = f"must be above the roughness of {wind.roughness:g} m in a log profile"
+            reporter.value((*WIND, "reference_height_m"), message)
+        return wind
+
+
+class ThermalEntry(PlacedEntry):
+    what: ClassVar[str] = "a thermal"
+    w_star_m_s: Annotated[float, Gt(0), Le(10)] = Field(description="the convective velocity scale")
+    mixing_height_m: Annotated[float, Ge(100), Le(5000)] = Field(description="the depth of the mixing layer")
+
+
+class EnvironmentEntry(Schema):
+    what: ClassVar[str] = "the environment"
+    temperature_offset_K: Annotated[float, Ge(-60), Le(60)] = Field(
+        default=0.0, description="how much warmer the day is than the standard atmosphere"
+    )
+    pressure_offset_hPa: Annotated[float, Ge(-100), Le(100)] = Field(
+        default=0.0, description="how much the pressure at sea level is above that of the standard atmosphere"
+    )
+    wind: WindEntry | None = Field(default=None, description="the wind of the day; without it the air is still")
+    thermals: Annotated[list[ThermalEntry], Field(max_length=THERMALS_MAX)] = Field(
+        default_factory=list[ThermalEntry], description="columns of rising air"
+    )
+
+    def build(self, places: Places) -> Air:
+        """Return the air above a track; it is only of use if nothing was reported."""
+        thermals: list[Thermal] = []
+        for index, one in enumerate(self.thermals):
+            place = places.point(one, ("environment", "thermals", index))
+            thermals.append(Thermal(place.north, place.east, one.w_star_m_s, one.mixing_height_m))
+        return Air(
+            temperature_offset=self.temperature_offset_K,
+            pressure_offset=self.pressure_offset_hPa * 100.0,
+            elevation=places.origin.elevation,
+            wind=self.wind.build(places.reporter) if self.wind else None,
+            thermals=tuple(thermals),
+        )

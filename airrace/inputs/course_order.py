@@ -1,0 +1,283 @@
+"""The order in which a course is flown: its keys, the names that stand there, and every passage of the race."""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from airrace.inputs.kinds.kind import CompositeElement
+from airrace.inputs.nodes import KeyPath, MappingNode, Node, Reporter, ScalarNode, SequenceNode
+from airrace.inputs.schema import Schema, ShorthandSchema
+from airrace.inputs.surroundings import LINES_MAX, room_beside
+from airrace.quantities import Interval
+from airrace.records import record
+from airrace.track.course import Direction, Passage
+from airrace.track.limits import SafetyLine
+
+DirectionName = Literal["forward", "reverse", "planned"]
+EndStateName = Literal["settled", "free"]
+PASSAGES_MAX = 10_000
+"""The largest number of passings of a whole race."""
+
+
+class PassingReferenceEntry(ShorthandSchema):
+    """A passing: the name of an element, or a mapping that says more about it."""
+
+    what: ClassVar[str] = "a passing"
+    form: ClassVar[str] = "the name of a gate or {gate: NAME, direction: reverse}"
+    shorthand: ClassVar[str | None] = "gate"
+    gate: str = Field(description="the name of an element of `gates`")
+    direction: DirectionName | None = Field(
+        default=None, description="which way a two-pylon gate is flown; `planned`: whichever makes the shorter race"
+    )
+    safety_lines: Annotated[list[str], Field(max_length=LINES_MAX)] = Field(
+        default_factory=list[str], description="names of `safety_lines` not to be crossed on the leg that leads here"
+    )
+
+
+Lap = Annotated[list[PassingReferenceEntry], Field(min_length=1, max_length=PASSAGES_MAX)]
+
+
+class CourseEntry(Schema):
+    """The order of a race: either `lap`, flown `laps` times, or `each_lap`."""
+
+    what: ClassVar[str] = "a course"
+    start: str = Field(description="the element that starts the clock")
+    start_direction: DirectionName | None = Field(default=None, description="which way the start is flown")
+    start_state: EndStateName = Field(
+        default="settled",
+        description="how the aircraft flies when the clock starts: `settled`, as in a steady flight with the load "
+        "factor and the roll rate of that instant, or `free`, in any way within the limits",
+    )
+    lap: Lap | None = Field(default=None, description="the elements in the order flown")
+    laps: Annotated[int, Ge(1), Le(100)] | None = Field(
+        default=None, description="how often the lap is flown; once by default"
+    )
+    each_lap: Annotated[list[Lap], Field(min_length=1, max_length=100)] | None = Field(
+        default=None, description="instead of `lap` and `laps`: an order of its own for every lap"
+    )
+    finish: PassingReferenceEntry | None = Field(
+        default=None, description="the element that stops the clock, if it is not the last of the last lap"
+    )
+    finish_state: EndStateName = Field(
+        default="free", description="how the aircraft flies when the clock stops, likewise"
+    )
+
+
+@record
+class CourseReference:
+    """A passing as the file asks for it, as far as it can be read; `path` is where. The start has lap 0."""
+
+    path: KeyPath
+    lap: int
+    gate: str | None
+    direction: str | None = None
+    safety_lines: tuple[tuple[int, str], ...] = ()
+
+    @property
+    def direction_path(self) -> KeyPath:
+        return (*self.path, "direction") if self.lap else ("course", "start_direction")
+
+
+def _references(course: MappingNode) -> list[CourseReference]:
+    """Return all passings in the order flown; those of a lap that is repeated once."""
+    start = course.scalar("start_direction")
+    found = [dataclasses.replace(_reference(course.get("start"), ("course", "start"), 0), direction=_text(start))]
+    for index, node in enumerate(_items(course.get("lap"))):
+        found.append(_reference(node, ("course", "lap", index), 1))
+    for lap, items in enumerate(_items(course.get("each_lap"))):
+        for index, node in enumerate(_items(items)):
+            found.append(_reference(node, ("course", "each_lap", lap, index), lap + 1))
+    if "finish" in course.entries:
+        laps = len(_items(course.get("each_lap"))) or course.scalar("laps")
+        found.append(_reference(course.get("finish"), ("course", "finish"), laps if isinstance(laps, int) else 1))
+    return found
+
+
+def _reference(node: Node | None, path: KeyPath, lap: int) -> CourseReference:
+    match node:
+        case ScalarNode(value=str(gate)):
+            return CourseReference(path, lap, gate)
+        case MappingNode():
+            items = enumerate(_items(node.get("safety_lines")))
+            texts = ((index, _text(one.value)) for index, one in items if isinstance(one, ScalarNode))
+            lines = tuple((index, text) for index, text in texts if text is not None)
+            return CourseReference(path, lap, _text(node.scalar("gate")), _text(node.scalar("direction")), lines)
+        case _:
+            return CourseReference(path, lap, None)
+
+
+def _items(node: Node | None) -> Sequence[Node]:
+    return node.items if isinstance(node, SequenceNode) else ()
+
+
+def _text(value: object) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def check_references(reporter: Reporter) -> None:
+    """Report names of gates and safety lines that do not exist, gates passed twice in a row, lines without effect.
+
+    The check works on the tree alone, so that a fault elsewhere hides nothing.
+    """
+    course, gates = reporter.find(("course",)), reporter.find(("gates",))
+    if not isinstance(course, MappingNode):
+        return
+    references = _references(course)
+    if len(references) > PASSAGES_MAX:
+        return  # the schema reports that, and nothing else matters then
+    if isinstance(gates, MappingNode):
+        for one in references:
+            if one.gate is not None and one.gate not in gates.entries:
+                meant = reporter.suggestion(one.gate, gates.entries.keys())
+                reporter.value(one.path, f"unknown gate `{one.gate}`{meant}")
+        _check_neighbours(references, course, gates, reporter)
+    if any(isinstance(course.get(key), SequenceNode) for key in ("lap", "each_lap")):
+        _check_lines(references, reporter)
+
+
+def _check_neighbours(
+    references: Sequence[CourseReference], course: MappingNode, gates: MappingNode, reporter: Reporter
+) -> None:
+    pairs = list(pairwise(references)) if any(len(one.path) > 2 for one in references) else []
+    laps = course.scalar("laps")
+    repeated = [one for one in references if one.path[:2] == ("course", "lap")]
+    if repeated and isinstance(laps, int) and laps > 1:
+        pairs.append((repeated[-1], repeated[0]))
+    twice = {after.path: after.gate for before, after in pairs if before.gate == after.gate}
+    for path, gate in twice.items():
+        if gate in gates.entries:
+            reporter.value(path, f"`{gate}` is passed twice in a row; another element must come between")
+
+
+def _check_lines(references: Sequence[CourseReference], reporter: Reporter) -> None:
+    lines = reporter.find(("safety_lines",))
+    known = list(lines.entries) if isinstance(lines, MappingNode) else []
+    used: set[str] = set()
+    for one in references:
+        for index, name in one.safety_lines:
+            used.add(name)
+            if name not in known:
+                meant = reporter.suggestion(name, known) or "; there are none in `safety_lines`"
+                reporter.value((*one.path, "safety_lines", index), f"unknown safety line `{name}`{meant}")
+    for name in known:
+        if name not in used:
+            reporter.key(
+                ("safety_lines", name),
+                "no passing names this line, so it is without effect; name it in the `safety_lines` of a passing",
+            )
+
+
+def build_passages(
+    entry: CourseEntry,
+    elements: Mapping[str, CompositeElement],
+    lines: Mapping[str, SafetyLine],
+    start_speed: Interval,
+    reporter: Reporter,
+) -> tuple[Passage, ...]:
+    """Return every passage; they are only of use if nothing was reported. Names that do not exist are passed over."""
+    course = reporter.find(("course",))
+    if not _check_laps(entry, reporter) or not isinstance(course, MappingNode):
+        return ()
+    passages: list[Passage] = []
+    seen: Counter[str] = Counter()
+    checked: set[tuple[KeyPath, str]] = set()  # a remark on a repeated lap is made once
+    before: CompositeElement | None = None
+    for reference in _flight(_references(course), entry.laps or 1):
+        element = elements.get(reference.gate or "")
+        if element is None:
+            before = None
+            continue
+        kept = tuple(lines[name] for _, name in reference.safety_lines if name in lines)
+        if (reference.path, before.name if before else "") not in checked:
+            checked.add((reference.path, before.name if before else ""))
+            _check_reference(reference, element, reporter)
+            _check_sides(reference, [before, element], kept, reporter)
+        for part in element.parts:
+            name = f"{reference.lap}:{part.element.name}"
+            seen[name] += 1
+            passages.append(
+                Passage(
+                    name=name if seen[name] == 1 else f"{name}#{seen[name]}",
+                    lap=max(reference.lap, 1),  # the start opens the first lap
+                    element=part.element,
+                    direction=part.direction or Direction(reference.direction or "forward"),
+                    speed=start_speed if reference.lap == 0 else Interval(),
+                    safety_lines=kept,
+                    roll=part.roll,
+                )
+            )
+        before = element
+    return tuple(passages)
+
+
+def _flight(references: Sequence[CourseReference], laps: int) -> Iterator[CourseReference]:
+    """Yield the passings with those of a repeated lap as often as it is flown."""
+    lap = [one for one in references if one.path[:2] == ("course", "lap")]
+    yield references[0]
+    for number in range(1, laps + 1):
+        yield from (dataclasses.replace(one, lap=number) for one in lap)
+    yield from references[1 + len(lap) :]
+
+
+def _check_laps(entry: CourseEntry, reporter: Reporter) -> bool:
+    """Return whether the course says its laps in one way, and not too many; report where it does not."""
+    if entry.lap is None and entry.each_lap is None:
+        reporter.key(
+            ("course", "lap"),
+            "missing; a course needs `lap`, the elements in the order flown, or `each_lap`, such an order per lap",
+        )
+        return False
+    if entry.each_lap is not None:
+        for key in ("lap", "laps"):
+            if getattr(entry, key) is not None:
+                reporter.key(("course", key), "not together with `each_lap`, which says every lap by itself")
+                return False
+    laps = entry.laps or 1
+    total = laps * len(entry.lap or ()) + sum(len(lap) for lap in entry.each_lap or ())
+    if total > PASSAGES_MAX:
+        path = ("course", "laps" if laps > 1 else "lap" if entry.lap else "each_lap")
+        reporter.value(path, f"{total} passings are too many; at most {PASSAGES_MAX}")
+    return total <= PASSAGES_MAX
+
+
+def _check_reference(reference: CourseReference, element: CompositeElement, reporter: Reporter) -> None:
+    gate, first = reference.gate, element.parts[0].element
+    if reference.lap == 0 and len(element.parts) > 1:
+        reporter.value(reference.path, f"`{gate}` is flown as two passings; a race starts at one gate or pylon")
+    elif reference.lap == 0 and element.position is None:
+        message = f"a race must start somewhere: `{gate}` needs north_m, east_m and height_m, or be a gate"
+        reporter.value(reference.path, message)
+    if reference.direction is not None and not first.directed:
+        message = f"only two-pylon gates have a direction; `{gate}` is none, leave it out"
+        reporter.value(reference.direction_path, message)
+    elif reference.direction == "planned" and not element.free_directions:
+        message = f"the passings of `{gate}` depend on each other: forward or reverse; or give it `then: either`"
+        reporter.value(reference.direction_path, message)
+
+
+def _check_sides(
+    reference: CourseReference,
+    ends: Sequence[CompositeElement | None],
+    lines: Sequence[SafetyLine],
+    reporter: Reporter,
+) -> None:
+    """Report an end of a leg that does not stand on the allowed side of the lines that the leg names."""
+    for index, line in enumerate(lines):
+        for element in ends:
+            if element is None or element.position is None or line.start == line.end:
+                continue
+            room = room_beside(line, element.position[0])
+            if room < line.margin:
+                side = "right" if line.keep_right else "left"
+                margin = f" and {line.margin:g} m away" if line.margin else ""
+                where = f"{-room:.4g} m beyond it" if room < 0.0 else f"{room:.4g} m from it"
+                reporter.value(
+                    (*reference.path, "safety_lines", index),
+                    f"the leg to `{reference.gate}` must stay {side} of `{line.name}`{margin}, but `{element.name}` "
+                    f"stands {where}",
+                )

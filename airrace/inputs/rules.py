@@ -1,0 +1,191 @@
+"""The rules of a race: in a course file, or as the preset of a season that comes along (`airrace/rules/1`)."""
+
+import difflib
+import math
+from functools import cache
+from importlib import resources
+from typing import Annotated, ClassVar, Literal, TypeVar
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import Field
+
+from airrace.inputs.document import SUFFIX, Document
+from airrace.inputs.kinds.kind import LANGUAGE_DEFAULTS, GateDefaultsEntry
+from airrace.inputs.nodes import Reporter
+from airrace.inputs.places import Height
+from airrace.inputs.schema import Schema, ShorthandSchema
+from airrace.inputs.validation import read_entry
+from airrace.logs.violations import ENDS_RACE, NONE_KNOWN, Penalties
+from airrace.quantities import Interval
+from airrace.track.course import Rules
+
+RULES_SCHEMA = "airrace/rules/1"
+FOLDER = resources.files("airrace.inputs") / "presets"
+
+Distance = Annotated[float, Gt(0), Le(5000)]
+
+
+class LimitsEntry(Schema):
+    """The limits that a flight must keep to from start to finish."""
+
+    what: ClassVar[str] = "a rule book"
+    n_z_max: Annotated[float, Gt(1), Le(25)] | None = Field(default=None, description="the largest load factor")
+    n_z_min: Annotated[float, Ge(-25), Lt(1)] = Field(default=-2.0, description="the least load factor")
+    C_L_max: Annotated[float, Gt(0), Le(5)] | None = Field(
+        default=None, description="largest lift coefficient, besides the aircraft's own"
+    )
+    alpha_max_deg: Annotated[float, Gt(0), Le(90)] | None = Field(default=None, description="largest angle of attack")
+    alpha_min_deg: Annotated[float, Ge(-90), Lt(90)] | None = Field(default=None, description="least angle of attack")
+    roll_rate_max_deg_s: Annotated[float, Ge(10), Le(1000)] | None = Field(
+        default=None, description="largest roll rate to either side, besides the aircraft's own"
+    )
+    sideslip_max_deg: Annotated[float, Gt(0), Le(45)] | None = Field(
+        default=None, description="largest sideslip to either side, besides the aircraft's own"
+    )
+    floor_m: Height = Field(default=10.0, description="least height above the origin")
+    ceiling_m: Annotated[float, Gt(0), Le(5000)] | None = Field(
+        default=None, description="largest height above the origin"
+    )
+    start_speed_max_kt: Annotated[float, Ge(50), Le(500)] | None = Field(
+        default=None, description="largest speed over ground at the start"
+    )
+    crowd_distance_m: Distance | None = Field(
+        default=None, description="least distance from every crowd that does not say its own"
+    )
+
+
+class RulesEntry(LimitsEntry, ShorthandSchema):
+    """The rules of a course file; own keys override those of the preset."""
+
+    form: ClassVar[str] = "the name of a preset, or a mapping (`key: value` lines)"
+    shorthand: ClassVar[str | None] = "preset"
+    preset: str | None = Field(default=None, description="the season whose rules hold where no key here says otherwise")
+
+
+Seconds = Annotated[float, Ge(0), Le(100)] | Literal["dnf"] | None
+"""A penalty: seconds that are added, or `dnf` where the race is over."""
+
+
+class PenaltiesEntry(Schema):
+    """The penalties for broken rules, by which flown logs are judged; no optimum depends on them."""
+
+    what: ClassVar[str] = "penalties"
+    pylon: Seconds = Field(default=None, alias="pylon_s", description="a wing touches a pylon")
+    missed: Seconds = Field(
+        default=None, alias="missed_s", description="a gate is passed outside of its pylons, or not at all"
+    )
+    too_high: Seconds = Field(default=None, alias="too_high_s", description="a gate is passed above its legal heights")
+    too_low: Seconds = Field(default=None, alias="too_low_s", description="a gate is passed below its legal heights")
+    bank: Seconds = Field(
+        default=None, alias="bank_s", description="a gate is passed with another bank than prescribed"
+    )
+    climb: Seconds = Field(
+        default=None, alias="climb_s", description="a gate is passed climbing or descending too steeply"
+    )
+    manoeuvre: Seconds = Field(default=None, alias="manoeuvre_s", description="a height or an attitude is not reached")
+    start_speed: Seconds = Field(default=None, alias="start_speed_s", description="the start is passed too fast")
+    start_speed_end: Annotated[float, Ge(50), Le(500)] | None = Field(
+        default=None, alias="start_speed_dnf_kt", description="the speed at the start from which on the race is over"
+    )
+    load_factor: Seconds = Field(default=None, alias="load_factor_s", description="the load factor is too large")
+    load_factor_from: Annotated[float, Gt(1), Le(25)] | None = Field(
+        default=None,
+        alias="load_factor_g",
+        description="the load factor from which that counts, if it is not `n_z_max`",
+    )
+    load_factor_time: Annotated[float, Ge(0), Le(10)] = Field(
+        default=0.0, alias="load_factor_time_s", description="for how long it has to last"
+    )
+    load_factor_end: Annotated[float, Gt(1), Le(25)] | None = Field(
+        default=None, alias="load_factor_dnf_g", description="the load factor above which the race is over at once"
+    )
+
+
+class PresetEntry(Schema):
+    """A whole preset file."""
+
+    what: ClassVar[str] = "a preset"
+    schema_: Literal["airrace/rules/1"] = Field(alias="schema", description="the language of this file")
+    source: str = Field(description="where the numbers come from")
+    rules: LimitsEntry = Field(description="limits along the flight")
+    gate_defaults: GateDefaultsEntry = Field(
+        default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
+    )
+    penalties: PenaltiesEntry = Field(default=PenaltiesEntry(), description="what broken rules cost in a flown race")
+
+
+@cache
+def preset_names() -> tuple[str, ...]:
+    """Return the names of all presets, in alphabetical order."""
+    return tuple(sorted(file.name.removesuffix(SUFFIX) for file in FOLDER.iterdir() if file.name.endswith(SUFFIX)))
+
+
+@cache
+def read_preset(name: str) -> PresetEntry:
+    """Read a preset that exists.
+
+    Raises:
+        InputError: its file is not what it should be.
+    """
+    file = FOLDER / f"{name}{SUFFIX}"
+    return read_entry(PresetEntry, Document(file.name, file.read_text(encoding="utf-8")), RULES_SCHEMA)[0]
+
+
+Keys = TypeVar("Keys", bound=Schema)
+
+
+def with_preset(
+    rules: RulesEntry, gate_defaults: GateDefaultsEntry, reporter: Reporter
+) -> tuple[LimitsEntry, GateDefaultsEntry]:
+    """Return the rules and gate defaults of a file on top of those of the preset it names.
+
+    The gate defaults are complete but for the range of heights: what neither gives is the language's own.
+    """
+    defaults, names = LANGUAGE_DEFAULTS, preset_names()
+    limits: LimitsEntry = rules
+    if rules.preset in names:
+        preset = read_preset(rules.preset)
+        limits, defaults = _overlay(preset.rules, rules), _overlay(defaults, preset.gate_defaults)
+    elif rules.preset is not None:
+        similar = difflib.get_close_matches(rules.preset[:100], names, n=1)
+        meant = f" did you mean `{similar[0]}`?" if similar else ""  # and all names: seasons are too alike
+        message = f"unknown preset `{rules.preset}`;{meant} known are {', '.join(names)}"
+        reporter.value(("rules", "preset"), message)
+    return limits, _overlay(defaults, gate_defaults)
+
+
+def _overlay(below: Keys, above: Schema) -> Keys:
+    """Return the keys of `below`, except those that `above` gives itself."""
+    own = {key: getattr(above, key) for key in above.model_fields_set if key in type(below).model_fields}
+    return below.model_copy(update=own)
+
+
+def build_rules(entry: LimitsEntry, preset: str | None, reporter: Reporter) -> Rules:
+    """Return the limits along the flight; they are only of use if nothing was reported."""
+    if entry.n_z_max is None and preset is None:
+        reporter.key(("rules", "n_z_max"), "missing; a rule book needs `n_z_max`: the largest load factor")
+    given = entry.arguments()
+    rules = Rules(
+        n_z=Interval.between(entry.n_z_min, entry.n_z_max),
+        alpha_A=Interval.between(given.get("alpha_min_deg"), given.get("alpha_max_deg")),
+        C_L=Interval.between(None, entry.C_L_max),
+        p=given.get("roll_rate_max_deg_s", math.inf),
+        beta_A=given.get("sideslip_max_deg", math.inf),
+        height=Interval.between(entry.floor_m, entry.ceiling_m),
+    )
+    if rules.alpha_A.empty:
+        reporter.value(("rules", "alpha_min_deg"), f"must not exceed `alpha_max_deg`, {entry.alpha_max_deg:g}")
+    if rules.height.empty:
+        reporter.value(("rules", "ceiling_m"), f"must be above the floor of {entry.floor_m:g} m")
+    return rules
+
+
+def penalties_of(rules: RulesEntry) -> Penalties:
+    """Return the penalties of the preset that the rules of a course name; none are known where they name none."""
+    if rules.preset is None or rules.preset not in preset_names():
+        return NONE_KNOWN
+    preset = read_preset(rules.preset)
+    values = preset.penalties.arguments()
+    return Penalties(
+        **{name: ENDS_RACE if value == "dnf" else value for name, value in values.items()}, source=preset.source
+    )

@@ -1,0 +1,149 @@
+"""The track language `airrace/track/1`, and the builder of the course of such a file.
+
+Every key carries its unit. A further part of a course is one more field of `TrackEntry`.
+"""
+
+import math
+import re
+from functools import lru_cache
+from typing import Annotated, ClassVar, Literal, Union
+
+from pydantic import Field, create_model
+
+from airrace.inputs.air import EnvironmentEntry
+from airrace.inputs.course_order import CourseEntry, build_passages
+from airrace.inputs.kinds import gates, manoeuvres
+from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindEntry, kinds
+from airrace.inputs.nodes import Reporter
+from airrace.inputs.places import OriginEntry, Places
+from airrace.inputs.rules import RulesEntry, build_rules, with_preset
+from airrace.inputs.schema import Annotation, Schema
+from airrace.inputs.surroundings import (
+    LINES_MAX,
+    Corners,
+    CrowdEntry,
+    SafetyLineEntry,
+    build_airspace,
+    check_room,
+)
+from airrace.quantities import Interval
+from airrace.track.course import Course, EndState
+
+TRACK_SCHEMA = "airrace/track/1"
+CROWDS_MAX = 20
+"""The largest number of crowds of a course."""
+GATES_MAX = 10_000
+"""The largest number of elements of a course."""
+BUILT_IN = (gates, manoeuvres)
+"""The modules that register the kinds of elements that come along."""
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+
+
+class TrackEntry(Schema):
+    """A whole course file."""
+
+    # Files are validated as `track_language()`, which knows the kinds of elements.
+
+    what: ClassVar[str] = "a track"
+    schema_: Literal["airrace/track/1"] = Field(alias="schema", description="the language of this file")
+    name: Annotated[str, Field(min_length=1)] = Field(description="what the race is called")
+    source: str = Field(default="", description="where the numbers come from")
+    notes: str = Field(default="", description="anything worth knowing; without effect")
+    aircraft: str | None = Field(default=None, description="path of the aircraft file, relative to this file")
+    origin: OriginEntry = Field(default=OriginEntry(), description="where the track's frame lies on the earth")
+    environment: EnvironmentEntry = Field(default=EnvironmentEntry(), description="air and wind of the day")
+    rules: RulesEntry = Field(description="the limits of the race")
+    gate_defaults: GateDefaultsEntry = Field(
+        default=GateDefaultsEntry(), description="what gates have that do not say otherwise"
+    )
+    gates: Annotated[dict[str, KindEntry], Field(max_length=GATES_MAX)] = Field(
+        description="what stands on the course, by name"
+    )
+    safety_lines: Annotated[dict[str, SafetyLineEntry], Field(max_length=LINES_MAX)] = Field(
+        default_factory=dict[str, SafetyLineEntry],
+        description="lines not to be crossed on the legs whose passings name them, by name",
+    )
+    crowd: Annotated[dict[str, CrowdEntry], Field(max_length=CROWDS_MAX)] = Field(
+        default_factory=dict[str, CrowdEntry], description="where people are, by name; kept away from all along"
+    )
+    airspace: Corners | None = Field(
+        default=None, description="corners of the convex area within which the race is flown, in order"
+    )
+    course: CourseEntry = Field(description="the order in which it is flown")
+
+
+def track_language() -> type[TrackEntry]:
+    """Return the schema of a course file with all kinds of elements, those of extensions included."""
+    return _track_language(kinds())
+
+
+@lru_cache(maxsize=4)
+def _track_language(known: tuple[type[KindEntry], ...]) -> type[TrackEntry]:
+    described = TrackEntry.model_fields["gates"]
+    element: Annotation = Annotated[Union[known], Field(discriminator="type")]  # noqa: UP007  # made at run time
+    entries: Annotation = Annotated[dict[str, element], Field(max_length=GATES_MAX)]
+    return create_model(
+        TrackEntry.__name__,
+        __base__=TrackEntry,
+        __doc__=TrackEntry.__doc__,
+        gates=(entries, Field(description=described.description)),
+    )
+
+
+def build_course(entry: TrackEntry, reporter: Reporter) -> Course:
+    """Return the course of a track file; it is only of use if nothing was reported."""
+    limits, gate_defaults = with_preset(entry.rules, entry.gate_defaults, reporter)
+    rules = build_rules(limits, entry.rules.preset, reporter)
+    places = Places(entry.origin, reporter)
+    places.check_origin()
+    elements: dict[str, CompositeElement] = {}
+    for name, gate in entry.gates.items():
+        if not NAME.fullmatch(name):
+            message = "a gate's name must begin with a letter and go on with letters, digits, `_` and `-`"
+            reporter.key(("gates", name), message)
+        elements[name] = gate.build(name, gate_defaults, places)
+    for element in elements.values():
+        _check_heights(element, rules.height, reporter)
+    crowd = tuple(one.build(name, limits.crowd_distance_m, places) for name, one in entry.crowd.items())
+    airspace = build_airspace(entry.airspace, places)
+    check_room(elements.values(), crowd, airspace, reporter)
+    lines = {name: one.build(name, places) for name, one in entry.safety_lines.items()}
+    start_speed = Interval.between(None, limits.arguments().get("start_speed_max_kt"))
+    return Course(
+        name=entry.name,
+        passages=build_passages(entry.course, elements, lines, start_speed, reporter),
+        rules=rules,
+        origin=places.origin,
+        crowd=crowd,
+        airspace=airspace,
+        start_state=EndState(entry.course.start_state),
+        finish_state=EndState(entry.course.finish_state),
+    )
+
+
+def _check_heights(element: CompositeElement, flown: Interval, reporter: Reporter) -> None:
+    """Report an element that cannot be reached between floor and ceiling."""
+    last = element.parts[-1]
+    heights = last.element.heights
+    if flown.empty or heights.empty:
+        return
+    if heights.intersect(flown).empty:
+        reporter.value(
+            (*element.path, last.element.height_key(too_high=heights.lower > flown.upper)),
+            f"lies at {_range(heights)}, outside of the flown heights of {_range(flown)} (rules: floor, ceiling)",
+        )
+    if last.roll is not None and last.roll.gain > flown.upper - flown.lower:
+        reporter.value(
+            (*element.path, "height_gain_m"),
+            f"is more than there is between floor and ceiling, {flown.upper - flown.lower:g} m",
+        )
+
+
+def _range(heights: Interval) -> str:
+    if heights.lower == heights.upper:
+        return f"{heights.lower:g} m"
+    if math.isinf(heights.upper):
+        return f"{heights.lower:g} m or above"
+    if math.isinf(heights.lower):
+        return f"{heights.upper:g} m or below"
+    return f"{heights.lower:g} to {heights.upper:g} m"
