@@ -29,9 +29,20 @@ if TYPE_CHECKING:
     from airrace.runs.log_view import LogView
     from airrace.runs.run import Run
     from airrace.runs.stage_view import StageView
-    from airrace.track.course import Course, Direction, EndState, Origin, Passage, Rules
+    from airrace.track.course import (
+        Course,
+        Crowd,
+        CrowdShape,
+        Direction,
+        EndState,
+        Origin,
+        Passage,
+        Roll,
+        Rules,
+        SafetyLine,
+        Turning,
+    )
     from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
-    from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine, Turning
     from airrace.track.polygons import Point
     from airrace.trajectory import Trajectory
 
@@ -100,9 +111,20 @@ _HOMES = {
     "airrace.runs.log_view": ("LogView",),
     "airrace.runs.stage_view": ("StageView",),
     "airrace.runs.run": ("Run",),
-    "airrace.track.course": ("Course", "Direction", "EndState", "Origin", "Passage", "Rules"),
+    "airrace.track.course": (
+        "Course",
+        "Crowd",
+        "CrowdShape",
+        "Direction",
+        "EndState",
+        "Origin",
+        "Passage",
+        "Roll",
+        "Rules",
+        "SafetyLine",
+        "Turning",
+    ),
     "airrace.track.gates": ("Gate", "Manoeuvre", "Passing", "Pylon", "Tolerances"),
-    "airrace.track.limits": ("Crowd", "CrowdShape", "Roll", "SafetyLine", "Turning"),
     "airrace.track.polygons": ("Point",),
     "airrace.trajectory": ("Trajectory",),
 }

@@ -13,8 +13,8 @@ from airrace.planning.plan import plan
 from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
 from airrace.quantities import Interval
+from airrace.track.course import Turning
 from airrace.track.gates import Gate, Manoeuvre, Pylon
-from airrace.track.limits import Turning
 from airrace.track.polygons import Point, distance, inside, to_right
 
 ROOT = Path(__file__).parents[1]

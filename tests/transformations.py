@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from airrace.environment.air import Air
 from airrace.planning.race import Race
 from airrace.quantities import Interval
-from airrace.track.course import Course, Passage
+from airrace.track.course import Course, Crowd, Passage, SafetyLine, Turning
 from airrace.track.gates import Element, Gate, Manoeuvre, Pylon
-from airrace.track.limits import Crowd, SafetyLine, Turning
 from airrace.track.polygons import Point
 
 OTHER_WAY = {Turning.RIGHT: Turning.LEFT, Turning.LEFT: Turning.RIGHT, Turning.EITHER: Turning.EITHER}

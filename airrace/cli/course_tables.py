@@ -15,7 +15,7 @@ from airrace.quantities import KNOT, Interval
 from airrace.results import Flight
 from airrace.results.clearances import Clearance
 from airrace.results.legs import passings_around
-from airrace.track.limits import CrowdShape, Roll
+from airrace.track.course import CrowdShape, Roll
 from airrace.track.polygons import Point, area, edges
 from airrace.views.course_page import CourseRow, rows
 

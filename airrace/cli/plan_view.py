@@ -11,7 +11,7 @@ from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import edges
 from airrace.trajectory import Array
 from airrace.views.map_model import MapModel, Mark, round_length

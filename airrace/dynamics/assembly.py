@@ -14,8 +14,7 @@ from airrace.dynamics.outer_loop import FlightPathState
 from airrace.dynamics.roll_counter import RollCounter, RollReset, counter_rates
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters
-from airrace.environment.weather import Weather
-from airrace.environment.wind import WindField
+from airrace.environment.wind import Weather, WindField
 from airrace.frames import Scalar
 from airrace.quantities import Quantity, Vector
 from airrace.records import record

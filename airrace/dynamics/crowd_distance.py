@@ -24,7 +24,7 @@ from airrace.frames import Scalar
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.system import Observation
-from airrace.track.limits import Crowd, CrowdShape
+from airrace.track.course import Crowd, CrowdShape
 from airrace.track.polygons import area
 
 CLIP_WIDTH = 0.02

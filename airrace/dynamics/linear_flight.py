@@ -27,7 +27,7 @@ from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_ra
 from airrace.dynamics.propulsion import lever_rate, thrust
 from airrace.dynamics.rigid_body import uncoupled
 from airrace.environment.atmosphere import density, g0
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import Matrix, Scalar, rotation
 from airrace.quantities import T, quantity, vector
 from airrace.records import record

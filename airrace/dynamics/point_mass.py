@@ -11,7 +11,7 @@ from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
 from airrace.dynamics.propulsion import lever_rate
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.track.course import Rules

@@ -35,7 +35,7 @@ from airrace.dynamics.propulsion import lever_rate, power_ratio, thrust
 from airrace.dynamics.rigid_body import angle_rates, angular_accelerations
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density, g0
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import Scalar, rotation
 from airrace.quantities import T, quantity, vector
 from airrace.records import record

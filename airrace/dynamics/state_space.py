@@ -26,7 +26,7 @@ from airrace.dynamics.linear_flight import (
     surrounding,
 )
 from airrace.environment.air import Air
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, vector
 from airrace.track.course import Rules

@@ -29,7 +29,7 @@ from airrace.dynamics.linear_flight import (
 )
 from airrace.dynamics.state_space_inverse import Commands, deflections
 from airrace.environment.air import Air
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, vector
 from airrace.track.course import Rules

@@ -10,7 +10,7 @@ from airrace.environment.elementary import atan2, sqrt
 from airrace.frames import rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.system import Observation
-from airrace.track.limits import SafetyLine
+from airrace.track.course import SafetyLine
 from airrace.track.polygons import Point
 
 VERTICAL = 1e-3

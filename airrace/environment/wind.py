@@ -1,14 +1,69 @@
-"""The wind field: static wind and thermals together. Its structure is fixed by the air, its numbers are parameters."""
+"""The wind field: static wind and thermals together, and the weather in which a model flies.
+
+A static wind has one direction, and a speed that depends on the height above ground alone:
+
+    W(h) = W_ref f(h) / f(h_ref)     f = 1 | h^exponent | ln(h / roughness)
+
+Near and below the ground a smooth maximum holds the height above a floor, so that wind and derivatives stay finite.
+"""
 
 import dataclasses
 from collections.abc import Sequence
 
-from airrace.environment.air import Air, Profile
-from airrace.environment.static_wind import StaticWindParameters, static_wind, static_wind_parameters
+from airrace.environment.air import Air, Profile, StaticWind
+from airrace.environment.atmosphere import AtmosphereParameters
+from airrace.environment.elementary import log, power, smooth_maximum
 from airrace.environment.thermals import ThermalParameters, thermal_parameters, updraft
 from airrace.frames import Scalar
-from airrace.quantities import Quantity
+from airrace.quantities import Quantity, T, Vector, quantity, vector
 from airrace.records import record
+
+HEIGHT_FLOOR = 2.0
+"""The height below which the profiles stop falling, m; far below any legal flight."""
+HEIGHT_BLEND = 1.0
+"""The width of the smooth transition to the floor, m."""
+
+
+@vector
+class StaticWindParameters(Vector[T]):
+    """The wind at its reference height and the numbers of its profile; a profile ignores those it does not need."""
+
+    north: T = quantity("m/s", scale=10.0, text="northward static wind at the reference height")
+    east: T = quantity("m/s", scale=10.0, text="eastward static wind at the reference height")
+    reference_height: T = quantity("m", scale=10.0, text="height at which the static wind is given")
+    exponent: T = quantity("1", text="exponent of the power-law profile")
+    roughness: T = quantity("m", text="roughness length of the logarithmic profile")
+
+
+def static_wind_parameters(wind: StaticWind) -> StaticWindParameters[float]:
+    """Return the numbers of a static wind."""
+    return StaticWindParameters(
+        north=wind.north,
+        east=wind.east,
+        reference_height=wind.reference_height,
+        exponent=wind.exponent,
+        roughness=wind.roughness,
+    )
+
+
+def static_wind(profile: Profile, h: Scalar, wind: StaticWindParameters[Scalar]) -> tuple[Scalar, Scalar]:
+    """Return the static wind `(W_N, W_E)` in m/s at the height `h` (m) above ground."""
+    match profile:
+        case Profile.CONSTANT:
+            return wind.north, wind.east
+        case Profile.POWER:
+            ratio = _bounded(h, HEIGHT_FLOOR) / _bounded(wind.reference_height, HEIGHT_FLOOR)
+            factor = power(ratio, wind.exponent)
+        case Profile.LOG:
+            # a floor above the roughness length keeps the logarithm positive
+            floor = HEIGHT_FLOOR + wind.roughness
+            reference = log(_bounded(wind.reference_height, floor) / wind.roughness)
+            factor = log(_bounded(h, floor) / wind.roughness) / reference
+    return wind.north * factor, wind.east * factor
+
+
+def _bounded(h: Scalar, floor: Scalar) -> Scalar:
+    return smooth_maximum(h, floor, HEIGHT_BLEND)
 
 
 @record
@@ -80,3 +135,18 @@ class WindField:
 
 def _prefixed(prefix: str, quantities: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
     return tuple(dataclasses.replace(one, name=f"{prefix}_{one.name}") for one in quantities)
+
+
+@record
+class Weather:
+    """The air and the wind as the equations of a model see them, in symbols or numbers.
+
+    Attributes:
+        atmosphere: the numbers of the day's atmosphere.
+        field: the structure of the wind, which equations depend on.
+        wind: the values of `field.parameters`, which equations do not depend on.
+    """
+
+    atmosphere: AtmosphereParameters[Scalar]
+    field: WindField
+    wind: Sequence[Scalar] = ()

@@ -15,8 +15,7 @@ from airrace.inputs.schema import Schema, ShorthandSchema
 from airrace.inputs.surroundings import LINES_MAX, room_beside
 from airrace.quantities import Interval
 from airrace.records import record
-from airrace.track.course import Direction, Passage
-from airrace.track.limits import SafetyLine
+from airrace.track.course import Direction, Passage, SafetyLine
 
 DirectionName = Literal["forward", "reverse", "planned"]
 EndStateName = Literal["settled", "free"]

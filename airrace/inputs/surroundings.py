@@ -14,7 +14,7 @@ from airrace.inputs.places import NOWHERE, PlaceEntry, Places
 from airrace.inputs.rules import Distance
 from airrace.inputs.schema import Schema
 from airrace.track import polygons
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
 CORNERS_MAX = 50

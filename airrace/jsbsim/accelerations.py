@@ -17,8 +17,7 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, g0
-from airrace.environment.weather import Weather
-from airrace.environment.wind import WindField
+from airrace.environment.wind import Weather, WindField
 from airrace.frames import rotation
 from airrace.jsbsim.simulation import Accelerations, SimulatedAircraft
 from airrace.records import record

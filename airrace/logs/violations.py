@@ -22,7 +22,7 @@ from airrace.results.clearances import at_row, surroundings
 from airrace.results.flight import PATH_ATTITUDE
 from airrace.results.legs import legs_of
 from airrace.track.element import Element
-from airrace.track.passing import Passing, Tolerant
+from airrace.track.gates import Passing, Tolerant
 
 ENDS_RACE = math.inf
 """The penalty that ends the race."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point, area, edges
 from airrace.trajectory import Array
 

@@ -19,7 +19,7 @@ from airrace.planning.waypoints import Waypoint, candidates
 from airrace.quantities import Quantity
 from airrace.records import record
 from airrace.track.course import Course
-from airrace.track.manoeuvre import STEEP
+from airrace.track.gates import STEEP
 from airrace.trajectory import Array, Trajectory
 
 TURN = math.radians(45.0)

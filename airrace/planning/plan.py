@@ -20,9 +20,8 @@ from airrace.planning.route_decisions import ANY, RouteDecisions
 from airrace.planning.waypoints import Waypoint, is_only_a_height
 from airrace.quantities import Interval
 from airrace.records import record
-from airrace.track.course import Course, Passage
+from airrace.track.course import Course, Passage, Roll
 from airrace.track.dubins import DubinsPath, circle, least, lengths, on_side, shortest
-from airrace.track.limits import Roll
 from airrace.trajectory import Array
 
 ONE_PLACE = 0.01

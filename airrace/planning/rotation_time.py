@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from airrace.environment.atmosphere import g0
 from airrace.frames import product
 from airrace.planning.planning_model import PlanningModel
-from airrace.track.limits import Roll, Turning
+from airrace.track.course import Roll, Turning
 
 BOUND_PUSH = 3.0
 """The time of a push in times of a pull: what an aircraft and its pilot bear downwards is about a third."""

@@ -10,8 +10,7 @@ from dataclasses import field
 
 from airrace.planning.waypoints import Waypoint, candidates
 from airrace.records import record
-from airrace.track.course import Course
-from airrace.track.limits import Roll, Turning
+from airrace.track.course import Course, Roll, Turning
 
 
 @record

@@ -16,9 +16,9 @@ from airrace.procedure.boundary_conditions import Ends
 from airrace.procedure.guess import leg_seconds
 from airrace.quantities import Interval
 from airrace.system import Observation
+from airrace.track.course import Roll
 from airrace.track.element import Frame, climb_condition
-from airrace.track.limits import Roll
-from airrace.track.passing import NOT_POSITIVE, POSITIVE, ZERO
+from airrace.track.gates import NOT_POSITIVE, POSITIVE, ZERO
 
 DETOUR, DETOUR_SECONDS = 3.0, 10.0
 """The longest duration of a phase: a factor on the plan (1), and a time on top (s)."""

@@ -7,8 +7,7 @@ from airrace.dynamics.surroundings import climb_observation, line_observation, l
 from airrace.optimal_control.problem import PathConstraint
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation
-from airrace.track.course import Course, Passage
-from airrace.track.limits import Crowd
+from airrace.track.course import Course, Crowd, Passage
 from airrace.track.polygons import Point, area, edges
 
 

@@ -54,8 +54,8 @@ import numpy as np
 
 from airrace.quantities import Interval
 from airrace.records import record
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.element import Element
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 from airrace.views.map_model import MapModel

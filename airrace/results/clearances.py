@@ -20,7 +20,7 @@ from airrace.records import record
 from airrace.results.attitude import path_axes
 from airrace.results.flight import BODY_ATTITUDE, Crossing, Flight
 from airrace.results.legs import Leg, legs_of, passings_around
-from airrace.track.passing import Passing, Tolerant
+from airrace.track.gates import Passing, Tolerant
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 

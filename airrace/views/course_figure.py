@@ -11,8 +11,8 @@ from airrace.environment.air import StaticWind
 from airrace.planning.clearances import ground_distance
 from airrace.planning.race import Race
 from airrace.quantities import KNOT
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.element import Drawing
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 from airrace.views.drawing import (

@@ -9,8 +9,7 @@ from airrace.planning.lint import Remark
 from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.records import record
-from airrace.track.course import Passage
-from airrace.track.limits import Crowd, Roll, SafetyLine
+from airrace.track.course import Crowd, Passage, Roll, SafetyLine
 from airrace.track.polygons import Point
 from airrace.views.map_model import MapModel
 from airrace.views.plain_text import escaped

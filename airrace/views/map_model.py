@@ -13,9 +13,8 @@ from airrace.records import record
 from airrace.results.flight import Flight
 from airrace.results.legs import legs_of
 from airrace.results.planned import is_planned, planned_flight
-from airrace.track.course import Course, Direction, Passage
+from airrace.track.course import Course, Direction, Passage, SafetyLine
 from airrace.track.element import Element
-from airrace.track.limits import SafetyLine
 from airrace.trajectory import Array
 
 SAMPLE = 10.0

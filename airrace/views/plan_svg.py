@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from airrace.quantities import KNOT
 from airrace.records import record
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 from airrace.trajectory import Array, Trajectory
 from airrace.views.labels import Box, placed

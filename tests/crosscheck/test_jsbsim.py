@@ -17,7 +17,7 @@ from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_lo
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters, density
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import quaternion
 from airrace.inputs import load_inputs
 from airrace.jsbsim.accelerations import (

@@ -27,8 +27,7 @@ from airrace.dynamics.state_space_inversion import (
 from airrace.dynamics.transfer_functions import TransferFunctionState, transfer_functions
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import atmosphere_parameters
-from airrace.environment.weather import Weather
-from airrace.environment.wind import WindField
+from airrace.environment.wind import Weather, WindField
 from airrace.frames import quaternion
 
 Array = NDArray[np.float64]

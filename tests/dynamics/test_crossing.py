@@ -15,7 +15,7 @@ from airrace.dynamics.outer_loop import FlightPathState
 from airrace.dynamics.point_mass import PointMassState
 from airrace.frames import quaternion
 from airrace.quantities import Quantity
-from airrace.track.limits import Crowd, CrowdShape
+from airrace.track.course import Crowd, CrowdShape
 from airrace.track.polygons import Point, distance, inside
 
 HALF_SPAN = 3.7

@@ -32,8 +32,7 @@ from airrace.errors import InputError
 from airrace.frames import quaternion, rotation
 from airrace.inputs import load_inputs
 from airrace.quantities import Interval, Quantity
-from airrace.track.course import Rules
-from airrace.track.limits import SafetyLine
+from airrace.track.course import Rules, SafetyLine
 from airrace.track.polygons import Point, to_right
 
 angle = st.floats(-3.1, 3.1)

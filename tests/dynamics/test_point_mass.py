@@ -25,8 +25,7 @@ from airrace.dynamics.state_space_inversion import build_state_space_inversion
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import atmosphere_parameters, density, g0
-from airrace.environment.weather import Weather
-from airrace.environment.wind import WindField
+from airrace.environment.wind import Weather, WindField
 from airrace.frames import rotation
 from airrace.native.interpreter import Interpreter
 from airrace.optimal_control.kernels import NativeKernel, build_kernels, casadi_kernels, native_kernels

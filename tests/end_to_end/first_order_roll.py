@@ -12,7 +12,7 @@ from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.load_factors import LoadFactorPath
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.environment.air import Air
-from airrace.environment.weather import Weather
+from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.procedure.fidelities import register
 from airrace.procedure.fidelity import Fidelity

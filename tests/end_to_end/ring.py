@@ -17,7 +17,7 @@ from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindE
 from airrace.inputs.places import Azimuth, Height, PlacedEntry, Places
 from airrace.quantities import Interval, Quantity
 from airrace.track.element import Crossing, Direction, Drawing, Frame, GateOutput, Standing, Symbols
-from airrace.track.passing import NOT_POSITIVE, ZERO, offsets
+from airrace.track.gates import NOT_POSITIVE, ZERO, offsets
 
 CROSSING = math.radians(45.0)
 """The largest horizontal angle between path and axis, rad."""

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
-from airrace.environment.static_wind import static_wind, static_wind_parameters
 from airrace.environment.thermals import K1, K3, mean_updraft, outer_radius, shape, thermal_parameters, updraft
-from airrace.environment.wind import WindField
+from airrace.environment.wind import WindField, static_wind, static_wind_parameters
 
 profiles = st.sampled_from(Profile)
 winds = st.builds(

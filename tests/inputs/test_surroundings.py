@@ -8,9 +8,8 @@ from language_texts import RICH, TRACK, edited, findings_of, understood
 
 from airrace.inputs.rules import preset_names, read_preset
 from airrace.quantities import Interval
-from airrace.track.course import Course, Direction, Rules
+from airrace.track.course import Course, Crowd, CrowdShape, Direction, Rules, SafetyLine
 from airrace.track.gates import KNIFE_EDGE_LEFT, LEVEL, Gate, Pylon
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
 AIRSPACE = """\

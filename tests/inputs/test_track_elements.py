@@ -14,9 +14,8 @@ from airrace.inputs.places import Places
 from airrace.inputs.schema import tags_of
 from airrace.inputs.track import track_language
 from airrace.quantities import Interval
-from airrace.track.course import Course, Direction, EndState, Passage
+from airrace.track.course import Course, Direction, EndState, Passage, Roll, Turning
 from airrace.track.gates import KNIFE_EDGE_LEFT, KNIFE_EDGE_RIGHT, LEVEL, Gate, Manoeuvre
-from airrace.track.limits import Roll, Turning
 
 QUAD = "{type: quad, north_m: 280, east_m: 480, heading_deg: 270, then: left}"
 

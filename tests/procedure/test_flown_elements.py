@@ -19,9 +19,8 @@ from airrace.procedure.result import StageResult
 from airrace.procedure.results_api import sampler
 from airrace.procedure.settings import GuessKind
 from airrace.quantities import Interval
-from airrace.track.course import Rules
+from airrace.track.course import Crowd, CrowdShape, Roll, Rules, SafetyLine, Turning
 from airrace.track.gates import Manoeuvre
-from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine, Turning
 from airrace.track.polygons import Point, distance, inside, to_right
 from airrace.trajectory import Array
 

@@ -30,9 +30,8 @@ from airrace.procedure.path_constraints import leg_watches
 from airrace.procedure.phase_homotopy import PhaseHomotopy, phase_homotopy
 from airrace.procedure.settings import MeshSettings
 from airrace.quantities import Interval
-from airrace.track.course import Course, Direction
+from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, SafetyLine, Turning
 from airrace.track.gates import Element, Manoeuvre, Passing, Pylon
-from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine, Turning
 from airrace.track.polygons import Point
 from airrace.trajectory import Array
 

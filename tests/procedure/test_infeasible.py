@@ -40,9 +40,8 @@ from airrace.procedure.result import Outcome, Stage, StageResult, SuggestedChang
 from airrace.procedure.settings import GuessKind, SearchEffort, Settings
 from airrace.procedure.solver_session import SolverSession
 from airrace.quantities import Interval
-from airrace.track.course import Course
+from airrace.track.course import Course, Crowd, CrowdShape
 from airrace.track.gates import Gate, Manoeuvre
-from airrace.track.limits import Crowd, CrowdShape
 from airrace.track.polygons import Point
 
 G = 9.80665

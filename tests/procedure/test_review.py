@@ -19,9 +19,8 @@ from airrace.planning.race import Race
 from airrace.quantities import Interval
 from airrace.results.plan_review import remarks_on_line
 from airrace.results.planned import planned_flight
-from airrace.track.course import Course, Direction, Rules
+from airrace.track.course import Course, Crowd, CrowdShape, Direction, Roll, Rules, SafetyLine
 from airrace.track.gates import Element, Gate, Manoeuvre, Passing, Tolerances
-from airrace.track.limits import Crowd, CrowdShape, Roll, SafetyLine
 from airrace.track.polygons import Point
 
 STRAIGHT = dataclasses.replace(races.WINDOW, crossing=5 * DEGREE)

@@ -30,7 +30,7 @@ from airrace.results.comparison import Comparison, compare_flights, conditions
 from airrace.results.flight import Crossing, Source
 from airrace.results.leg_facts import leg_facts
 from airrace.runs.json_objects import comparison_object, legs_object
-from airrace.track.limits import Crowd, CrowdShape, SafetyLine
+from airrace.track.course import Crowd, CrowdShape, SafetyLine
 from airrace.track.polygons import Point
 
 

@@ -22,7 +22,7 @@ from airrace.results import Flight, legs_of
 from airrace.results.clearances import BESIDE, TOLERANCE, UNASKED, near_misses
 from airrace.results.plan_review import plan_clearances, remarks_on_line
 from airrace.results.planned import is_planned, planned_flight
-from airrace.track.limits import Crowd, CrowdShape
+from airrace.track.course import Crowd, CrowdShape
 from airrace.track.polygons import Point
 from airrace.views.map_model import map_model
 

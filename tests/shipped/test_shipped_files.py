@@ -14,9 +14,8 @@ from airrace.inputs import load_inputs
 from airrace.planning.plan import plan
 from airrace.planning.planning_model import cruise
 from airrace.planning.race import Race
-from airrace.track.course import Course, Direction
+from airrace.track.course import Course, Direction, Turning
 from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon
-from airrace.track.limits import Turning
 from airrace.track.polygons import Point, to_right
 
 ROOT = Path(__file__).parents[2]

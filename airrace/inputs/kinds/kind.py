@@ -12,9 +12,8 @@ from airrace.inputs.nodes import KeyPath
 from airrace.inputs.places import ClimbAngle, Height, Places
 from airrace.inputs.schema import Schema
 from airrace.records import record
-from airrace.track.course import Direction
+from airrace.track.course import Direction, Roll
 from airrace.track.element import Element
-from airrace.track.limits import Roll
 from airrace.track.polygons import Point
 
 HEIGHT_BAND_M = 5.0

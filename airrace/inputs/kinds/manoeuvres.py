@@ -12,8 +12,8 @@ from airrace.inputs.kinds.kind import CompositeElement, GateDefaultsEntry, KindE
 from airrace.inputs.nodes import KeyPath, Reporter
 from airrace.inputs.places import Azimuth, ClimbAngle, Coordinate, Height, PlacedEntry, Places, radians_or_none
 from airrace.quantities import Interval
+from airrace.track.course import Roll, Turning
 from airrace.track.gates import INVERTED, Manoeuvre
-from airrace.track.limits import Roll, Turning
 
 VERTICAL_DEG = 89.0
 """The steepest climb angle, degrees, at which a path still has a course and a bank angle to speak of."""

@@ -9,10 +9,7 @@ from airrace.procedure.infeasibility.relaxable import RelaxableParameter
 from airrace.quantities import Interval
 from airrace.track.course import Course, Passage
 from airrace.track.element import Element
-from airrace.track.gate import Gate
-from airrace.track.manoeuvre import Manoeuvre
-from airrace.track.passing import Passing, Tolerances
-from airrace.track.pylon import Pylon
+from airrace.track.gates import Gate, Manoeuvre, Passing, Pylon, Tolerances
 
 STEEPEST, MOST_CROSSING, MOST_BANK = 85.0, 85.0, 89.0
 """The largest angles to which a climb, a crossing and a tolerance of bank are relaxed, deg."""

@@ -20,8 +20,7 @@ from airrace.procedure.multistart.tilted_turns import tilt_turn
 from airrace.procedure.multistart.window import EvaluatedMove, Window
 from airrace.procedure.phase_segments import phase_piece
 from airrace.procedure.stage_problem import Flight
-from airrace.track.course import Course
-from airrace.track.limits import Turning
+from airrace.track.course import Course, Turning
 
 MARGIN = 2
 """The number of stretches before and after those that change in a window.
