@@ -3,15 +3,26 @@
 Nothing here knows of aircraft; dynamics builds systems, optimal control optimises them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import casadi as ca
 
+from airrace.frames import Scalar
 from airrace.quantities import Quantity, Vector, vector
 from airrace.records import record
 
 _vertcat: Callable[..., ca.SX] = ca.vertcat  # casadi overloads it by the type of its arguments
+
+
+def named_symbols(declared: Sequence[Quantity]) -> dict[str, Scalar]:
+    """Return one scalar symbol per quantity, by name and in order."""
+    return {one.name: ca.SX.sym(one.name) for one in declared}
+
+
+def column(entries: Iterable[Scalar]) -> ca.SX:
+    """Return the entries stacked into one column."""
+    return _vertcat(*entries)
 
 
 @vector

@@ -27,12 +27,13 @@ from airrace.control.inner_controller import (
     with_values,
 )
 from airrace.control.outer_loop import clip
-from airrace.dynamics.flight_model import FlightModel, column
+from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.environment.atmosphere import g0
 from airrace.environment.elementary import cos, maximum, minimum, sin
 from airrace.frames import Scalar
 from airrace.records import record
+from airrace.system import column
 
 K_ALPHA, K_BETA = 8.0, 4.0
 """The gains of the angles of attack and of sideslip, 1/s."""

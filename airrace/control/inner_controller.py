@@ -12,14 +12,13 @@ from typing import Any
 import casadi as ca
 
 from airrace.control.outer_loop import Commands, clip
-from airrace.dynamics.flight_model import FlightModel, column, named_symbols
-from airrace.dynamics.outer_loop import FlightPathState
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors_of_motion
+from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.outer_loop import FlightPathState, LoadFactors, load_factors_of_motion
 from airrace.environment.elementary import maximum
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.system import System
+from airrace.system import System, column, named_symbols
 
 # Any: casadi overloads these by the type of their arguments
 jacobian: Callable[..., Any] = ca.jacobian

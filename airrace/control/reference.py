@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.frames import Scalar, rotation
 from airrace.optimal_control.problem import Iterate, Problem

@@ -17,12 +17,12 @@ from airrace.control.inner_controller import InnerController, InnerLoopInverse
 from airrace.control.outer_loop import PathGains, errors, path_following
 from airrace.control.reference import Reference, ReferencePoint
 from airrace.control.trim import at, settled_states
-from airrace.dynamics.flight_model import FlightModel, column, named_symbols
+from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.outer_loop import FlightPathState
 from airrace.points import at_points
 from airrace.quantities import Quantity
 from airrace.records import record
-from airrace.system import System
+from airrace.system import System, column, named_symbols
 from airrace.trajectory import Array
 
 # Any: casadi overloads these by the type of their arguments

@@ -9,9 +9,8 @@ import numpy as np
 from airrace.control.inner_controller import InnerController, InnerLoopInverse
 from airrace.control.outer_loop import Commands
 from airrace.control.reference import Reference, ReferencePoint
-from airrace.dynamics.flight_model import ATTITUDE, FlightModel
-from airrace.dynamics.outer_loop import PoweredState
-from airrace.dynamics.roll_counter import RollCounter
+from airrace.dynamics.flight_model import FlightModel, RollCounter
+from airrace.dynamics.outer_loop import ATTITUDE, PoweredState
 from airrace.frames import normalised
 from airrace.points import at_points
 from airrace.quantities import Quantity

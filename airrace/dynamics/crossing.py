@@ -16,11 +16,11 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from airrace.dynamics.flight_model import ATTITUDE, column, named_symbols
+from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.environment.elementary import sqrt
 from airrace.frames import Scalar, rotation
 from airrace.quantities import Quantity, T, Vector, quantity, vector
-from airrace.system import Observation
+from airrace.system import Observation, column, named_symbols
 from airrace.track.element import GateOutput
 
 LEVEL_BLEND = 1e-6

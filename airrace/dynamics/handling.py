@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.body_path import linear_range
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.limits import linear_range
 from airrace.dynamics.linear_derivatives import lateral_motion, level_lags, linear_parameters, pitching
-from airrace.dynamics.state_space_inverse import GAINS, solve
+from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.state_space_inversion import GAINS, solve
 from airrace.environment.atmosphere import RHO_ISA, g0
 
 LEAST_INDEPENDENCE = 1e-3

@@ -14,9 +14,8 @@ import dataclasses
 
 from airrace.aircraft.aircraft import Aircraft, Mode
 from airrace.dynamics.aerodynamics import drag_coefficient
-from airrace.dynamics.attitude import body_axes, stability_axes
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.rigid_body import uncoupled
+from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.rigid_body import body_axes, stability_axes, uncoupled
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.frames import Scalar
 from airrace.records import record

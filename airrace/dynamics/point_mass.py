@@ -1,14 +1,17 @@
 """The point mass, a model without an inner loop: load factors and roll rate follow the commanded rates exactly."""
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import airflow
-from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
-from airrace.dynamics.assembly import assemble
-from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.aerodynamics import (
+    LoadFactorPath,
+    airflow,
+    axial_load_factor,
+    lever_rate,
+    load_factor_coefficients,
+)
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
-from airrace.dynamics.load_factors import LoadFactorPath, axial_load_factor, load_factor_coefficients
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
-from airrace.dynamics.propulsion import lever_rate
+from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density
 from airrace.environment.wind import Weather

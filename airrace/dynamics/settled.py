@@ -15,11 +15,11 @@ import dataclasses
 
 import casadi as ca
 
-from airrace.dynamics.flight_model import FlightModel, column, named_symbols
+from airrace.dynamics.flight_model import FlightModel
 from airrace.environment.atmosphere import g0
 from airrace.frames import Scalar
 from airrace.quantities import Quantity
-from airrace.system import Observation
+from airrace.system import Observation, column, named_symbols
 
 SIDE_ACCELERATION = Quantity("side_acceleration", "m/s2", text="side force on the aircraft over its mass")
 

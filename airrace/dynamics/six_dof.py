@@ -9,30 +9,30 @@ Nothing is linear and nothing left out: this is the aircraft that the other mode
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import airflow, drag_coefficient
-from airrace.dynamics.assembly import assemble
-from airrace.dynamics.attitude import Incidence, incidence, rotation_to_body
-from airrace.dynamics.body_path import BodyPath, body_path_bounds
-from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.aerodynamics import (
+    Sideways,
+    airflow,
+    drag_coefficient,
+    lever_rate,
+    lift_coefficient,
+    pitching_moment_coefficient,
+    power_ratio,
+    rolling_moment_coefficient,
+    side_force_coefficient,
+    thrust,
+    yawing_moment_coefficient,
+)
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.inner_loop_controls import (
     Deflected,
     SurfaceControl,
     deflection_bounds,
     deflection_rate_bounds,
 )
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
-from airrace.dynamics.limits import bounded, flight_limits
-from airrace.dynamics.moments import (
-    Sideways,
-    lift_coefficient,
-    pitching_moment_coefficient,
-    rolling_moment_coefficient,
-    side_force_coefficient,
-    yawing_moment_coefficient,
-)
+from airrace.dynamics.limits import BodyPath, body_path_bounds, bounded, flight_limits
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
-from airrace.dynamics.propulsion import lever_rate, power_ratio, thrust
-from airrace.dynamics.rigid_body import angle_rates, angular_accelerations
+from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.rigid_body import Incidence, angle_rates, angular_accelerations, incidence, rotation_to_body
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density, g0
 from airrace.environment.wind import Weather

@@ -1,35 +1,236 @@
-"""The model `state-space`: linear flight whose controls are the rates of the control surfaces.
+"""Flight with a linear inner loop, and the model `state-space` whose controls are the rates of the control surfaces.
 
-Its equations are those of `linear_flight.py`. The model that moves the same surfaces by commands is in
-`state_space_inversion.py`, and the algebra that turns commands into deflections in `state_space_inverse.py`.
+Longitudinal and lateral motion are separate, lateral rates are in stability axes:
+
+    alpha_K' = q_K - q_Kbar
+    q_K'     = M_0 + M_alpha alpha_A + M_q q_K + M_alphadot alpha_K' + M_eta eta
+    beta_K'  = r_Kbar - r_s,     p_Kbar = p_s
+    (p_s', r_s') = T^T [A_b T (beta_A, p_s, r_s) + B_b (xi, zeta)],     T(alpha_K) from stability to body axes
+    n_z = [qbar S (C_L0 + C_Lalpha alpha_A + C_Lq q* + C_Leta eta) + T alpha_A] / (m g0)
+    n_y = [qbar S (C_Ybeta beta_A + C_Yp p* + C_Yr r* + C_Yxi xi + C_Yzeta zeta) - T beta_A] / (m g0)
+
+The derivatives follow airspeed, density and angle of attack; `n_x` is the point mass's. What is missing against the
+whole aircraft is the stall and what couples the two motions: products of rates above all.
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.assembly import assemble
-from airrace.dynamics.body_path import BodyPath, body_path_bounds
-from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.aerodynamics import (
+    Airflow,
+    Sideways,
+    airflow,
+    axial_load_factor,
+    lever_rate,
+    lift_coefficient,
+    rolling_moment_coefficient,
+    side_force_coefficient,
+    thrust,
+    yawing_moment_coefficient,
+)
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.inner_loop_controls import (
     Deflected,
     SurfaceControl,
     deflection_bounds,
     deflection_rate_bounds,
 )
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
-from airrace.dynamics.limits import bounded, flight_limits
-from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.linear_flight import (
-    BODY_MOTION,
-    Deflections,
-    LinearFlightState,
-    linear_flight_rates,
-    linear_motion,
-    surrounding,
-)
+from airrace.dynamics.limits import BodyPath, body_path_bounds, bounded, flight_limits
+from airrace.dynamics.linear_derivatives import linear_parameters, pitching
+from airrace.dynamics.outer_loop import PoweredState, flight_path_rates, turn_rates
+from airrace.dynamics.parameters import InnerLoopParameters
+from airrace.dynamics.rigid_body import Incidence, body_axes, incidence, stability_axes, uncoupled
 from airrace.environment.air import Air
+from airrace.environment.atmosphere import density, g0
 from airrace.environment.wind import Weather
-from airrace.frames import Scalar
-from airrace.quantities import T, vector
+from airrace.frames import Matrix, Scalar, rotation
+from airrace.quantities import T, quantity, vector
+from airrace.records import record
 from airrace.track.course import Rules
+
+
+@vector
+class LinearFlightState(PoweredState[T]):
+    """The flight path, the power lever, and the attitude and rotation of the body in the flight path."""
+
+    alpha_K: T = quantity("rad", scale=0.2, text="kinematic angle of attack")
+    beta_K: T = quantity("rad", scale=0.2, text="kinematic sideslip")
+    p_s: T = quantity("rad/s", scale=3.0, text="roll rate in stability axes, about the velocity")
+    q_K: T = quantity("rad/s", text="pitch rate about y_B")
+    r_s: T = quantity("rad/s", text="yaw rate in stability axes")
+
+
+BODY_MOTION = ("alpha_K", "beta_K", "p_s", "q_K", "r_s")
+"""The states of the inner loop: the attitude and rotation of the body in the flight path."""
+
+
+@record
+class Deflections:
+    """The deflections of elevator, ailerons and rudder, rad."""
+
+    eta: Scalar
+    xi: Scalar
+    zeta: Scalar
+
+
+@record
+class Surrounding:
+    """The conditions that the inner loop is scheduled with.
+
+    Attributes:
+        R: `R_OKbar`.
+        rho: density, kg/m3.
+        flow: the air that meets the aircraft, in Kbar.
+        seen: where it comes from, seen from the body.
+        load: `qbar S / (m g0)`, g per unit of a coefficient.
+        pull: `T / (m g0)`, g.
+    """
+
+    R: Matrix
+    rho: Scalar
+    flow: Airflow
+    seen: Incidence
+    load: Scalar
+    pull: Scalar
+
+
+@record
+class LinearMotion:
+    """The load factors (g), the total lift coefficient, and the rates of angles (rad/s) and body rates (rad/s2)."""
+
+    n_z: Scalar
+    n_y: Scalar
+    C_L: Scalar
+    alpha_dot: Scalar
+    beta_dot: Scalar
+    p_dot: Scalar
+    q_dot: Scalar
+    r_dot: Scalar
+
+
+def surrounding(
+    state: LinearFlightState[Scalar],
+    *,
+    aircraft: InnerLoopParameters[Scalar],
+    weather: Weather,
+) -> Surrounding:
+    """Return the conditions that an aircraft in a given state meets; arguments as of the models."""
+    R, rho = rotation(state.q), density(state.z, weather.atmosphere)
+    flow = airflow((state.x, state.y, state.z), state.V_K, R, weather.field, weather.wind)
+    weight = aircraft.m * g0
+    return Surrounding(
+        R=R,
+        rho=rho,
+        flow=flow,
+        seen=incidence(state.alpha_K, state.beta_K, flow, windy=weather.field.present),
+        load=0.5 * rho * flow.V_A * flow.V_A * aircraft.S / weight,
+        pull=thrust(state.delta_T, flow.V_A, rho, aircraft) / weight,
+    )
+
+
+def normal_load_factor(
+    state: LinearFlightState[Scalar], eta: Scalar, here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+) -> tuple[Scalar, Scalar]:
+    """Return `(n_z, C_L)` at the present angle of attack and pitch rate with the elevator at `eta` (rad)."""
+    q = state.q_K * aircraft.cbar / (2.0 * here.flow.V_A)
+    C_L = lift_coefficient(here.seen.alpha_A, q, eta, aircraft, stalling=False)
+    return here.load * C_L + here.pull * here.seen.alpha_A, C_L
+
+
+def sideways(
+    state: LinearFlightState[Scalar],
+    causes: tuple[Scalar, Scalar, Scalar],
+    surfaces: tuple[Scalar, Scalar],
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> Sideways:
+    """Return the arguments of the lateral coefficients.
+
+    Args:
+        state: its angle of attack turns the axes.
+        causes: `(beta_A, p_s, r_s)`, rad and rad/s.
+        surfaces: `(xi, zeta)`, rad.
+        here: what surrounds the aircraft.
+        aircraft: its numbers.
+    """
+    beta_A, p_s, r_s = causes
+    dimensionless = aircraft.b / (2.0 * here.flow.V_A)
+    p, r = body_axes(state.alpha_K, p_s * dimensionless, r_s * dimensionless)
+    return Sideways(beta_A, p, r, *surfaces)
+
+
+def lateral_load_factor(motion: Sideways, here: Surrounding, aircraft: InnerLoopParameters[Scalar]) -> Scalar:
+    """Return `n_y` (g), which is linear in all arguments of the lateral coefficients."""
+    return here.load * side_force_coefficient(motion, aircraft) - here.pull * motion.beta_A
+
+
+def lateral_accelerations(
+    state: LinearFlightState[Scalar],
+    motion: Sideways,
+    C_L: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> tuple[Scalar, Scalar]:
+    """Return `(p_s', r_s')`, rad/s2, which are linear in sideslip, rates and deflections."""
+    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
+    roll = moment * rolling_moment_coefficient(motion, C_L, aircraft)
+    yaw = moment * yawing_moment_coefficient(motion, C_L, aircraft)
+    return stability_axes(state.alpha_K, *uncoupled(roll, yaw, aircraft))
+
+
+def linear_motion(
+    state: LinearFlightState[Scalar],
+    surfaces: Deflections,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> LinearMotion:
+    """Return the response of the inner loop to the deflections."""
+    alpha_A, causes = here.seen.alpha_A, (here.seen.beta_A, state.p_s, state.r_s)
+    aside = sideways(state, causes, (surfaces.xi, surfaces.zeta), here, aircraft)
+    n_z, C_L = normal_load_factor(state, surfaces.eta, here, aircraft)
+    n_y = lateral_load_factor(aside, here, aircraft)
+    q_Kbar, r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y, n_z=n_z)
+    alpha_dot = state.q_K - q_Kbar
+    M = pitching(here.flow.V_A, here.rho, aircraft)
+    p_dot, r_dot = lateral_accelerations(state, aside, C_L, here, aircraft)
+    return LinearMotion(
+        n_z=n_z,
+        n_y=n_y,
+        C_L=C_L,
+        alpha_dot=alpha_dot,
+        beta_dot=r_Kbar - state.r_s,
+        p_dot=p_dot,
+        q_dot=M.zero + M.alpha * alpha_A + M.q * state.q_K + M.alphadot * alpha_dot + M.eta * surfaces.eta,
+        r_dot=r_dot,
+    )
+
+
+def linear_flight_rates(
+    state: LinearFlightState[Scalar],
+    motion: LinearMotion,
+    delta_T_cmd: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> LinearFlightState[Scalar]:
+    """Return the time derivatives of flight path, lever and body motion."""
+    n_x = axial_load_factor(
+        motion.n_z,
+        motion.n_y,
+        C_L=motion.C_L,
+        beta_A=here.seen.beta_A,
+        delta_T=state.delta_T,
+        flow=here.flow,
+        rho=here.rho,
+        aircraft=aircraft,
+    )
+    flight_path = flight_path_rates(state, here.R, n_x=n_x, n_y=motion.n_y, n_z=motion.n_z, p_Kbar=state.p_s)
+    return LinearFlightState[Scalar](
+        **vars(flight_path),
+        delta_T=lever_rate(state.delta_T, delta_T_cmd, aircraft),
+        alpha_K=motion.alpha_dot,
+        beta_K=motion.beta_dot,
+        p_s=motion.p_dot,
+        q_K=motion.q_dot,
+        r_s=motion.r_dot,
+    )
 
 
 @vector

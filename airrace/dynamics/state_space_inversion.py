@@ -1,13 +1,20 @@
 """The model `state-space-inversion`: linear flight whose control surfaces are moved by a controller.
 
-Its states include the commands. The deflections follow from state and commands at every instant, by the algebra of
-`state_space_inverse.py`; their travels are limits along the path. The model without a controller is `state_space.py`.
+Its states include the commands. The deflections follow from state and commands at every instant, and their travels are
+limits along the path. The controller goes the causal chain deflection -> rate -> angle -> load factor backwards. With
+the trim of a steady, not rolling flight,
+
+    n_z_cmd -> alpha_des      q_des = q_Kbar + K_alpha (alpha_des - alpha_A)        q_K' = K_q (q_des - q_K)
+    n_y_cmd -> beta_des       r_des = r_Kbar - K_beta (beta_des - beta_A)           r_s' = K_r (r_des - r_s)
+    p_cmd                                                                           p_s' = K_p (p_cmd - p_s)
+
+and then the deflections that make these accelerations. The surfaces' own forces turn the flight path, too: `q_Kbar` and
+`r_Kbar` are linear in them, so that the equations remain linear, one for the elevator, two for ailerons and rudder.
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.assembly import assemble
-from airrace.dynamics.body_path import BodyPath, body_path_bounds
-from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.aerodynamics import rolling_moment_coefficient, yawing_moment_coefficient
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.inner_loop_controls import (
     BRISK_COMMANDS,
     CommandControl,
@@ -17,22 +24,174 @@ from airrace.dynamics.inner_loop_controls import (
     command_rate_bounds,
     deflection_bounds,
 )
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
-from airrace.dynamics.limits import bounded, flight_limits
-from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.linear_flight import (
+from airrace.dynamics.limits import BodyPath, body_path_bounds, bounded, flight_limits
+from airrace.dynamics.linear_derivatives import Pair, linear_parameters, pitching
+from airrace.dynamics.outer_loop import turn_rates
+from airrace.dynamics.parameters import InnerLoopParameters
+from airrace.dynamics.rigid_body import body_axes, coupled
+from airrace.dynamics.state_space import (
     BODY_MOTION,
+    Deflections,
     LinearFlightState,
+    Surrounding,
+    lateral_load_factor,
     linear_flight_rates,
     linear_motion,
+    normal_load_factor,
+    sideways,
     surrounding,
 )
-from airrace.dynamics.state_space_inverse import Commands, deflections
 from airrace.environment.air import Air
+from airrace.environment.atmosphere import g0
 from airrace.environment.wind import Weather
 from airrace.frames import Scalar
 from airrace.quantities import T, vector
+from airrace.records import record
 from airrace.track.course import Rules
+
+
+@record
+class Gains:
+    """The bandwidths of the links of the causal chain, 1/s."""
+
+    alpha: float = 6.0
+    q: float = 12.0
+    p: float = 12.0
+    r: float = 8.0
+    beta: float = 3.0
+
+
+GAINS = Gains()
+
+
+@record
+class Commands:
+    """The load factors (g) and the roll rate (rad/s) to be flown."""
+
+    n_z: Scalar
+    n_y: Scalar
+    p: Scalar
+
+
+def deflections(
+    state: LinearFlightState[Scalar],
+    commands: Commands,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+    gains: Gains = GAINS,
+) -> Deflections:
+    """Return the deflections (rad) that bring load factors and roll rate to the commands."""
+    eta = elevator(state, commands.n_z, here, aircraft, gains)
+    C_L = normal_load_factor(state, eta, here, aircraft)[1]
+    xi, zeta = ailerons_and_rudder(state, commands, C_L, here, aircraft, gains)
+    return Deflections(eta, xi, zeta)
+
+
+def angle_of_attack(
+    n_z: Scalar, state: LinearFlightState[Scalar], here: Surrounding, aircraft: InnerLoopParameters[Scalar]
+) -> Scalar:
+    """Return `alpha_A` (rad) at which a steady pull makes the load factor `n_z` (g).
+
+    The pitch rate of the pull and the elevator that trims it are included.
+    """
+    q_trim = turn_rates(state.V_K, here.R, n_y=0.0, n_z=n_z)[0] * aircraft.cbar / (2.0 * here.flow.V_A)
+    # the elevator that trims: eta = -(C_m0 + C_malpha alpha + C_mq q*) / C_meta
+    lift_per_moment = aircraft.C_Leta / aircraft.C_meta
+    C_L_rest = aircraft.C_L0 + aircraft.C_Lq * q_trim - lift_per_moment * (aircraft.C_m0 + aircraft.C_mq * q_trim)
+    slope = here.load * (aircraft.C_Lalpha - lift_per_moment * aircraft.C_malpha) + here.pull
+    return (n_z - here.load * C_L_rest) / slope
+
+
+def elevator(
+    state: LinearFlightState[Scalar],
+    n_z_cmd: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+    gains: Gains = GAINS,
+) -> Scalar:
+    """Return the elevator `eta` (rad) for the commanded load factor (g)."""
+    M = pitching(here.flow.V_A, here.rho, aircraft)
+    n_z_neutral = normal_load_factor(state, 0.0, here, aircraft)[0]
+    q_Kbar = turn_rates(state.V_K, here.R, n_y=0.0, n_z=n_z_neutral)[0]
+    q_Kbar_eta = g0 * here.load * aircraft.C_Leta / state.V_K
+    error = angle_of_attack(n_z_cmd, state, here, aircraft) - here.seen.alpha_A
+    wanted = gains.q * (q_Kbar + gains.alpha * error - state.q_K)
+    present = M.zero + M.alpha * here.seen.alpha_A + M.q * state.q_K + M.alphadot * (state.q_K - q_Kbar)
+    return (wanted - present) / (M.eta - (M.alphadot + gains.q) * q_Kbar_eta)
+
+
+def sideslip(
+    n_y: Scalar,
+    state: LinearFlightState[Scalar],
+    C_L: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> Scalar:
+    """Return `beta_A` (rad) at which trimmed, steady flight without rolling makes the load factor `n_y` (g)."""
+    r_trim = turn_rates(state.V_K, here.R, n_y=n_y, n_z=0.0)[1]
+
+    def trimmed(beta_A: float, r_s: Scalar) -> Scalar:
+        causes = (beta_A, 0.0, r_s)
+        surfaces = surfaces_for((0.0, 0.0), state, causes, C_L, here, aircraft)
+        return lateral_load_factor(sideways(state, causes, surfaces, here, aircraft), here, aircraft)
+
+    return (n_y - trimmed(0.0, r_trim)) / trimmed(1.0, 0.0)
+
+
+def ailerons_and_rudder(
+    state: LinearFlightState[Scalar],
+    commands: Commands,
+    C_L: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+    gains: Gains = GAINS,
+) -> Pair:
+    """Return `(xi, zeta)` (rad) for the commanded lateral load factor and roll rate.
+
+    The side force of the surfaces themselves turns the path, which takes more yaw acceleration: `f = f_0 + s f`. Here
+    `f_0` belongs to the deflections that neglect this, and `s` to those that one more unit of yaw acceleration takes.
+    """
+    beta_A = here.seen.beta_A
+    causes, neutral = (beta_A, state.p_s, state.r_s), (0.0, 0.0)
+    n_y_neutral = lateral_load_factor(sideways(state, causes, neutral, here, aircraft), here, aircraft)
+    r_Kbar = turn_rates(state.V_K, here.R, n_y=n_y_neutral, n_z=0.0)[1]
+    error = sideslip(commands.n_y, state, C_L, here, aircraft) - beta_A
+    roll = gains.p * (commands.p - state.p_s)
+    yaw = gains.r * (r_Kbar - gains.beta * error - state.r_s)
+    xi_0, zeta_0 = surfaces_for((roll, yaw), state, causes, C_L, here, aircraft)
+    xi_1, zeta_1 = surfaces_for((0.0, 1.0), state, (0.0, 0.0, 0.0), C_L, here, aircraft)
+    turn = gains.r * g0 * here.load / state.V_K  # yaw acceleration wanted per unit of C_Y
+    f_0 = turn * (aircraft.C_Yxi * xi_0 + aircraft.C_Yzeta * zeta_0)
+    f = f_0 / (1.0 - turn * (aircraft.C_Yxi * xi_1 + aircraft.C_Yzeta * zeta_1))
+    return xi_0 + f * xi_1, zeta_0 + f * zeta_1
+
+
+def surfaces_for(
+    accelerations: Pair,
+    state: LinearFlightState[Scalar],
+    causes: tuple[Scalar, Scalar, Scalar],
+    C_L: Scalar,
+    here: Surrounding,
+    aircraft: InnerLoopParameters[Scalar],
+) -> Pair:
+    """Return `(xi, zeta)` (rad) that make `(p_s', r_s')` (rad/s2) at `(beta_A, p_s, r_s)`, in rad and rad/s."""
+    roll, yaw = coupled(*body_axes(state.alpha_K, *accelerations), aircraft)
+    moment = here.load * aircraft.m * g0 * aircraft.b  # qbar S b
+    present = sideways(state, causes, (0.0, 0.0), here, aircraft)
+    missing = (
+        roll / moment - rolling_moment_coefficient(present, C_L, aircraft),
+        yaw / moment - yawing_moment_coefficient(present, C_L, aircraft),
+    )
+    return solve((aircraft.C_lxi, aircraft.C_nxi), (aircraft.C_lzeta, aircraft.C_nzeta), missing)
+
+
+def solve(one: Pair, other: Pair, right: Pair) -> Pair:
+    """Return `(a, b)` with `a one + b other = right`."""
+    determinant = one[0] * other[1] - other[0] * one[1]
+    return (
+        (right[0] * other[1] - other[0] * right[1]) / determinant,
+        (one[0] * right[1] - right[0] * one[1]) / determinant,
+    )
 
 
 @vector

@@ -8,9 +8,15 @@ The rest is as for the point mass.
 """
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import airflow, drag_coefficient
-from airrace.dynamics.assembly import assemble
-from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.aerodynamics import (
+    LoadFactorPath,
+    airflow,
+    axial_load_factor,
+    drag_coefficient,
+    lever_rate,
+    load_factor_coefficients,
+)
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.inner_loop_controls import (
     BRISK_COMMANDS,
     CommandControl,
@@ -18,12 +24,10 @@ from airrace.dynamics.inner_loop_controls import (
     command_bounds,
     command_rate_bounds,
 )
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
 from airrace.dynamics.linear_derivatives import lags, linear_parameters
-from airrace.dynamics.load_factors import LoadFactorPath, axial_load_factor, load_factor_coefficients
 from airrace.dynamics.outer_loop import PoweredState, flight_path_rates
-from airrace.dynamics.propulsion import lever_rate
+from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import density
 from airrace.environment.wind import Weather

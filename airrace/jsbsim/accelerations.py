@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from airrace.dynamics.attitude import rotation_to_body
 from airrace.dynamics.inner_loop_controls import SurfaceControl
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.parameters import InnerLoopParameters
+from airrace.dynamics.rigid_body import rotation_to_body
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, g0

@@ -26,7 +26,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, indent
 
 from airrace.dynamics.aerodynamics import STALL_BLEND
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.parameters import InnerLoopParameters
 from airrace.environment.atmosphere import RHO_ISA, g0
 from airrace.records import record
 

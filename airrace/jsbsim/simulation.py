@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from airrace.dynamics.attitude import rotation_to_body
 from airrace.dynamics.inner_loop_controls import SurfaceControl
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters
+from airrace.dynamics.parameters import InnerLoopParameters
+from airrace.dynamics.rigid_body import rotation_to_body
 from airrace.dynamics.six_dof import SixDofState
 from airrace.environment.atmosphere import T_ISA, AtmosphereParameters, density
 from airrace.errors import UsageError

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import CrossingParameters, with_sight
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.roll_counter import COUNTING, FROM_ZERO
+from airrace.dynamics.flight_model import COUNTING, FROM_ZERO, FlightModel
 from airrace.optimal_control.problem import Boundary, Objective, PathConstraint, Phase, Problem
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.planning.plan import Plan

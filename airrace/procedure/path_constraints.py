@@ -2,8 +2,15 @@
 
 from collections.abc import Sequence
 
-from airrace.dynamics.crowd_distance import CrowdKind, crowd_observation, crowd_values
-from airrace.dynamics.surroundings import climb_observation, line_observation, line_values, safety_line_values
+from airrace.dynamics.surroundings import (
+    CrowdKind,
+    climb_observation,
+    crowd_observation,
+    crowd_values,
+    line_observation,
+    line_values,
+    safety_line_values,
+)
 from airrace.optimal_control.problem import PathConstraint
 from airrace.quantities import Interval, Quantity
 from airrace.system import Observation

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import sample
 from airrace.planning.race import Race

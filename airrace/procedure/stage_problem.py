@@ -6,8 +6,7 @@ import numpy as np
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.dynamics.crossing import crossing_observation
-from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.roll_counter import RollReset
+from airrace.dynamics.flight_model import FlightModel, RollReset
 from airrace.frames import angles, rotation
 from airrace.optimal_control.problem import Iterate, PathConstraint, Problem
 from airrace.optimal_control.replay import interval_durations

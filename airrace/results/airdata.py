@@ -5,7 +5,6 @@ import functools
 import casadi as ca
 import numpy as np
 
-from airrace.dynamics.flight_model import column, named_symbols
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import (
     P_ISA,
@@ -18,6 +17,7 @@ from airrace.environment.atmosphere import (
 from airrace.environment.wind import WindField
 from airrace.points import at_points
 from airrace.quantities import Quantity
+from airrace.system import column, named_symbols
 from airrace.trajectory import Array
 
 KAPPA = 1.4

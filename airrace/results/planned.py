@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from airrace.dynamics.flight_model import ATTITUDE
+from airrace.dynamics.outer_loop import ATTITUDE
 from airrace.dynamics.point_mass import PointMassState
 from airrace.planning.legs import PLANNED_MAX, place
 from airrace.planning.race import Race

@@ -5,14 +5,13 @@ import time
 import casadi as ca
 import numpy as np
 
-from airrace.dynamics.flight_model import column, named_symbols
 from airrace.optimal_control.kernels import build_kernels
 from airrace.optimal_control.layout import Layout
 from airrace.optimal_control.problem import Boundary, Iterate, Phase, Problem, uniform
 from airrace.optimal_control.runge_kutta import RungeKutta
 from airrace.optimal_control.solvers.solver import SOLVERS, PreparedProblem, SolverOptions
 from airrace.quantities import Interval, Quantity
-from airrace.system import Observation
+from airrace.system import Observation, column, named_symbols
 from peers.measured import Answer, Flight
 from peers.race import Gate, Race, crossing
 

@@ -12,7 +12,7 @@ from manoeuvres import LADDER, ladder_model
 from airrace.control.inner_controller import InnerController
 from airrace.control.outer_loop import Commands
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.frames import quaternion
 from airrace.optimal_control.runge_kutta import RK4
 from airrace.procedure.fidelities import fidelity_of

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from airrace.dynamics.inner_loop_controls import SurfaceControl
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofState, six_dof
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import AtmosphereParameters, atmosphere_parameters, density

@@ -11,12 +11,12 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.body_path import BodyPath
+from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
 from airrace.dynamics.inner_loop_controls import CommandControl, SurfaceControl
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.limits import BodyPath
 from airrace.dynamics.linear_derivatives import linear_parameters
-from airrace.dynamics.load_factors import LoadFactorPath
+from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.six_dof import SixDofPath, SixDofState, six_dof
 from airrace.dynamics.state_space import StateSpaceState, state_space
 from airrace.dynamics.state_space_inversion import (

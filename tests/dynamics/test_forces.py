@@ -14,17 +14,22 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aerodynamics import drag_coefficient, lift_curve, still_airflow, wind_airflow
-from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
+from airrace.dynamics.aerodynamics import (
+    drag_coefficient,
+    lever_rate,
+    lift_curve,
+    power_ratio,
+    still_airflow,
+    thrust,
+    wind_airflow,
+)
 from airrace.dynamics.handling import corner_speed, faults, lateral_modes, remarks, sideslip_trim, trimmed_side_force
-from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.dynamics.limits import LEAST_ROOM, bounded, flight_limits
 from airrace.dynamics.linear_derivatives import level_lags, linear_parameters
-from airrace.dynamics.linear_flight import surrounding
+from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters, inner_loop_parameters
 from airrace.dynamics.point_mass import PointMassState
-from airrace.dynamics.propulsion import lever_rate, power_ratio, thrust
-from airrace.dynamics.state_space import StateSpaceState
-from airrace.dynamics.state_space_inverse import Commands, deflections
+from airrace.dynamics.state_space import StateSpaceState, surrounding
+from airrace.dynamics.state_space_inversion import Commands, deflections
 from airrace.dynamics.surroundings import climb_observation, line_observation, line_values, safety_line_values
 from airrace.environment.air import Air
 from airrace.environment.atmosphere import RHO_ISA, g0

@@ -36,16 +36,23 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from airrace.aircraft.aircraft import Aircraft, LinearLoops, Mode, Propeller
-from airrace.dynamics.attitude import body_axes, stability_axes
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.inner_loop_parameters import inner_loop_parameters
 from airrace.dynamics.linear_derivatives import lags, level_lags, linear_parameters
-from airrace.dynamics.linear_flight import normal_load_factor, surrounding
+from airrace.dynamics.parameters import inner_loop_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass
+from airrace.dynamics.rigid_body import body_axes, stability_axes
 from airrace.dynamics.six_dof import SixDofState, build_six_dof
-from airrace.dynamics.state_space import StateSpaceState, build_state_space
-from airrace.dynamics.state_space_inverse import GAINS, Commands, Gains, angle_of_attack, deflections, sideslip
-from airrace.dynamics.state_space_inversion import StateSpaceInversionState, build_state_space_inversion
+from airrace.dynamics.state_space import StateSpaceState, build_state_space, normal_load_factor, surrounding
+from airrace.dynamics.state_space_inversion import (
+    GAINS,
+    Commands,
+    Gains,
+    StateSpaceInversionState,
+    angle_of_attack,
+    build_state_space_inversion,
+    deflections,
+    sideslip,
+)
 from airrace.dynamics.transfer_functions import build_transfer_functions
 from airrace.environment.air import Air, Profile, StaticWind, Thermal
 from airrace.environment.atmosphere import RHO_ISA, g0

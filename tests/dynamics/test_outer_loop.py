@@ -11,8 +11,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.outer_loop import FlightPathState, flight_path_rates
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors, load_factors_of_motion
+from airrace.dynamics.outer_loop import (
+    FlightPathState,
+    LoadFactors,
+    flight_path_rates,
+    load_factors,
+    load_factors_of_motion,
+)
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass
 from airrace.dynamics.six_dof import build_six_dof
 from airrace.environment.air import Air

@@ -15,9 +15,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.aircraft_parameters import aircraft_parameters
+from airrace.dynamics.aerodynamics import LoadFactorPath
 from airrace.dynamics.flight_model import FlightModel
-from airrace.dynamics.load_factors import LoadFactorPath
+from airrace.dynamics.parameters import aircraft_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, build_point_mass, point_mass
 from airrace.dynamics.six_dof import build_six_dof
 from airrace.dynamics.state_space import build_state_space

@@ -25,7 +25,7 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from airrace.aircraft.aircraft import Aircraft
-from airrace.dynamics.inner_loop_parameters import InnerLoopParameters, inner_loop_parameters
+from airrace.dynamics.parameters import InnerLoopParameters, inner_loop_parameters
 from airrace.dynamics.rigid_body import angular_accelerations
 from airrace.dynamics.six_dof import SixDofState
 from airrace.environment.air import Air, StaticWind

@@ -5,11 +5,10 @@ p_Kbar' = (p_cmd - p_Kbar) / TAU
 
 from airrace.aircraft.aircraft import Aircraft
 from airrace.control.inner_controller import InnerController, Plant, limited
-from airrace.dynamics.aircraft_parameters import AircraftParameters, aircraft_parameters
-from airrace.dynamics.assembly import assemble
-from airrace.dynamics.flight_model import FlightModel
+from airrace.dynamics.aerodynamics import LoadFactorPath
+from airrace.dynamics.flight_model import FlightModel, assemble
 from airrace.dynamics.limits import bounded, flight_limits, symmetric
-from airrace.dynamics.load_factors import LoadFactorPath
+from airrace.dynamics.parameters import AircraftParameters, aircraft_parameters
 from airrace.dynamics.point_mass import PointMassControl, PointMassState, point_mass
 from airrace.environment.air import Air
 from airrace.environment.wind import Weather

@@ -25,10 +25,10 @@ from races import (
 
 from airrace.control.reference import from_optimum
 from airrace.control.trim import at
-from airrace.dynamics import assembly, state_space_inversion
-from airrace.dynamics.linear_flight import Surrounding
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.dynamics import flight_model, state_space_inversion
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.dynamics.point_mass import build_point_mass
+from airrace.dynamics.state_space import Surrounding
 from airrace.environment.atmosphere import g0
 from airrace.optimal_control.replay import interval_durations
 from airrace.procedure.fidelities import fidelity_of, register
@@ -79,7 +79,9 @@ def test_what_the_linear_state_space_gains_is_the_thrust_that_carries_the_aircra
         return dataclasses.replace(true(*args, **named), pull=0.0)
 
     monkeypatch.setattr(state_space_inversion, "surrounding", without_pull)
-    monkeypatch.setattr(assembly, "functions", assembly.functions.__wrapped__)  # what is kept knows nothing of patches
+    monkeypatch.setattr(
+        flight_model, "functions", flight_model.functions.__wrapped__
+    )  # what is kept knows nothing of patches
     (level,) = optimize(
         SMALL,
         PLAN,

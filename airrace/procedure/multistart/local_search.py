@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from airrace.dynamics.outer_loop_inverse import LoadFactors, load_factors
+from airrace.dynamics.outer_loop import LoadFactors, load_factors
 from airrace.optimal_control.problem import Iterate
 from airrace.optimal_control.refinement import resample
 from airrace.planning.decisions_from_solution import plan_as_flown
