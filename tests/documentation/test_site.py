@@ -192,7 +192,7 @@ def test_values_of_a_language_are_described_in_words(site: Path) -> None:
     assert "laps whole number from 1 to 100 how often the lap is flown; once by default" in text
     assert "n_z_max number above 1 and at most 25" in text
     assert "A bare text stands for a mapping with this text as its gate." in text
-    assert "each_lap list of: list of: flown, at most 10000, at most 100" in text
+    assert "each_lap list of: list of: passing reference, at most 10000, at most 100" in text
 
 
 def test_notebooks_and_documents_of_the_root_are_pages(site: Path) -> None:
